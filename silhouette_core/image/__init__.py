@@ -1,0 +1,1 @@
+"""From a picture to a silhouette, and from a posed body to its picture."""

@@ -1,0 +1,1 @@
+"""Scoring many candidate poses against one observation, in batches and in parallel."""

@@ -1,0 +1,1 @@
+"""Markerless posture estimation from silhouettes, in one camera or several."""
