@@ -1,0 +1,131 @@
+"""A take: what an estimator gives, whichever estimator ran."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from silhouette_core.body.model import BodyModel
+
+# The 15 joints of the HumanEva protocol, in the order of BodyModel.landmark_part and of joints.csv.
+LANDMARKS = (
+    "pelvis",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "right_hip",
+    "right_knee",
+    "right_ankle",
+    "neck",
+    "head_top",
+    "left_shoulder",
+    "left_elbow",
+    "left_wrist",
+    "right_shoulder",
+    "right_elbow",
+    "right_wrist",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Poses of one body over time.
+
+    Attributes:
+        fps: frames per second of the recording.
+        model: the body; its part and joint-angle order is the order of the arrays below.
+        root_m: (T, 3) float64, position of the root part's joint in the world, metres.
+        root_quaternion: (T, 4) float64, unit, w x y z: world_from_body of the root part.
+        angles_rad: (T, D) float64, joint angles, radians.
+        frames: (T,) int64, increasing: the frame of the recording that each pose belongs to. A frame that is left out is lost.
+        time_s: (T,) float64, increasing, seconds.
+        quality: arrays with T in front. Known names, all optional: `part_overlap` (T, P) share of the part's volume that lies in the
+            hull, `part_unsupported` (T, P) bool, no voxel speaks for the part, `unexplained` (T,) share of the hull's voxels that
+            no part covers, `confidence` (T,) from 0 to 1, `landmark_confidence` (T, 15) from 0 to 1.
+    """
+
+    fps: float
+    model: BodyModel
+    root_m: NDArray[np.float64]
+    root_quaternion: NDArray[np.float64]
+    angles_rad: NDArray[np.float64]
+    frames: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    time_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    quality: Mapping[str, NDArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Fills in frames and times where none are given, and checks shapes.
+
+        Raises:
+            ValueError: an array has another shape than stated above, or holds NaN.
+        """
+        count = len(self.root_m)
+        if not len(self.frames) and count:
+            object.__setattr__(self, "frames", np.arange(count, dtype=np.int64))
+        if not len(self.time_s) and count:
+            object.__setattr__(self, "time_s", self.frames / self.fps)
+        shapes = {
+            "root_m": (self.root_m, (count, 3)),
+            "root_quaternion": (self.root_quaternion, (count, 4)),
+            "angles_rad": (self.angles_rad, (count, len(self.model.dof_part))),
+            "frames": (self.frames, (count,)),
+            "time_s": (self.time_s, (count,)),
+        }
+        for name, (array, shape) in shapes.items():
+            if array.shape != shape:
+                raise ValueError(f"{name} must be {shape}, got {array.shape}")
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name} holds NaN or infinity: leave the lost frames out instead")
+        if (np.diff(self.frames) <= 0).any():
+            raise ValueError("frames must increase")
+        for name, array in self.quality.items():
+            if len(array) != count:
+                raise ValueError(f"quality {name!r} must have {count} rows, got {len(array)}")
+        object.__setattr__(self, "quality", MappingProxyType(dict(self.quality)))
+
+    def __len__(self) -> int:
+        """Returns the number of frames that have a pose."""
+        return len(self.root_m)
+
+    def parts(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Places every part.
+
+        Returns:
+            (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins (the joints at the parts' near ends) in the world, metres.
+        """
+        from silhouette_core.motion import kinematics
+
+        return kinematics.forward(self.model, self.root_m, self.root_quaternion, self.angles_rad)
+
+    def landmarks(self) -> NDArray[np.float64]:
+        """Returns the joints of joints.csv: (T, 15, 3), world, metres, in the order of LANDMARKS."""
+        from silhouette_core.motion import kinematics
+
+        return kinematics.landmarks(self.model, self.root_m, self.root_quaternion, self.angles_rad)
+
+    def landmark_confidence(self) -> NDArray[np.float64]:
+        """Returns (T, 15) from 0 to 1: as the estimator gave it, else the overlap of the landmark's part, else the frame's confidence."""
+        if "landmark_confidence" in self.quality:
+            return np.asarray(self.quality["landmark_confidence"], float)
+        if "part_overlap" in self.quality:
+            return np.clip(np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part], 0.0, 1.0)
+        frame = np.asarray(self.quality.get("confidence", np.ones(len(self))), float)
+        return np.repeat(frame[:, None], len(LANDMARKS), axis=1)
+
+    def select(self, rows: slice | NDArray) -> Motion:
+        """Returns some of the frames, by row (not by frame number)."""
+        return replace(
+            self,
+            root_m=self.root_m[rows],
+            root_quaternion=self.root_quaternion[rows],
+            angles_rad=self.angles_rad[rows],
+            frames=self.frames[rows],
+            time_s=self.time_s[rows],
+            quality={name: array[rows] for name, array in self.quality.items()},
+        )
