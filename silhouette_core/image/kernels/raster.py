@@ -1,0 +1,129 @@
+"""Loops of the part-number raster: plain arrays in, two images out.
+
+Screen positions are rounded to 1/256 pixel and kept as integers, so that the edge tests are exact: two triangles that share an edge
+see the same number with opposite signs, and the top-left rule gives every pixel centre on it to exactly one of them.
+"""
+
+import numpy as np
+
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+SUBPIXELS = 256
+LIMIT = SUBPIXELS << 21  # keeps products of two coordinate differences inside int64
+
+
+@kernel
+def _to_screen(pixel):
+    """Rounds a pixel coordinate to subpixels, far-away ones to the limit."""
+    scaled = np.floor(pixel * SUBPIXELS + 0.5)
+    return np.int64(min(max(scaled, -LIMIT), LIMIT))
+
+
+@kernel
+def _row_span(dx, dy, start_x, start_y, row, first, last):
+    """Narrows [first, last] to the pixels of a row on the inner side of an edge that starts at `start` and runs along (dx, dy)."""
+    inclusive = dy < 0 or (dy == 0 and dx > 0)  # left edges and flat top edges own the pixel centres on them
+    constant = dx * (row * SUBPIXELS - start_y) + dy * start_x - (0 if inclusive else 1)
+    slope = -dy * SUBPIXELS  # inside where constant + slope * column >= 0
+    if slope > 0:
+        first = max(first, -(constant // slope))
+    elif slope < 0:
+        last = min(last, constant // -slope)
+    elif constant < 0:
+        last = first - 1
+    return first, last
+
+
+@kernel
+def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
+    """Draws one triangle given in subpixels; aw, bw, cw are inverse depths, which are linear on the screen."""
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if area == 0 or (cull and area > 0):
+        return
+    if area < 0:
+        bx, by, bw, cx, cy, cw = cx, cy, cw, bx, by, bw
+        area = -area
+    height, width = parts.shape
+    top = max(-(-min(ay, by, cy) // SUBPIXELS), 0)
+    bottom = min(max(ay, by, cy) // SUBPIXELS, height - 1)
+    left = max(-(-min(ax, bx, cx) // SUBPIXELS), 0)
+    right = min(max(ax, bx, cx) // SUBPIXELS, width - 1)
+    if left > right:
+        return
+    nearest, farthest = max(aw, bw, cw), min(aw, bw, cw)
+    w_dx = ((bw - aw) * (cy - ay) - (cw - aw) * (by - ay)) / area
+    w_dy = ((cw - aw) * (bx - ax) - (bw - aw) * (cx - ax)) / area
+    for row in range(top, bottom + 1):
+        first, last = _row_span(bx - ax, by - ay, ax, ay, row, left, right)
+        first, last = _row_span(cx - bx, cy - by, bx, by, row, first, last)
+        first, last = _row_span(ax - cx, ay - cy, cx, cy, row, first, last)
+        for column in range(first, last + 1):
+            w = aw + w_dx * (column * SUBPIXELS - ax) + w_dy * (row * SUBPIXELS - ay)
+            z = np.float32(1.0 / min(max(w, farthest), nearest))  # slivers have steep planes: stay within the corners
+            if z < depth[row, column]:
+                depth[row, column] = z
+                parts[row, column] = label
+
+
+@kernel
+def _fill_clipped(corners, label, matrix, near, cull, parts, depth):
+    """Draws the part of a triangle (3, 3) in front of the near plane."""
+    x, y, w = np.empty(4, np.int64), np.empty(4, np.int64), np.empty(4)
+    count = 0
+    for i in range(3):
+        j = (i + 1) % 3
+        inside, next_inside = corners[i, 2] >= near, corners[j, 2] >= near
+        for crossing in range(2):
+            if (crossing == 0 and not inside) or (crossing == 1 and inside == next_inside):
+                continue
+            px, py, pz = np.float64(corners[i, 0]), np.float64(corners[i, 1]), np.float64(corners[i, 2])
+            if crossing == 1:
+                # From the inner to the outer corner whatever the winding, so that neighbours cut at the same point.
+                inner, outer = (i, j) if inside else (j, i)
+                share = (corners[inner, 2] - near) / (corners[inner, 2] - corners[outer, 2])
+                px = corners[inner, 0] + share * (corners[outer, 0] - corners[inner, 0])
+                py = corners[inner, 1] + share * (corners[outer, 1] - corners[inner, 1])
+                pz = near
+            x[count] = _to_screen((matrix[0, 0] * px + matrix[0, 1] * py) / pz + matrix[0, 2])
+            y[count] = _to_screen(matrix[1, 1] * py / pz + matrix[1, 2])
+            w[count] = 1.0 / pz
+            count += 1
+    for k in range(2, count):
+        _fill(x[0], y[0], w[0], x[k - 1], y[k - 1], w[k - 1], x[k], y[k], w[k], label, cull, parts, depth)
+
+
+@kernel
+def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
+    """Draws all faces into `parts` (0 where empty) and `depth` (infinite where empty)."""
+    count = len(vertices)
+    x, y, w = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
+    for i in range(count):
+        vx, vy, vz = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
+        x[i], y[i], w[i] = 0, 0, 0.0
+        if not np.isfinite(vx + vy + vz):
+            w[i] = -1.0
+        elif vz >= near:
+            x[i] = _to_screen((matrix[0, 0] * vx + matrix[0, 1] * vy) / vz + matrix[0, 2])
+            y[i] = _to_screen(matrix[1, 1] * vy / vz + matrix[1, 2])
+            w[i] = 1.0 / vz
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        least, most = min(w[a], w[b], w[c]), max(w[a], w[b], w[c])
+        if least < 0.0 or most == 0.0:
+            continue
+        label = np.uint8(face_part[f] + 1)
+        if least > 0.0:
+            _fill(x[a], y[a], w[a], x[b], y[b], w[b], x[c], y[c], w[c], label, cull, parts, depth)
+        else:
+            corners = np.empty((3, 3))
+            for k in range(3):
+                corners[0, k], corners[1, k], corners[2, k] = vertices[a, k], vertices[b, k], vertices[c, k]
+            _fill_clipped(corners, label, matrix, near, cull, parts, depth)
+
+
+@parallel_kernel
+def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
+    """Draws every pose (N, V, 3) into its own image of `parts` (N, h, w); the depth buffers are thrown away."""
+    for n in prange(len(vertices)):
+        depth = np.full(parts.shape[1:], np.inf, np.float32)
+        draw(vertices[n], faces, face_part, matrix, near, cull, parts[n], depth)

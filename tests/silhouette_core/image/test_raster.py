@@ -1,0 +1,177 @@
+"""The part-number raster against a NumPy twin, against ray casting, and at its edges."""
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from silhouette_core import jit
+from silhouette_core.image.raster import NEAR_M, render_many, render_parts
+
+MATRIX = np.array([[120.0, 0, 79.3], [0, 118.0, 60.1], [0, 0, 1]])
+SIZE = (160, 120)
+
+
+def reference(vertices, faces, face_part, matrix, size):
+    """Slow twin for meshes in front of the near plane: every edge function at every pixel, in whole 1/256 pixels."""
+    width, height = size
+    parts, depth = np.zeros((height, width), np.uint8), np.full((height, width), np.inf)
+    homogeneous = vertices @ matrix.T
+    corners = np.floor(homogeneous[:, :2] / homogeneous[:, 2:] * 256 + 0.5).astype(np.int64)
+    x, y = np.meshgrid(np.arange(width) * 256, np.arange(height) * 256)
+    for face, part in zip(faces, face_part, strict=True):
+        (a, b, c), w = corners[face], 1 / vertices[face, 2]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if area == 0:
+            continue
+        if area < 0:
+            b, c, w, area = c, b, w[[0, 2, 1]], -area
+        edges, inside = [], np.ones((height, width), bool)
+        for p, q in ((b, c), (c, a), (a, b)):
+            dx, dy = q - p
+            edge = dx * (y - p[1]) - dy * (x - p[0])
+            inside &= (edge >= 0) if dy < 0 or (dy == 0 and dx > 0) else (edge > 0)
+            edges.append(edge)
+        z = area / sum(edge * wi for edge, wi in zip(edges, w, strict=True)).clip(1e-9)
+        nearer = inside & (z < depth)
+        parts[nearer], depth[nearer] = part + 1, z[nearer]
+    return parts, depth
+
+
+def blobs(seed=0):
+    """Three overlapping closed bodies in front of the camera."""
+    rng = np.random.default_rng(seed)
+    meshes, parts = [], []
+    for part in range(3):
+        mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
+        mesh.apply_scale(rng.uniform(0.5, 1.3, 3))
+        mesh.apply_translation([*rng.uniform(-0.7, 0.7, 2), rng.uniform(2.0, 3.0)])
+        meshes.append(mesh)
+        parts += [part] * len(mesh.faces)
+    whole = trimesh.util.concatenate(meshes)
+    return np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32), np.array(parts, np.int32)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_same_as_the_slow_twin(seed):
+    vertices, faces, part = blobs(seed)
+    parts, depth = render_parts(vertices, faces, part, MATRIX, SIZE)
+    expected_parts, expected_depth = reference(vertices, faces, part, MATRIX, SIZE)
+    np.testing.assert_array_equal(parts > 0, expected_parts > 0)
+    seen = parts > 0
+    np.testing.assert_allclose(depth[seen], expected_depth[seen], rtol=1e-5)
+    assert np.isinf(depth[~seen]).all()
+    assert (parts == expected_parts).mean() > 0.9999  # only equal depths, rounded differently, may change hands
+
+
+def ray_distances(rays, a, b, c):
+    """Distances along rays from the origin to one triangle, infinite where missed (Moeller and Trumbore)."""
+    across = np.cross(rays, c - a)
+    determinant = across @ (b - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = across @ -a / determinant
+        v = rays @ np.cross(-a, b - a) / determinant
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1)
+        return np.where(hit, (c - a) @ np.cross(-a, b - a) / determinant, np.inf)
+
+
+def test_agrees_with_ray_casting_away_from_the_outlines():
+    vertices, faces, part = blobs(5)
+    parts, depth = render_parts(vertices, faces, part, MATRIX, SIZE)
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    rays = np.stack([(x - MATRIX[0, 2]) / MATRIX[0, 0], (y - MATRIX[1, 2]) / MATRIX[1, 1], np.ones(x.shape)], -1).reshape(-1, 3)
+    distance = np.stack([ray_distances(rays, *vertices[face]) for face in faces])
+    nearest = distance.argmin(0)
+    cast_depth = distance.min(0)
+    expected = np.where(np.isfinite(cast_depth), part[nearest] + 1, 0).astype(np.uint8)
+    expected = expected.reshape(parts.shape)
+    # Boundary band: a pixel beside another label may fall to either side by the 1/256 pixel rounding.
+    kernel = np.ones((3, 3), np.uint8)
+    band = cv2.dilate(expected, kernel) != cv2.erode(expected, kernel)
+    np.testing.assert_array_equal(parts[~band], expected[~band])
+    assert (parts != expected).mean() < 2e-3
+    inner = ~band & (parts > 0)
+    np.testing.assert_allclose(depth[inner], cast_depth.reshape(parts.shape)[inner], atol=0.02)
+
+
+def test_shared_edges_are_drawn_once():
+    """A fan around a pixel centre, with corners on pixel centres: the pieces tile the square exactly."""
+    ring = np.array([[10, 10], [20, 10], [30, 10], [30, 20], [30, 30], [20, 30], [10, 30], [10, 20]], float)
+    pixels = np.vstack([[20.0, 20.0], ring])
+    vertices = np.column_stack([pixels, np.ones(9)])
+    faces = np.array([[0, i, i % 8 + 1] for i in range(1, 9)], np.int32)
+    count = np.zeros((40, 40), int)
+    for i in range(8):
+        count += render_parts(vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (40, 40))[0]
+    expected = np.zeros((40, 40), int)
+    expected[10:30, 10:30] = 1  # left and top edges belong to the square, right and bottom ones do not
+    np.testing.assert_array_equal(count, expected)
+
+
+def test_random_fans_tile_without_gaps_or_doubles():
+    rng = np.random.default_rng(3)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 12))
+    pixels = np.vstack([[50.3, 48.9], np.column_stack([50 + 45 * np.cos(angles), 50 + 45 * np.sin(angles)])])
+    vertices = np.column_stack([pixels, np.ones(13)]) * rng.uniform(1, 4, (13, 1))
+    faces = np.array([[0, i, i % 12 + 1] for i in range(1, 13)], np.int32)
+    count = sum(render_parts(vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (100, 100))[0].astype(int) for i in range(12))
+    whole = render_parts(vertices, faces, np.zeros(12, np.int32), np.eye(3), (100, 100))[0]
+    np.testing.assert_array_equal(count, whole)
+
+
+def test_triangle_through_the_near_plane_is_clipped():
+    """A floor under the camera that reaches behind it fills the lower half of the image and nothing above the horizon."""
+    vertices = np.array([[-50.0, 1, -20], [50, 1, -20], [50, 1, 400], [-50, 1, 400]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    matrix = np.array([[50.0, 0, 49.5], [0, 50, 49.5], [0, 0, 1]])
+    parts, depth = render_parts(vertices, faces, np.array([0, 1], np.int32), matrix, (100, 100))
+    assert (parts[50:, 30:70] > 0).all()
+    assert not parts[:50].any()
+    np.testing.assert_allclose(depth[99, 30:70], 50 / 49.5, rtol=1e-4)
+    behind = vertices - [0, 0, 400 - NEAR_M / 2]
+    assert not render_parts(behind, faces, np.zeros(2, np.int32), matrix, (100, 100))[0].any()
+
+
+def test_corners_that_are_not_finite_drop_their_faces():
+    vertices, faces, part = blobs()
+    vertices[faces[0, 0]] = np.nan
+    parts, _ = render_parts(vertices, faces, part, MATRIX, SIZE)
+    kept = ~(faces == faces[0, 0]).any(1)
+    vertices[faces[0, 0]] = 1.0
+    np.testing.assert_array_equal(parts, render_parts(vertices, faces[kept], part[kept], MATRIX, SIZE)[0])
+
+
+def test_culling_keeps_the_silhouette_of_a_closed_mesh():
+    vertices, faces, part = blobs(2)
+    kept, culled = (render_parts(vertices, faces, part, MATRIX, SIZE, cull_back=cull)[0] for cull in (False, True))
+    np.testing.assert_array_equal(kept > 0, culled > 0)
+    assert (kept == culled).mean() > 0.999
+
+
+def test_many_poses_are_each_as_alone_for_any_thread_count():
+    vertices, faces, part = blobs()
+    poses = (vertices + np.linspace(-0.3, 0.3, 5)[:, None, None] * [1, 0.5, 1]).astype(np.float32)
+    alone = np.stack([render_parts(pose, faces, part, MATRIX, SIZE, cull_back=True)[0] for pose in poses])
+    for threads in (1, 2):
+        jit.set_threads(threads)
+        np.testing.assert_array_equal(render_many(poses, faces, part, MATRIX, SIZE), alone)
+    jit.set_threads()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"vertices_cam": np.zeros((4, 2))}, "vertices_cam must be"),
+        ({"faces": np.zeros((4, 4), int)}, "faces must be"),
+        ({"faces": np.full((1, 3), 99)}, "faces must index 4"),
+        ({"face_part": np.zeros(2, int)}, "face_part must be"),
+        ({"face_part": np.full(1, 255)}, "face_part must be 0 to 254"),
+        ({"matrix": np.eye(4)}, "matrix must be"),
+        ({"size": (0, 5)}, "size must be"),
+    ],
+)
+def test_wrong_arguments_are_named(change, words):
+    good = {"vertices_cam": np.zeros((4, 3)), "faces": np.zeros((1, 3), int), "face_part": np.zeros(1, int)}
+    good |= {"matrix": np.eye(3), "size": (8, 8)}
+    with pytest.raises(ValueError, match=words):
+        render_parts(**{**good, **change})
