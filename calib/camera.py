@@ -1,0 +1,240 @@
+"""Cameras and rigs: projection, viewing rays and undistortion.
+
+World: metres, right-handed, z up. Camera as in OpenCV: x right, y down, z forward, `x_camera = rotation @ x_world + translation`.
+Integer pixel coordinates are pixel centres. A point that a camera cannot see (behind it, or outside the field in which its lens
+model is one to one) has NaN pixels, and a pixel that no ray belongs to has a NaN ray; nothing is guessed.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib.errors import InputError
+from calib.lens import FisheyeLens, RationalLens
+
+FloatArray = NDArray[np.float64]
+
+_ROTATION_TOLERANCE = 1e-3  # files round their matrices to a few digits
+_COUNTS = (0, 4, 5, 8, 12, 14)
+
+
+def _array(value: ArrayLike, shape: tuple[int | None, ...], what: str) -> FloatArray:
+    """Returns a read-only float64 copy of `value`, checked for shape and finite numbers."""
+    array = np.array(value, dtype=np.float64)
+    wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"{what} must be {wanted}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{what} must be finite, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def _points(value: ArrayLike, columns: int, what: str) -> FloatArray:
+    """Returns `value` as (N, columns) float64 without copying where possible."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ValueError(f"{what} must be (N, {columns}), got {array.shape}")
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One calibrated camera.
+
+    Attributes:
+        name: Name, unique in its rig.
+        size: Image (width, height), px.
+        matrix: (3, 3) float64, upper triangular, px. A skew is respected (OpenCV ignores it).
+        distortion: (n,) float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, n = 0, 4, 5, 8, 12 or 14;
+            k1 k2 k3 k4 where `fisheye`.
+        rotation: (3, 3) float64, camera from world.
+        translation: (3,) float64, m, camera from world.
+        fisheye: Whether `distortion` belongs to OpenCV's fisheye model.
+
+    Raises:
+        ValueError: A value has the wrong shape, is not finite, or is impossible.
+    """
+
+    name: str
+    size: tuple[int, int]
+    matrix: FloatArray
+    distortion: FloatArray
+    rotation: FloatArray
+    translation: FloatArray
+    fisheye: bool = False
+
+    def __post_init__(self) -> None:
+        """Checks every value once and freezes the arrays."""
+        who = f"camera {self.name}: "
+        size = tuple(int(n) for n in self.size)
+        if len(size) != 2 or min(size) < 1:
+            raise ValueError(f"{who}size must be (width, height) of at least one pixel, got {self.size}")
+        matrix = _array(self.matrix, (3, 3), who + "matrix")
+        if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+            raise ValueError(f"{who}focal lengths must be positive, got {matrix[0, 0]:g}, {matrix[1, 1]:g}")
+        if np.any(matrix[[1, 2, 2], [0, 0, 1]] != 0) or matrix[2, 2] != 1:
+            raise ValueError(f"{who}matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}")
+        distortion = _array(self.distortion, (None,), who + "distortion")
+        counts = (4,) if self.fisheye else _COUNTS
+        if len(distortion) not in counts:
+            raise ValueError(f"{who}distortion must have {' or '.join(map(str, counts))} numbers, got {len(distortion)}")
+        rotation = _array(self.rotation, (3, 3), who + "rotation")
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+            raise ValueError(f"{who}rotation must be a rotation (orthonormal, determinant +1), got {rotation.tolist()}")
+        for key, value in (
+            ("size", size),
+            ("matrix", matrix),
+            ("distortion", distortion),
+            ("rotation", rotation),
+            ("translation", _array(self.translation, (3,), who + "translation")),
+        ):
+            object.__setattr__(self, key, value)
+
+    @cached_property
+    def lens(self) -> RationalLens | FisheyeLens:
+        """The lens between normalised and distorted coordinates."""
+        return FisheyeLens(self.distortion) if self.fisheye else RationalLens(self.distortion)
+
+    @property
+    def center_m(self) -> FloatArray:
+        """(3,) float64, m: the centre of projection in the world."""
+        return -self.rotation.T @ self.translation
+
+    @property
+    def projection(self) -> FloatArray:
+        """(3, 4) float64: K [R | t], the pinhole part, from world metres to homogeneous pixels."""
+        return self.matrix @ np.column_stack([self.rotation, self.translation])
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether the lens bends nothing."""
+        return not self.fisheye and not self.distortion.any()
+
+    def project(self, points_world: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Projects world points into the image plane.
+
+        The image's border does not matter here: pixels outside `size` are returned as they are.
+
+        Args:
+            points_world: (N, 3), m.
+
+        Returns:
+            Pixels (N, 2) float64, NaN where the camera cannot see the point, and depth along the optical axis (N,) float64, m.
+        """
+        points_camera = _points(points_world, 3, "points_world") @ self.rotation.T + self.translation
+        depth_m = points_camera[:, 2].copy()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            normalised = points_camera[:, :2] / depth_m[:, None]
+        normalised[~(depth_m > 0)] = np.nan
+        return self._pixels(self.lens.distort(normalised)), depth_m
+
+    def rays(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Casts viewing rays.
+
+        Args:
+            pixels: (N, 2) as (x, y), px, in the recorded image.
+
+        Returns:
+            Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world; NaN where no ray meets the pixel.
+        """
+        normalised = self.lens.undistort(self._normalised(_points(pixels, 2, "pixels")))
+        directions = np.column_stack([normalised, np.ones(len(normalised))]) @ self.rotation
+        return self.center_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+    def undistort(self, pixels: ArrayLike) -> FloatArray:
+        """Moves recorded pixels (N, 2) to where the pinhole camera of the same matrix has them, (N, 2) float64, px."""
+        return self._pixels(self.lens.undistort(self._normalised(_points(pixels, 2, "pixels"))))
+
+    def pinhole(self, scale: float = 1.0) -> "Camera":
+        """Returns the same camera without distortion, its image scaled by `scale`."""
+        if not scale > 0:
+            raise ValueError(f"scale must be positive, got {scale}")
+        # Pixel centres are integers, so the image's corner is at -0.5 and scales about that.
+        half = 0.5 * (scale - 1)
+        scaling = np.array([[scale, 0, half], [0, scale, half], [0, 0, 1.0]])
+        size = (max(1, round(self.size[0] * scale)), max(1, round(self.size[1] * scale)))
+        return replace(self, size=size, matrix=scaling @ self.matrix, distortion=np.zeros(0), fisheye=False)
+
+    def pinhole_maps(self, scale: float = 1.0) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Returns the maps by which `cv2.remap` makes `pinhole(scale)`'s image of the recorded one.
+
+        Returns:
+            map_x and map_y, each (height, width) float32, px of the recorded image; -1 (outside) where the lens sees nothing.
+        """
+        ideal = self.pinhole(scale)
+        width, height = ideal.size
+        x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+        recorded = self._pixels(self.lens.distort(ideal._normalised(np.column_stack([x.ravel(), y.ravel()]))))
+        recorded[np.isnan(recorded).any(axis=1)] = -1
+        maps = recorded.astype(np.float32).reshape(height, width, 2)
+        return np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
+
+    def _pixels(self, distorted: FloatArray) -> FloatArray:
+        """Applies the camera matrix to (N, 2)."""
+        return distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+
+    def _normalised(self, pixels: FloatArray) -> FloatArray:
+        """Undoes the camera matrix of (N, 2)."""
+        y = (pixels[:, 1] - self.matrix[1, 2]) / self.matrix[1, 1]
+        x = (pixels[:, 0] - self.matrix[0, 2] - self.matrix[0, 1] * y) / self.matrix[0, 0]
+        return np.column_stack([x, y])
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Several cameras calibrated in one world, found by name.
+
+    Raises:
+        ValueError: No camera, or two of one name.
+    """
+
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        """Checks that names are unique."""
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        if not self.cameras:
+            raise ValueError("a rig needs at least one camera")
+        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        if twice:
+            raise ValueError(f"camera names must differ, but these appear more than once: {', '.join(twice)}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The cameras' names, in order."""
+        return tuple(camera.name for camera in self.cameras)
+
+    def __getitem__(self, name: str) -> Camera:
+        """Returns the camera of that name."""
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        raise KeyError(f"no camera {name!r} among {', '.join(self.names)}")
+
+    def __contains__(self, name: object) -> bool:
+        """Says whether there is a camera of that name."""
+        return name in self.names
+
+    def __iter__(self) -> Iterator[Camera]:
+        """Iterates over the cameras."""
+        return iter(self.cameras)
+
+    def __len__(self) -> int:
+        """Counts the cameras."""
+        return len(self.cameras)
+
+    def select(self, names: Sequence[str]) -> "Rig":
+        """Returns the rig of the named cameras, in that order.
+
+        Raises:
+            InputError: A name is not in the rig.
+        """
+        missing = [name for name in names if name not in self.names]
+        if missing:
+            raise InputError(f"no calibration for {', '.join(missing)}: the rig has {', '.join(self.names)}")
+        return Rig(tuple(self[name] for name in names))

@@ -1,0 +1,220 @@
+"""Lens models between normalised coordinates (x / z, y / z of a point) and distorted ones, as OpenCV defines them.
+
+A distortion polynomial is only a lens up to the radius at which it folds back on itself; beyond, two directions would share one
+pixel. Both classes find that radius once and answer NaN outside it, so that no false pixel is made up.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+_NEWTON_STEPS = 20
+_TOLERANCE = 1e-12
+_WIDEST = 100.0  # tangent of 89.4 degrees: a flat image ends somewhere
+
+
+def _first_positive_root(coefficients: ArrayLike) -> float:
+    """Returns the smallest positive real root of a polynomial (lowest order first), or infinity."""
+    roots = np.polynomial.polynomial.Polynomial(np.trim_zeros(np.asarray(coefficients, dtype=np.float64), "b")).roots()
+    real = roots[(np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots.real))) & (roots.real > 0)].real
+    return float(real.min()) if real.size else np.inf
+
+
+class RationalLens:
+    """OpenCV's rational, tangential, thin-prism and tilted model.
+
+    Args:
+        coefficients: (n,) float64: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, the rest zero where n < 14.
+
+    Source: OpenCV, "Camera Calibration and 3D Reconstruction", detailed description.
+    """
+
+    def __init__(self, coefficients: FloatArray) -> None:
+        """Sorts the coefficients by what they do."""
+        full = np.zeros(14)
+        full[: len(coefficients)] = coefficients
+        k1, k2, self._p1, self._p2, k3, k4, k5, k6 = full[:8]
+        self._above = np.array([1, k1, k2, k3])  # polynomials in r^2
+        self._below = np.array([1, k4, k5, k6])
+        self._prism = full[8:12]
+        self._tilt = _tilt_matrix(full[12], full[13]) if full[12:].any() else None
+        self._decentred = bool(full[2:4].any() or full[8:12].any())
+        self._identity = not full.any()
+
+    @cached_property
+    def field_radius(self) -> float:
+        """Radius of the first fold, from the polynomial's derivative and, off centre, from the Jacobian's determinant."""
+        above, below = np.polynomial.Polynomial(self._above), np.polynomial.Polynomial(self._below)
+        s = np.polynomial.Polynomial([0, 1])
+        # d/dr of r A(r^2) / B(r^2), times B^2.
+        slope = above * below + 2 * s * (above.deriv() * below - above * below.deriv())
+        radius = float(np.sqrt(min(_first_positive_root(slope.coef), _first_positive_root(below.coef))))
+        if not self._decentred:
+            return radius
+        radii = np.geomspace(1e-3, min(radius, _WIDEST), 400)
+        angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+        x, y = np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle))
+        _, jacobian = self._bend(np.column_stack([x.ravel(), y.ravel()]), jacobian=True)
+        determinant = jacobian[:, 0] * jacobian[:, 3] - jacobian[:, 1] * jacobian[:, 2]
+        folded = (determinant.reshape(x.shape) <= 0).any(axis=1)
+        return float(radii[max(0, int(np.argmax(folded)) - 1)]) if folded.any() else radius
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        """Radii, and where the radial part puts them: the start of the inverse."""
+        radii = np.linspace(0, min(self.field_radius, _WIDEST), 4096)
+        squared = radii**2
+        ratio = np.polynomial.polynomial.polyval(squared, self._above) / np.polynomial.polynomial.polyval(squared, self._below)
+        return radii, radii * ratio
+
+    def distort(self, normalised: FloatArray) -> FloatArray:
+        """Bends (N, 2) ideal coordinates."""
+        if self._identity:
+            return normalised
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            distorted, _ = self._bend(normalised)
+            outside = np.einsum("ni,ni->n", normalised, normalised) > self.field_radius**2
+            if self._tilt is not None:
+                distorted = _apply_homography(self._tilt, distorted)
+        distorted[outside] = np.nan
+        return distorted
+
+    def undistort(self, distorted: FloatArray) -> FloatArray:
+        """Straightens (N, 2) recorded coordinates by Newton's method, started from the radial part alone."""
+        if self._identity:
+            return distorted
+        if self._tilt is not None:
+            distorted = _apply_homography(np.linalg.inv(self._tilt), distorted)
+        radii, bent = self._table
+        radius_distorted = np.linalg.norm(distorted, axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(radius_distorted > 0, np.interp(radius_distorted, bent, radii) / radius_distorted, 1.0)
+        estimate = distorted * ratio[:, None]
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            for _ in range(_NEWTON_STEPS):
+                again, jacobian = self._bend(estimate, jacobian=True)
+                error = again - distorted
+                a, b, c, d = jacobian.T
+                determinant = a * d - b * c
+                step = np.column_stack([d * error[:, 0] - b * error[:, 1], a * error[:, 1] - c * error[:, 0]]) / determinant[:, None]
+                # Near the fold the slope vanishes: a step may not leave the field's scale.
+                length = np.linalg.norm(step, axis=1, keepdims=True)
+                limit = 0.2 * np.maximum(np.linalg.norm(estimate, axis=1, keepdims=True), 0.05)
+                estimate = estimate - step * np.minimum(1, limit / np.maximum(length, 1e-300))
+                if not np.nanmax(length, initial=0.0) > _TOLERANCE:
+                    break
+            again, _ = self._bend(estimate)
+            wrong = ~(np.linalg.norm(again - distorted, axis=1) < 1e-8 * (1 + radius_distorted))
+            wrong |= np.linalg.norm(estimate, axis=1) > self.field_radius * (1 + 1e-9)
+        estimate[wrong] = np.nan
+        return estimate
+
+    def _bend(self, normalised: FloatArray, jacobian: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Applies everything but the tilt; also the Jacobian (N, 4) as xx, xy, yx, yy if asked (else empty)."""
+        x, y = normalised[:, 0], normalised[:, 1]
+        s = x * x + y * y
+        (_, k1, k2, k3), (_, k4, k5, k6) = self._above, self._below
+        s1, s2, s3, s4 = self._prism
+        p1, p2 = self._p1, self._p2
+        below = 1 + s * (k4 + s * (k5 + s * k6))
+        ratio = (1 + s * (k1 + s * (k2 + s * k3))) / below
+        bent = np.empty_like(normalised)
+        bent[:, 0] = x * ratio
+        bent[:, 1] = y * ratio
+        if self._decentred:
+            bent[:, 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x) + s * (s1 + s * s2)
+            bent[:, 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y + s * (s3 + s * s4)
+        if not jacobian:
+            return bent, np.empty((0, 4))
+        # d ratio / d s, then ds/dx = 2x.
+        slope = (k1 + s * (2 * k2 + 3 * s * k3) - ratio * (k4 + s * (2 * k5 + 3 * s * k6))) / below
+        prism_x, prism_y = s1 + 2 * s * s2, s3 + 2 * s * s4
+        table = np.empty((len(s), 4))
+        table[:, 0] = ratio + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x + 2 * x * prism_x
+        table[:, 1] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y + 2 * y * prism_x
+        table[:, 2] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y + 2 * x * prism_y
+        table[:, 3] = ratio + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x + 2 * y * prism_y
+        return bent, table
+
+
+class FisheyeLens:
+    """OpenCV's fisheye model: the angle from the axis, not its tangent, is what the radius follows.
+
+    Only directions in front of the camera (less than 90 degrees from the axis) are covered, as in OpenCV.
+
+    Args:
+        coefficients: (4,) float64: k1 k2 k3 k4.
+
+    Source: OpenCV, "Fisheye camera model" (Kannala and Brandt's polynomial with the leading term 1).
+    """
+
+    def __init__(self, coefficients: FloatArray) -> None:
+        """Keeps theta_d = theta (1 + k1 theta^2 + ... + k4 theta^8)."""
+        self._series = np.concatenate([[1.0], coefficients])
+
+    @cached_property
+    def _angle_limit(self) -> float:
+        """The angle, rad, at which the polynomial folds back, at most 90 degrees."""
+        slope = self._series * (2 * np.arange(5) + 1)
+        return float(min(np.sqrt(_first_positive_root(slope)), np.pi / 2))
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        """Angles and distorted radii."""
+        angles = np.linspace(0, self._angle_limit, 4096)
+        return angles, self._radius(angles)
+
+    @property
+    def field_radius(self) -> float:
+        """Tangent of the angle of the first fold."""
+        return np.inf if self._angle_limit >= np.pi / 2 else float(np.tan(self._angle_limit))
+
+    def _radius(self, angle: FloatArray) -> FloatArray:
+        """Returns theta_d of theta."""
+        return angle * np.polynomial.polynomial.polyval(angle * angle, self._series)
+
+    def distort(self, normalised: FloatArray) -> FloatArray:
+        """Bends (N, 2) ideal coordinates."""
+        radius = np.linalg.norm(normalised, axis=1)
+        angle = np.arctan(radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(radius > 0, self._radius(angle) / radius, 1.0)
+        distorted = normalised * ratio[:, None]
+        distorted[~(angle <= self._angle_limit)] = np.nan
+        return distorted
+
+    def undistort(self, distorted: FloatArray) -> FloatArray:
+        """Straightens (N, 2) recorded coordinates by Newton's method on the angle."""
+        radius = np.linalg.norm(distorted, axis=1)
+        angles, radii = self._table
+        angle = np.interp(radius, radii, angles)
+        powers = self._series * (2 * np.arange(5) + 1)
+        for _ in range(_NEWTON_STEPS):
+            slope = np.polynomial.polynomial.polyval(angle * angle, powers)
+            step = (self._radius(angle) - radius) / np.where(slope > 1e-9, slope, 1e-9)
+            angle = np.clip(angle - step, 0, self._angle_limit)
+            if not np.nanmax(np.abs(step), initial=0.0) > _TOLERANCE:
+                break
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(radius > 0, np.tan(angle) / radius, 1.0)
+        straight = distorted * ratio[:, None]
+        straight[~(radius <= radii[-1] * (1 + 1e-12)) | ~(angle < np.pi / 2)] = np.nan
+        return straight
+
+
+def _tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
+    """Returns the (3, 3) homography of a sensor tilted by tau_x, tau_y, rad. Source: OpenCV, as above."""
+    rotation_x = np.array([[1, 0, 0], [0, np.cos(tau_x), np.sin(tau_x)], [0, -np.sin(tau_x), np.cos(tau_x)]])
+    rotation_y = np.array([[np.cos(tau_y), 0, -np.sin(tau_y)], [0, 1, 0], [np.sin(tau_y), 0, np.cos(tau_y)]])
+    rotation = rotation_y @ rotation_x
+    onto_plane = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
+    return onto_plane @ rotation
+
+
+def _apply_homography(homography: NDArray[np.floating], points: FloatArray) -> FloatArray:
+    """Applies a (3, 3) homography to (N, 2) points."""
+    mapped = points @ homography[:, :2].T + homography[:, 2]
+    return mapped[:, :2] / mapped[:, 2:]
