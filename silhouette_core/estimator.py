@@ -93,7 +93,7 @@ class Settings:
     Attributes:
         stature_m: height of the person, metres; None: estimated.
         chest_m: chest girth, metres; None: usual for the stature.
-        sex: whose proportions; None: between both.
+        sex: whose proportions.
         background: `paper` is Okada and Stenger 5.1 as written; `robust` is what this project adds against shadows and noise.
         smooth: smooth the finished motion over time (off-line, without lag).
         threads: None: all cores.
@@ -103,7 +103,7 @@ class Settings:
 
     stature_m: float | None = None
     chest_m: float | None = None
-    sex: Literal["male", "female"] | None = None
+    sex: Literal["male", "female", "unknown"] = "unknown"
     background: Literal["paper", "robust"] = "robust"
     smooth: bool = True
     threads: int | None = None

@@ -10,27 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.body.joints import LANDMARK_NAMES
+
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
-
-# The 15 joints of the HumanEva protocol, in the order of BodyModel.landmark_part and of joints.csv.
-LANDMARKS = (
-    "pelvis",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "neck",
-    "head_top",
-    "left_shoulder",
-    "left_elbow",
-    "left_wrist",
-    "right_shoulder",
-    "right_elbow",
-    "right_wrist",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +87,10 @@ class Motion:
         return kinematics.forward(self.model, self.root_m, self.root_quaternion, self.angles_rad)
 
     def landmarks(self) -> NDArray[np.float64]:
-        """Returns the joints of joints.csv: (T, 15, 3), world, metres, in the order of LANDMARKS."""
+        """Returns the joints of joints.csv: (T, 15, 3), world, metres, in the order of LANDMARK_NAMES."""
         from silhouette_core.motion import kinematics
 
-        return kinematics.landmarks(self.model, self.root_m, self.root_quaternion, self.angles_rad)
+        return kinematics.landmarks(self.model, *self.parts())
 
     def landmark_confidence(self) -> NDArray[np.float64]:
         """Returns (T, 15) from 0 to 1: as the estimator gave it, else the overlap of the landmark's part, else the frame's confidence."""
@@ -116,7 +99,7 @@ class Motion:
         if "part_overlap" in self.quality:
             return np.clip(np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part], 0.0, 1.0)
         frame = np.asarray(self.quality.get("confidence", np.ones(len(self))), float)
-        return np.repeat(frame[:, None], len(LANDMARKS), axis=1)
+        return np.repeat(frame[:, None], len(LANDMARK_NAMES), axis=1)
 
     def select(self, rows: slice | NDArray) -> Motion:
         """Returns some of the frames, by row (not by frame number)."""

@@ -1,0 +1,66 @@
+# On a bare machine with Python and make: `make demo` shows a first result, `make test` runs the tests.
+# Each target sets up what it needs, once; `make PYTHON=python3.12 demo` chooses the interpreter.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= demo
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: help install demo test test-fast check format bench accuracy clean
+
+help:
+	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
+	@echo "make test      runs all tests (make test-fast leaves out the slow ones)"
+	@echo "make check     style, types and layers"
+	@echo "make bench     speed, each case against a reference in the same run"
+	@echo "make accuracy  fits the shared recordings and scores them (VOXELPOSE_SHARED=folder, by default ../shared)"
+	@echo "make install   creates $(VENV) with everything, for work on the code"
+	@echo "make format    puts the code into the project's style"
+
+install: $(VENV)/.ready-dev
+
+demo: $(VENV)/.ready
+	$(BIN)/voxelpose demo --out $(OUT) --overwrite
+
+test: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest
+
+test-fast: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest -m "not slow"
+
+check: $(VENV)/.ready-dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+
+format: $(VENV)/.ready-dev
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: $(VENV)/.ready-dev
+	$(BIN)/python -m benchmarks
+
+accuracy: $(VENV)/.ready-dev
+	$(BIN)/python -m benchmarks.accuracy
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+# The environment of the system's own Python: no other tool needed.
+$(BIN)/python:
+	@command -v $(PYTHON) >/dev/null || { echo "voxelpose needs Python 3.11 or newer, and there is no '$(PYTHON)': install it, or say make PYTHON=/path/to/python3" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else "voxelpose needs Python 3.11 or newer, and $(PYTHON) is %d.%d: say make PYTHON=python3.12, for example" % v[:2])'
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) cannot make virtual environments with pip in them. On Debian and Ubuntu: sudo apt install python3-venv" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+
+$(VENV)/.ready: pyproject.toml | $(BIN)/python
+	@echo "Installing voxelpose into $(VENV) (about a minute the first time) ..."
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.ready-dev: pyproject.toml | $(BIN)/python
+	@echo "Installing voxelpose and its tools into $(VENV) (a minute or two the first time) ..."
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	@touch $@ $(VENV)/.ready
