@@ -1,0 +1,158 @@
+"""The articulated body that both estimators fit: parts, joints, limits, a closed mesh, and how bodies differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from safetensors import safe_open
+
+from calib.errors import InputError
+from silhouette_core.body.joints import FREEDOMS, LANDMARK_PART, PARENTS, PART_NAMES
+from silhouette_core.body.shape import ShapeSpace
+from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
+from silhouette_core.body.volume import sample_volume
+
+_TEMPLATES = Path(__file__).parent / "template"
+_USUAL_CHEST = 0.55  # chest girth over stature, both templates
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """An articulated body at rest. All lengths in metres, body frame: z up, facing -y, left hand toward +x.
+
+    Attributes:
+        joints_m: (27, 3) float64, the joint at the proximal end of every part.
+        vertices_m: (V, 3) float64, the closed surface at rest.
+        faces: (F, 3) int32, outward oriented triangles.
+        face_part: (F,) int32, the one part to which each triangle belongs.
+        skin_parts: (V, 4) int32, parts that move a vertex.
+        skin_weights: (V, 4) float64, their shares, summing to 1.
+        landmarks_m: (15, 3) float64, the HumanEva joints at rest, in the order of `joints.LANDMARK_NAMES`.
+        space: how this body may differ from itself in shape (relative to the template it was made from).
+        shape: (20,) float64, its deviations along `sizes.SHAPE_AXES`.
+        sizes: the measurements it was made from.
+    """
+
+    joints_m: np.ndarray
+    vertices_m: np.ndarray
+    faces: np.ndarray
+    face_part: np.ndarray
+    skin_parts: np.ndarray
+    skin_weights: np.ndarray
+    landmarks_m: np.ndarray
+    space: ShapeSpace
+    shape: np.ndarray
+    sizes: BodySizes
+
+    names = PART_NAMES
+    parents = PARENTS
+    landmark_part = LANDMARK_PART
+    freedoms = FREEDOMS
+    dof_part = np.array([part for part, _ in FREEDOMS], np.int32)
+    dof_axis = np.array([freedom.axis for _, freedom in FREEDOMS], float)
+    dof_limits_rad = np.radians([freedom.limits_deg for _, freedom in FREEDOMS])
+    dof_held = np.array([freedom.held for _, freedom in FREEDOMS])
+    dof_names = tuple(f"{PART_NAMES[part]}.{freedom.name}" for part, freedom in FREEDOMS)
+
+    @classmethod
+    def from_sizes(cls, sizes: BodySizes) -> BodyModel:
+        """Makes the default body for a person's measurements.
+
+        Args:
+            sizes: stature, and chest girth and sex where known. An unknown sex takes the man's template.
+
+        Returns:
+            The template of that sex, scaled to the stature, its girths following the chest's.
+        """
+        template = _read_template("woman" if sizes.sex == "female" else "man")
+        scale = sizes.stature_m / template.sizes.stature_m
+        body = template._scaled(scale, sizes)
+        if sizes.chest_girth_m is None:
+            return body
+        stout = sizes.chest_girth_m / ((template.sizes.chest_girth_m or _USUAL_CHEST * template.sizes.stature_m) * scale) - 1
+        shape = np.zeros(len(SHAPE_AXES))
+        for k, axis in enumerate(SHAPE_AXES):
+            # Limbs grow with the chest, but less: the regression slope of limb girths on chest girth is about one half.
+            shape[k] = stout if axis.name in ("trunk_width", "trunk_depth") else 0.5 * stout if axis.name.endswith("_girth") else 0.0
+        return body.reshaped(shape)
+
+    def reshaped(self, shape: np.ndarray) -> BodyModel:
+        """Returns this body with other deviations along the shape axes.
+
+        Args:
+            shape: (20,) float64, relative to the template scaled to the stature.
+        """
+        joints, vertices, landmarks = self.space.apply(np.asarray(shape, float))
+        return replace(self, joints_m=joints, vertices_m=vertices, landmarks_m=landmarks, shape=np.asarray(shape, float))
+
+    def _scaled(self, factor: float, sizes: BodySizes) -> BodyModel:
+        return replace(
+            self,
+            joints_m=self.joints_m * factor,
+            vertices_m=self.vertices_m * factor,
+            landmarks_m=self.landmarks_m * factor,
+            space=self.space.scaled(factor),
+            sizes=sizes,
+        )
+
+    @property
+    def dof_count(self) -> int:
+        """Number of joint angles."""
+        return len(self.dof_part)
+
+    @cached_property
+    def vertex_normals(self) -> np.ndarray:
+        """(V, 3) float64, outward unit normals at rest, area-weighted."""
+        a, b, c = (self.vertices_m[self.faces[:, k]] for k in range(3))
+        face_normals = np.cross(b - a, c - a)
+        normals = np.zeros_like(self.vertices_m)
+        for k in range(3):
+            np.add.at(normals, self.faces[:, k], face_normals)
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+    def part_points(self, spacing_m: float) -> list[np.ndarray]:
+        """Samples the inside of every part on a lattice, for voxel work.
+
+        Args:
+            spacing_m: distance between neighbouring samples.
+
+        Returns:
+            27 arrays (n_p, 3) float64, positions at rest relative to the part's own joint.
+        """
+        points, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
+        return [points[part == p] - self.joints_m[p] for p in range(len(PART_NAMES))]
+
+    def part_volumes_m3(self, spacing_m: float = 0.01) -> np.ndarray:
+        """Returns the (27,) volumes of the parts, counted on a lattice."""
+        _, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
+        return np.bincount(part, minlength=len(PART_NAMES)) * spacing_m**3
+
+
+def _read_template(name: str) -> BodyModel:
+    path = _TEMPLATES / f"{name}.safetensors"
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            data = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+            about = file.metadata()
+    except FileNotFoundError:
+        raise InputError(f"the body template {path.name} is missing from the installation: install voxelpose again") from None
+    joints, vertices, landmarks = (data[key].astype(float) for key in ("joints_m", "vertices_m", "landmarks_m"))
+    weights = data["skin_weights"].astype(float)
+    weights /= weights.sum(1, keepdims=True)
+    sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])
+    space = ShapeSpace.of(joints, vertices, landmarks, data["skin_parts"], weights)
+    return BodyModel(
+        joints_m=joints,
+        vertices_m=vertices,
+        faces=data["faces"].astype(np.int32),
+        face_part=data["face_part"].astype(np.int32),
+        skin_parts=data["skin_parts"].astype(np.int32),
+        skin_weights=weights,
+        landmarks_m=landmarks,
+        space=space,
+        shape=np.zeros(len(SHAPE_AXES)),
+        sizes=sizes,
+    )

@@ -1,0 +1,81 @@
+"""What is measured on a person, and what the tape does not tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.errors import InputError
+
+
+@dataclass(frozen=True)
+class BodySizes:
+    """Measurements from which the default body is made.
+
+    Attributes:
+        stature_m: height standing upright without shoes.
+        chest_girth_m: girth at the nipples; None means what is usual for the stature.
+        sex: "male", "female" or "unknown".
+
+    Raises:
+        InputError: a measurement that no person has.
+    """
+
+    stature_m: float
+    chest_girth_m: float | None = None
+    sex: str = "unknown"
+
+    def __post_init__(self) -> None:
+        if not 0.5 <= self.stature_m <= 2.6:
+            raise InputError(f"stature {self.stature_m} m is not a person's: give it in metres, for example 1.75")
+        if self.chest_girth_m is not None and not 0.4 <= self.chest_girth_m <= 1.8:
+            raise InputError(f"chest girth {self.chest_girth_m} m is not a person's: give it in metres, for example 0.96")
+        if self.sex not in ("male", "female", "unknown"):
+            raise InputError(f"sex {self.sex!r} is not known: give male, female or unknown")
+
+
+@dataclass(frozen=True)
+class ShapeAxis:
+    """One way in which bodies of the same stature differ, as a relative change of size.
+
+    Attributes:
+        name: of the measure.
+        parts: base names of the parts it scales ("thigh" stands for both sides).
+        along: "length" (along the bone), "girth" (across it), or one of "x", "y", "z" of the body frame.
+        spread: standard deviation over adults, relative; the prior of the adaptation.
+        joints: whether the joints carried by those parts move with it.
+        flesh: whether the surface moves with it.
+    """
+
+    name: str
+    parts: tuple[str, ...]
+    along: str
+    spread: float
+    joints: bool = True
+    flesh: bool = True
+
+
+_TORSO = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax")
+SHAPE_AXES = (
+    ShapeAxis("trunk_length", _TORSO, "z", 0.04),
+    ShapeAxis("head_length", ("neck", "head"), "z", 0.05),
+    ShapeAxis("shoulder_width", ("clavicle",), "x", 0.08),
+    ShapeAxis("hip_width", ("pelvis",), "x", 0.06, flesh=False),
+    ShapeAxis("upper_arm_length", ("upper_arm",), "length", 0.05),
+    ShapeAxis("forearm_length", ("forearm",), "length", 0.05),
+    ShapeAxis("hand_length", ("hand", "fingers", "thumb"), "length", 0.06),
+    ShapeAxis("thigh_length", ("thigh",), "length", 0.045),
+    ShapeAxis("shin_length", ("shin",), "length", 0.045),
+    ShapeAxis("foot_length", ("foot", "toes"), "y", 0.05),
+    ShapeAxis("trunk_width", _TORSO, "x", 0.08, joints=False),
+    ShapeAxis("trunk_depth", _TORSO, "y", 0.10, joints=False),
+    ShapeAxis("neck_girth", ("neck",), "girth", 0.10, joints=False),
+    ShapeAxis("head_girth", ("head",), "girth", 0.06, joints=False),
+    ShapeAxis("upper_arm_girth", ("upper_arm", "clavicle"), "girth", 0.12, joints=False),
+    ShapeAxis("forearm_girth", ("forearm",), "girth", 0.10, joints=False),
+    ShapeAxis("hand_girth", ("hand", "fingers"), "girth", 0.10, joints=False),
+    ShapeAxis("thigh_girth", ("thigh",), "girth", 0.10, joints=False),
+    ShapeAxis("shin_girth", ("shin",), "girth", 0.10, joints=False),
+    ShapeAxis("foot_girth", ("foot", "toes"), "x", 0.10, joints=False),
+)
+SHAPE_SPREAD = np.array([axis.spread for axis in SHAPE_AXES])
+
