@@ -1,0 +1,52 @@
+"""Specks, holes and regions."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.image.cleanup import clean
+
+
+@pytest.fixture
+def ring() -> np.ndarray:
+    mask = np.zeros((40, 50), bool)
+    mask[5:30, 5:30] = True
+    mask[10:20, 10:20] = False
+    return mask
+
+
+def test_small_components_go_and_large_ones_stay(ring):
+    dirty = ring.copy()
+    dirty[35, 40:43] = True
+    np.testing.assert_array_equal(clean(dirty, min_area_px=4), ring)
+    np.testing.assert_array_equal(clean(dirty, min_area_px=3), dirty)
+
+
+def test_only_small_holes_are_filled(ring):
+    pinhole = ring.copy()
+    pinhole[7, 7] = False
+    np.testing.assert_array_equal(clean(pinhole, max_hole_px=99), ring)
+    assert clean(pinhole, max_hole_px=100)[12, 12]
+
+
+def test_a_gap_at_the_image_edge_is_no_hole():
+    mask = np.ones((20, 20), bool)
+    mask[0, 3] = False
+    np.testing.assert_array_equal(clean(mask, max_hole_px=50), mask)
+
+
+def test_nothing_outside_the_region(ring):
+    region = np.zeros_like(ring)
+    region[:, :15] = True
+    np.testing.assert_array_equal(clean(ring, region=region), ring & region)
+
+
+def test_empty_and_full():
+    assert not clean(np.zeros((5, 5), bool), min_area_px=3, max_hole_px=3).any()
+    assert clean(np.ones((5, 5), bool), min_area_px=3, max_hole_px=3).all()
+
+
+def test_wrong_arrays_are_named(ring):
+    with pytest.raises(TypeError, match=r"mask must be \(H, W\) bool, got \(5, 5\) uint8"):
+        clean(np.zeros((5, 5), np.uint8))
+    with pytest.raises(TypeError, match=r"region must be \(40, 50\) bool"):
+        clean(ring, region=np.ones((4, 4), bool))
