@@ -1,0 +1,64 @@
+"""BVH as an independent reader (bvhio) sees it."""
+
+from pathlib import Path
+
+import bvhio
+import numpy as np
+import pytest
+
+from silhouette_core.motion.motion import Motion
+from tests.takes import waving
+from voxelpose.export.bvh import write_bvh
+
+
+def world_from_bvh(position_cm) -> np.ndarray:
+    """BVH's y-up centimetres back to z-up metres."""
+    x, y, z = position_cm
+    return np.array([x, -z, y]) / 100
+
+
+def joint_positions(path: Path, frame: int) -> dict[str, np.ndarray]:
+    root = bvhio.readAsHierarchy(str(path)).loadPose(frame)
+    return {joint.Name: world_from_bvh(joint.PositionWorld) for joint, _, _ in root.layout()}
+
+
+def assert_same_joints(motion: Motion, path: Path) -> None:
+    _, origins = motion.parts()
+    for row in range(len(motion)):
+        read = joint_positions(path, row)
+        for part, name in enumerate(motion.model.names):
+            np.testing.assert_allclose(read[name], origins[row, part], atol=1e-5, err_msg=f"{name} in frame {row}")
+
+
+def test_every_joint_is_where_our_kinematics_puts_it(tmp_path):
+    motion = waving()
+    write_bvh(motion, tmp_path / "motion.bvh")
+    assert_same_joints(motion, tmp_path / "motion.bvh")
+
+
+def test_right_hand_is_the_raised_one(tmp_path):
+    motion = waving()
+    write_bvh(motion, tmp_path / "motion.bvh")
+    joints = joint_positions(tmp_path / "motion.bvh", len(motion) - 1)
+    assert joints["right_hand"][2] > joints["head"][2] > joints["left_hand"][2]
+
+
+def test_head_ends_at_its_vertex(tmp_path):
+    motion = waving()
+    write_bvh(motion, tmp_path / "motion.bvh")
+    head = next(joint for joint, _, _ in bvhio.readAsBvh(str(tmp_path / "motion.bvh")).Root.layout() if joint.Name == "head")
+    rise = motion.model.landmarks_m[8] - motion.model.joints_m[motion.model.names.index("head")]
+    np.testing.assert_allclose(world_from_bvh(head.EndSite), rise, atol=1e-6)
+
+
+def test_lost_frames_are_interpolated(tmp_path):
+    motion = waving(7)
+    keep = np.array([0, 1, 3, 6])
+    write_bvh(motion.select(keep), tmp_path / "motion.bvh")
+    file = bvhio.readAsBvh(str(tmp_path / "motion.bvh"))
+    assert file.FrameCount == 7
+    assert file.FrameTime == pytest.approx(1 / motion.fps)
+    _, origins = motion.parts()
+    for frame in range(7):
+        hand = joint_positions(tmp_path / "motion.bvh", frame)["right_hand"]
+        np.testing.assert_allclose(hand, origins[frame, motion.model.names.index("right_hand")], atol=1e-5 if frame in keep else 0.02)

@@ -1,0 +1,108 @@
+"""Biovision hierarchy (BVH): the moving skeleton for Blender, Maya, MotionBuilder and game engines."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.motion import Motion
+
+CM_PER_M = 100.0
+# BVH is y up. World (x, y, z) with z up becomes (x, z, -y): a body that faces -y then faces +z, its left hand still toward +x.
+_BVH_FROM_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_ORDER = "ZXY"
+
+
+def write_bvh(motion: Motion, path: Path) -> None:
+    """Writes a motion as BVH.
+
+    Axis map: x_bvh = x, y_bvh = z, z_bvh = -y; centimetres. With all rotations zero the skeleton stands in the model's rest pose
+    (upright, arms 45 degrees down), facing +z. Every joint has Z, X and Y rotations in degrees, applied as R = Rz Rx Ry; the root
+    has its position before them. The 27 joints carry the names of the body's parts; hands, toes and head end in end sites.
+    Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
+
+    Frames that are lost between the first and the last pose are interpolated, since BVH has no gaps.
+
+    Args:
+        motion: at least one pose.
+        path: the file.
+    """
+    local, root = _without_gaps(motion)
+    degrees = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler(_ORDER, degrees=True).reshape(len(local), -1, 3)
+    children = _children(motion.model)
+    order = list(_depth_first(0, children))
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        file.write("HIERARCHY\n")
+        _write_joint(file, motion.model, children, _ends(motion.model), 0, 0)
+        file.write(f"MOTION\nFrames: {len(local)}\nFrame Time: {1.0 / motion.fps:.8f}\n")
+        for frame in range(len(local)):
+            numbers = [*root[frame], *degrees[frame, order].ravel()]
+            file.write(" ".join(f"{number:.5f}" for number in numbers) + "\n")
+
+
+def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns local rotations (F, P, 3, 3) and root positions (F, 3) in centimetres, BVH axes, for every frame from first to last."""
+    rotation, origin = motion.parts()
+    parents = motion.model.parents
+    local = rotation.copy()
+    for part, parent in enumerate(parents):
+        if parent >= 0:
+            local[:, part] = np.swapaxes(rotation[:, parent], 1, 2) @ rotation[:, part]
+    root = origin[:, 0]
+    frames = np.arange(motion.frames[0], motion.frames[-1] + 1)
+    if len(frames) > len(motion):
+        root = np.column_stack([np.interp(frames, motion.frames, root[:, axis]) for axis in range(3)])
+        slerped = [Slerp(motion.frames, Rotation.from_matrix(local[:, part]))(frames).as_matrix() for part in range(len(parents))]
+        local = np.stack(slerped, axis=1)
+    return _BVH_FROM_WORLD @ local @ _BVH_FROM_WORLD.T, CM_PER_M * root @ _BVH_FROM_WORLD.T
+
+
+def _children(model: BodyModel) -> list[list[int]]:
+    children: list[list[int]] = [[] for _ in model.names]
+    for part, parent in enumerate(model.parents):
+        if parent >= 0:
+            children[parent].append(part)
+    return children
+
+
+def _depth_first(part: int, children: list[list[int]]) -> Iterator[int]:
+    yield part
+    for child in children[part]:
+        yield from _depth_first(child, children)
+
+
+def _ends(model: BodyModel) -> NDArray[np.float64]:
+    """Returns (P, 3) where each part's own surface ends, at rest, metres: the mean of its twentieth farthest from its joint."""
+    ends = model.joints_m.copy()
+    for part in range(len(model.names)):
+        points = model.vertices_m[np.unique(model.faces[model.face_part == part])]
+        if len(points):
+            distance = np.linalg.norm(points - model.joints_m[part], axis=1)
+            ends[part] = points[distance >= np.quantile(distance, 0.95)].mean(axis=0)
+    ends[model.names.index("head")] = model.landmarks_m[LANDMARK_NAMES.index("head_top")]
+    return ends
+
+
+def _write_joint(file: TextIO, model: BodyModel, children: list[list[int]], ends: NDArray[np.float64], part: int, depth: int) -> None:
+    pad = "  " * depth
+    parent = model.parents[part]
+    offset = np.zeros(3) if parent < 0 else model.joints_m[part] - model.joints_m[parent]
+    file.write(f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {model.names[part]}\n{pad}{{\n")
+    file.write(f"{pad}  OFFSET {_numbers(offset)}\n")
+    channels = "6 Xposition Yposition Zposition " if parent < 0 else "3 "
+    file.write(f"{pad}  CHANNELS {channels}Zrotation Xrotation Yrotation\n")
+    for child in children[part]:
+        _write_joint(file, model, children, ends, child, depth + 1)
+    if not children[part]:
+        end = _numbers(ends[part] - model.joints_m[part])
+        file.write(f"{pad}  End Site\n{pad}  {{\n{pad}    OFFSET {end}\n{pad}  }}\n")
+    file.write(f"{pad}}}\n")
+
+
+def _numbers(vector_m: NDArray[np.float64]) -> str:
+    return " ".join(f"{number:.5f}" for number in CM_PER_M * _BVH_FROM_WORLD @ vector_m)
