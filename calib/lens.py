@@ -17,10 +17,11 @@ _WIDEST = 100.0  # tangent of 89.4 degrees: a flat image ends somewhere
 
 
 def _first_positive_root(coefficients: ArrayLike) -> float:
-    """Returns the smallest positive real root of a polynomial (lowest order first), or infinity."""
-    roots = np.polynomial.polynomial.Polynomial(np.trim_zeros(np.asarray(coefficients, dtype=np.float64), "b")).roots()
-    real = roots[(np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots.real))) & (roots.real > 0)].real
-    return float(real.min()) if real.size else np.inf
+    """Returns the smallest positive real root of a polynomial (lowest order first, the constant not zero), or infinity."""
+    # In 1 / s the constant leads, so that a tiny highest coefficient gives a root near zero and not an overflow.
+    inverse = np.roots(np.asarray(coefficients, dtype=np.float64))
+    real = inverse[(np.abs(inverse.imag) < 1e-9 * np.maximum(1, np.abs(inverse.real))) & (inverse.real > 1e-12)].real
+    return float(1 / real.max()) if real.size else np.inf
 
 
 class RationalLens:
@@ -58,8 +59,9 @@ class RationalLens:
         angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
         x, y = np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle))
         _, jacobian = self._bend(np.column_stack([x.ravel(), y.ravel()]), jacobian=True)
-        determinant = jacobian[:, 0] * jacobian[:, 3] - jacobian[:, 1] * jacobian[:, 2]
-        folded = (determinant.reshape(x.shape) <= 0).any(axis=1)
+        with np.errstate(invalid="ignore"):
+            determinant = jacobian[:, 0] * jacobian[:, 3] - jacobian[:, 1] * jacobian[:, 2]
+        folded = ~(determinant.reshape(x.shape) > 0).all(axis=1)
         return float(radii[max(0, int(np.argmax(folded)) - 1)]) if folded.any() else radius
 
     @cached_property
@@ -74,11 +76,10 @@ class RationalLens:
         """Bends (N, 2) ideal coordinates."""
         if self._identity:
             return normalised
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            distorted, _ = self._bend(normalised)
-            outside = np.einsum("ni,ni->n", normalised, normalised) > self.field_radius**2
-            if self._tilt is not None:
-                distorted = _apply_homography(self._tilt, distorted)
+        distorted, _ = self._bend(normalised)
+        outside = np.einsum("ni,ni->n", normalised, normalised) > self.field_radius**2
+        if self._tilt is not None:
+            distorted = _apply_homography(self._tilt, distorted)
         distorted[outside] = np.nan
         return distorted
 
@@ -91,27 +92,32 @@ class RationalLens:
         radii, bent = self._table
         radius_distorted = np.linalg.norm(distorted, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(radius_distorted > 0, np.interp(radius_distorted, bent, radii) / radius_distorted, 1.0)
-        estimate = distorted * ratio[:, None]
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            for _ in range(_NEWTON_STEPS):
-                again, jacobian = self._bend(estimate, jacobian=True)
-                error = again - distorted
-                a, b, c, d = jacobian.T
-                determinant = a * d - b * c
-                step = np.column_stack([d * error[:, 0] - b * error[:, 1], a * error[:, 1] - c * error[:, 0]]) / determinant[:, None]
-                # Near the fold the slope vanishes: a step may not leave the field's scale.
-                length = np.linalg.norm(step, axis=1, keepdims=True)
-                limit = 0.2 * np.maximum(np.linalg.norm(estimate, axis=1, keepdims=True), 0.05)
-                estimate = estimate - step * np.minimum(1, limit / np.maximum(length, 1e-300))
-                if not np.nanmax(length, initial=0.0) > _TOLERANCE:
-                    break
-            again, _ = self._bend(estimate)
-            wrong = ~(np.linalg.norm(again - distorted, axis=1) < 1e-8 * (1 + radius_distorted))
-            wrong |= np.linalg.norm(estimate, axis=1) > self.field_radius * (1 + 1e-9)
+            estimate = distorted * np.where(radius_distorted > 0, np.interp(radius_distorted, bent, radii) / radius_distorted, 1.0)[:, None]
+        rows = np.arange(len(distorted))
+        for _ in range(_NEWTON_STEPS):
+            step = self._newton_step(estimate[rows], distorted[rows])
+            estimate[rows] -= step
+            rows = rows[np.abs(step).max(axis=1, initial=0.0) > _TOLERANCE]
+            if not len(rows):
+                break
+        again, _ = self._bend(estimate)
+        wrong = ~(np.linalg.norm(again - distorted, axis=1) < 1e-8 * (1 + radius_distorted))
+        wrong |= np.linalg.norm(estimate, axis=1) > self.field_radius * (1 + 1e-9)
         estimate[wrong] = np.nan
         return estimate
 
+    @np.errstate(invalid="ignore", over="ignore", divide="ignore")
+    def _newton_step(self, estimate: FloatArray, distorted: FloatArray) -> FloatArray:
+        """Returns how far Newton's method would move each estimate (N, 2) back, at most a fifth of its own radius."""
+        again, jacobian = self._bend(estimate, jacobian=True)
+        error = again - distorted
+        a, b, c, d = jacobian.T
+        step = np.column_stack([d * error[:, 0] - b * error[:, 1], a * error[:, 1] - c * error[:, 0]]) / (a * d - b * c)[:, None]
+        # Near the fold the slope vanishes, and a whole step would leave the field.
+        limit = 0.2 * np.maximum(np.linalg.norm(estimate, axis=1), 0.05)
+        return step * np.minimum(1, limit / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
+
+    @np.errstate(invalid="ignore", over="ignore", divide="ignore")  # far outside the field anything may happen; callers ask for finite
     def _bend(self, normalised: FloatArray, jacobian: bool = False) -> tuple[FloatArray, FloatArray]:
         """Applies everything but the tilt; also the Jacobian (N, 4) as xx, xy, yx, yy if asked (else empty)."""
         x, y = normalised[:, 0], normalised[:, 1]
@@ -215,6 +221,7 @@ def _tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
 
 
 def _apply_homography(homography: NDArray[np.floating], points: FloatArray) -> FloatArray:
-    """Applies a (3, 3) homography to (N, 2) points."""
+    """Applies a (3, 3) homography to (N, 2) points; NaN for those that it throws beyond infinity."""
     mapped = points @ homography[:, :2].T + homography[:, 2]
+    mapped[~(mapped[:, 2] > 0)] = np.nan
     return mapped[:, :2] / mapped[:, 2:]

@@ -1,0 +1,154 @@
+"""What every calibration format has in common: units, checked numbers, and one clear line for each thing that is wrong."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera, Rig
+from calib.errors import InputError
+from calib.rotation import matrix_from_rodrigues, nearest_rotation
+
+FloatArray = NDArray[np.float64]
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_AGAIN = "mend the file or calibrate this camera again"
+_FULL_TURN = 2 * np.pi + 1e-6
+
+
+@dataclass(frozen=True)
+class Source:
+    """A calibration file on its way in, with what the caller knows and the file may not say.
+
+    Attributes:
+        path: The file or folder.
+        unit: Unit of its lengths ("m", "cm" or "mm") where the caller stated one.
+        size: Image (width, height), px, where the caller stated it, for formats that do not.
+    """
+
+    path: Path
+    unit: str | None = None
+    size: tuple[int, int] | None = None
+
+    def error(self, message: str, camera: str | None = None) -> InputError:
+        """Makes the one line that names the file, the camera and the remedy."""
+        return InputError(f"{self.path}: camera {camera}: {message}" if camera is not None else f"{self.path}: {message}")
+
+    def metres_per_unit(self, stated: object, remedy: str) -> float:
+        """Returns the length of the file's unit in metres.
+
+        Args:
+            stated: What the file itself says, or None.
+            remedy: How a unit is written into this format.
+
+        Raises:
+            InputError: Nobody stated a unit, it is unknown, or the file and the caller differ.
+        """
+        unit = self.unit if stated is None else stated
+        if unit is None:
+            raise self.error(f"in which unit are its lengths? {remedy} or pass --unit m|cm|mm (Pose2Sim writes m, FreeMoCap mm)")
+        if not isinstance(unit, str) or unit not in METRES:
+            raise self.error(f"unit must be m, cm or mm, not {unit!r}: {remedy}")
+        if self.unit is not None and self.unit != unit:
+            raise self.error(f"the file says its unit is {unit}, --unit says {self.unit}: leave --unit out or correct the file")
+        return METRES[unit]
+
+    def numbers(self, camera: str, key: str, value: object, shape: tuple[int, ...] | None = None) -> FloatArray:
+        """Returns finite float64 numbers of one shape (flat where None); lists nested one deeper than needed are accepted.
+
+        Raises:
+            InputError: The value is missing, not numbers, not finite, or has another shape.
+        """
+        if value is None:
+            raise self.error(f"{key} is missing: {_AGAIN}", camera)
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise self.error(f"{key} must be numbers, got {_short(value)}: {_AGAIN}", camera) from None
+        count = array.size if shape is None else int(np.prod(shape))
+        if array.size != count or (shape is not None and len(shape) == 2 and array.ndim == 2 and array.shape != shape):
+            raise self.error(f"{key} must have shape {shape}, got {array.shape}: {_AGAIN}", camera)
+        if not np.isfinite(array).all():
+            raise self.error(f"{key} holds a NaN or infinite number: {_AGAIN}", camera)
+        return array.reshape(-1 if shape is None else shape)
+
+    def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera:
+        """Makes a camera of raw values.
+
+        Args:
+            name: Camera name.
+            values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation` and perhaps `fisheye`.
+            metres_per_unit: Metres in one unit of the translation.
+
+        Raises:
+            InputError: A value is missing or wrong.
+        """
+        size = self.image_size(name, values.get("size"))
+        matrix = self.numbers(name, "matrix", values.get("matrix"), (3, 3))
+        if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+            raise self.error(f"focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}: {_AGAIN}", name)
+        fisheye = values.get("fisheye", False)
+        if not isinstance(fisheye, bool):
+            raise self.error(f"fisheye must be true or false, got {_short(fisheye)}", name)
+        distortion = self.numbers(name, "distortions", values.get("distortions"))
+        if fisheye and len(distortion) == 5 and distortion[4] == 0:
+            distortion = distortion[:4]  # some programs write the pinhole model's fifth place for fisheyes too
+        try:
+            return Camera(
+                name=name,
+                size=size,
+                matrix=matrix,
+                distortion=distortion,
+                rotation=self.rotation(name, values.get("rotation")),
+                translation=self.numbers(name, "translation", values.get("translation"), (3,)) * metres_per_unit,
+                fisheye=fisheye,
+            )
+        except ValueError as error:
+            raise self.error(f"{error}: {_AGAIN}") from None
+
+    def rotation(self, camera: str, value: object) -> FloatArray:
+        """Returns a (3, 3) rotation of a Rodrigues vector (3 numbers, rad) or of a matrix rounded at most to three digits."""
+        numbers = self.numbers(camera, "rotation", value)
+        if numbers.size == 3:
+            if np.linalg.norm(numbers) > _FULL_TURN:
+                raise self.error(f"rotation {numbers.tolist()} turns more than once: give a Rodrigues vector in radians", camera)
+            return matrix_from_rodrigues(numbers)
+        if numbers.size != 9:
+            raise self.error(f"rotation must be 3 (Rodrigues) or 9 (matrix) numbers, got {numbers.size}: {_AGAIN}", camera)
+        given = numbers.reshape(3, 3)
+        rotation = nearest_rotation(given)
+        error = float(np.abs(given - rotation).max())
+        if error > 1e-3:
+            raise self.error(f"rotation is not a rotation matrix (off by {error:.2g}): {_AGAIN}", camera)
+        # Re-orthonormalising numbers that are right already would only disturb their last digits.
+        return rotation if error > 1e-12 else given
+
+    def image_size(self, camera: str, value: object) -> tuple[int, int]:
+        """Returns the image's (width, height), from the file or else from the caller."""
+        if value is None:
+            if self.size is None:
+                raise self.error("the image size is not in the file: state it (width and height in px)", camera)
+            return self.size
+        width, height = self.numbers(camera, "size", value, (2,)).tolist()
+        if width != round(width) or height != round(height) or min(width, height) < 1:
+            raise self.error(f"size must be width and height in whole pixels, got {_short(value)}", camera)
+        return int(width), int(height)
+
+    def rig(self, cameras: list[Camera]) -> Rig:
+        """Makes the rig, or says that there is no camera or that two share a name."""
+        if not cameras:
+            raise self.error("no camera in it: expected at least one with matrix, distortions, rotation and translation")
+        names = [camera.name for camera in cameras]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise self.error(f"name {twice[0]!r} appears {names.count(twice[0])} times: give every camera its own name")
+        return Rig(tuple(cameras))
+
+
+def _short(value: object) -> str:
+    """Shows a value without filling the screen."""
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."

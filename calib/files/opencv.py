@@ -1,0 +1,173 @@
+"""OpenCV FileStorage: YAML, XML or JSON.
+
+Layouts that are read:
+
+- one file with all cameras: a map per camera, named after it, beside an optional `unit` (this is also what is written);
+- one file with one camera, its keys at the top level;
+- a folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or `cam_1/config.xml` ... (after the folder).
+
+Keys, whatever their case and underscores: `camera_matrix` (or K, intrinsic_matrix, mtx), `distortion_coefficients` (dist_coeffs, dist, D,
+distortions), `rotation` (R, Rot, rvec, rotation_vector, rotation_matrix), `translation` (T, tvec, translation_vector), `image_width`
+and `image_height` (or `image_size`, `size`), `fisheye`, `unit`, `name`. Rotation and translation take the world into the camera.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from calib.camera import Camera, Rig
+from calib.errors import InputError
+from calib.files.fields import Source
+
+_ALIASES = {
+    "matrix": ("cameramatrix", "k", "intrinsicmatrix", "intrinsics", "mtx", "matrix"),
+    "distortions": ("distortioncoefficients", "distortioncoeffs", "distcoeffs", "dist", "d", "distortions", "distortion"),
+    "rotation": ("rotation", "r", "rot", "rvec", "rvecs", "rotationvector", "rotationmatrix"),
+    "translation": ("translation", "t", "tvec", "tvecs", "translationvector"),
+    "size": ("imagesize", "size"),
+    "width": ("imagewidth", "width"),
+    "height": ("imageheight", "height"),
+    "fisheye": ("fisheye",),
+    "unit": ("unit", "units"),
+    "name": ("name", "cameraname"),
+}
+_KEY = {alias: key for key, aliases in _ALIASES.items() for alias in aliases}
+_SUFFIXES = {".yml", ".yaml", ".xml", ".json"}
+_REMEDY = "add a top-level entry unit: m"
+
+
+def read(source: Source) -> Rig:
+    """Reads one file.
+
+    Raises:
+        InputError: OpenCV cannot read the file, or a camera in it is incomplete or wrong.
+    """
+    content = load(source)
+    maps = {key: value for key, value in content.items() if isinstance(value, dict) and "matrix" in _named(value)}
+    if not maps and "matrix" in _named(content):
+        maps = {source.path.stem: content}
+    if not maps:
+        return source.rig([])
+    metres = _metres(source, content, *maps.values())
+    return source.rig([_camera(source, name, values, metres) for name, values in maps.items()])
+
+
+def read_folder(source: Source) -> Rig:
+    """Reads a folder of one file per camera.
+
+    Raises:
+        InputError: No calibration in it, or a camera is incomplete or wrong.
+    """
+    cameras: list[Camera] = []
+    try:
+        entries = sorted(source.path.iterdir())
+    except OSError as error:
+        raise source.error(f"cannot read: {error.strerror}") from None
+    for entry in entries:
+        files = [entry] if entry.is_file() else sorted(entry.glob("*")) if entry.is_dir() else []
+        files = [file for file in files if file.suffix.lower() in _SUFFIXES]
+        inner = [Source(file, source.unit, source.size) for file in files]
+        holding = [(one, content) for one in inner if _is_storage(one.path) and "matrix" in _named(content := load(one))]
+        if entry.is_dir() and len(holding) > 1:
+            raise Source(entry).error(f"{len(holding)} calibrations in one camera's folder: keep {holding[0][0].path.name} or the other")
+        for one, content in holding:
+            cameras.append(_camera(one, entry.stem if entry.is_file() else entry.name, content, _metres(one, content)))
+    return source.rig(cameras)
+
+
+def write(rig: Rig, path: Path) -> None:
+    """Writes one file with all cameras, in metres.
+
+    Raises:
+        InputError: A camera's name cannot be a key of OpenCV's.
+        OSError: The file cannot be written.
+    """
+    for name in rig.names:
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
+            raise InputError(f"camera {name}: OpenCV's keys are letters, digits, - and _, starting with a letter: rename it or write TOML")
+    try:
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    except cv2.error:
+        raise OSError(f"OpenCV cannot write {path.name}") from None
+    if not storage.isOpened():
+        raise OSError(f"no such folder or no permission: {path.parent}")
+    storage.write("unit", "m")
+    for camera in rig:
+        storage.startWriteStruct(camera.name, cv2.FileNode_MAP)
+        storage.write("image_width", camera.size[0])
+        storage.write("image_height", camera.size[1])
+        storage.write("fisheye", int(camera.fisheye))
+        storage.write("camera_matrix", camera.matrix)
+        storage.write("distortion_coefficients", camera.distortion.reshape(-1, 1) if len(camera.distortion) else np.zeros((4, 1)))
+        storage.write("rotation", camera.rotation)
+        storage.write("translation", camera.translation.reshape(3, 1))
+        storage.endWriteStruct()
+    storage.release()
+
+
+def load(source: Source) -> dict[str, Any]:
+    """Returns a file's whole tree as dictionaries, lists, arrays, numbers and strings.
+
+    Raises:
+        InputError: OpenCV cannot parse it.
+    """
+    try:
+        storage = cv2.FileStorage(str(source.path), cv2.FILE_STORAGE_READ)
+        tree = _plain(storage.root()) if storage.isOpened() else None
+        storage.release()
+    except (cv2.error, SystemError) as error:
+        reason = " ".join(str(error).split())
+        raise source.error(f"OpenCV cannot read it: {reason[:160]}") from None
+    if not isinstance(tree, dict):
+        raise source.error("OpenCV cannot read it: not a FileStorage of named entries")
+    return tree
+
+
+def _plain(node: Any) -> Any:
+    """Turns a FileNode into plain values."""
+    if node.isMap():
+        matrix = None
+        if {"rows", "cols", "data"} <= set(node.keys()):
+            matrix = node.mat()
+        return matrix if matrix is not None else {key: _plain(node.getNode(key)) for key in node.keys()}  # noqa: SIM118
+    if node.isSeq():
+        return [_plain(node.at(index)) for index in range(node.size())]
+    if node.isInt() or node.isReal():
+        return node.real()
+    return node.string() if node.isString() else None
+
+
+def _is_storage(path: Path) -> bool:
+    """Whether a file looks like a FileStorage rather than somebody else's YAML, XML or JSON."""
+    start = path.read_bytes()[:1000].lstrip()
+    return start.startswith(b"%YAML") or b"<opencv_storage" in start or (start.startswith(b"{") and path.suffix.lower() == ".json")
+
+
+def _named(content: dict[str, Any]) -> dict[str, Any]:
+    """Returns a camera's entries under this project's names; the first alias wins."""
+    named: dict[str, Any] = {}
+    for key, value in content.items():
+        ours = _KEY.get(key.lower().replace("_", ""))
+        if ours is not None:
+            named.setdefault(ours, value)
+    return named
+
+
+def _metres(source: Source, *maps: dict[str, Any]) -> float:
+    """Returns metres per unit, as stated in any of the maps."""
+    stated = {unit for values in maps if (unit := _named(values).get("unit")) is not None}
+    if len(stated) > 1:
+        raise source.error(f"cameras in different units ({', '.join(sorted(map(str, stated)))}): write them in one")
+    return source.metres_per_unit(stated.pop() if stated else None, _REMEDY)
+
+
+def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera:
+    """Makes one camera of its map."""
+    values = _named(content)
+    if "size" not in values and {"width", "height"} <= values.keys():
+        values["size"] = [values["width"], values["height"]]
+    values["fisheye"] = bool(values.get("fisheye", False))
+    return source.camera(str(values.get("name", name)), values, metres)

@@ -1,0 +1,99 @@
+"""A list of 3x4 projection matrices in JSON.
+
+`{"unit": "m", "projections": [[[...4], [...4], [...4]], ...]}`, or the bare list. Optional lists beside `projections`, one entry per
+matrix: `names` (else cam_0, cam_1 ...) and `sizes` as [w, h] (or one `size` for all); else the caller states the size. A matrix is
+taken apart into K, R and t, with the skew kept, so that K [R | t] is the given matrix again up to its scale. Its sign is free: a
+matrix and its negative are one camera, and points with a positive depth are before it once det(K R) > 0.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera, Rig
+from calib.errors import InputError
+from calib.files.fields import Source
+
+FloatArray = NDArray[np.float64]
+
+
+def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Takes a projection apart by RQ.
+
+    Args:
+        projection: (3, 4), homogeneous pixels from world, of any scale and sign.
+
+    Returns:
+        matrix (3, 3) with a positive diagonal and 1 in the corner, rotation (3, 3), translation (3,) in the world's unit.
+
+    Raises:
+        ValueError: The left 3x3 part is singular: no camera at a finite place.
+
+    Source: Hartley and Zisserman, Multiple View Geometry, 2nd ed., 6.2.4.
+    """
+    left = projection[:, :3]
+    scale = float(np.linalg.norm(left[2]))
+    if not np.isfinite(projection).all() or scale == 0 or abs(np.linalg.det(left / scale)) < 1e-9 * np.linalg.norm(left / scale) ** 3:
+        raise ValueError("the left 3x3 part is singular")
+    scaled = projection / (scale * np.sign(np.linalg.det(left)))
+    # RQ of M is QR of M turned upside down.
+    q, r = np.linalg.qr(scaled[::-1, :3].T)
+    upper, rotation = r.T[::-1, ::-1], q.T[::-1]
+    signs = np.diag(np.sign(np.diag(upper)))
+    upper, rotation = np.triu(upper @ signs), signs @ rotation
+    translation = np.linalg.solve(upper, scaled[:, 3])
+    return np.triu(upper / upper[2, 2]) + 0.0, rotation, translation  # + 0.0: no negative zeros
+
+
+def read(source: Source) -> Rig:
+    """Reads the rig.
+
+    Raises:
+        InputError: A matrix is not 3x4, not finite or singular, or sizes or the unit are unknown.
+    """
+    content: Any = json.loads(source.path.read_text(encoding="utf-8-sig"))
+    content = {"projections": content} if isinstance(content, list) else content
+    matrices = content["projections"]
+    if not isinstance(matrices, list):
+        raise source.error("projections must be a list of 3x4 matrices")
+    names = _listed(source, content, "names", len(matrices)) or [f"cam_{index}" for index in range(len(matrices))]
+    sizes = _listed(source, content, "sizes", len(matrices)) or [content.get("size")] * len(matrices)
+    metres = source.metres_per_unit(content.get("unit"), 'add "unit": "m"')
+    cameras = []
+    for name, size, values in zip(names, sizes, matrices, strict=True):
+        projection = source.numbers(str(name), "projection", values, (3, 4))
+        try:
+            matrix, rotation, translation = decompose(projection)
+        except ValueError as error:
+            raise source.error(f"projection is no camera ({error}): check the matrix", str(name)) from None
+        cameras.append(Camera(str(name), source.image_size(str(name), size), matrix, np.zeros(0), rotation, translation * metres))
+    return source.rig(cameras)
+
+
+def write(rig: Rig, path: Path) -> None:
+    """Writes the rig in metres.
+
+    Raises:
+        InputError: A camera bends straight lines, which a matrix cannot say.
+    """
+    bent = [camera.name for camera in rig if not camera.is_pinhole]
+    if bent:
+        raise InputError(f"{', '.join(bent)}: a 3x4 matrix cannot hold lens distortion: write TOML, or undistort the images first")
+    content = {
+        "unit": "m",
+        "names": list(rig.names),
+        "sizes": [list(camera.size) for camera in rig],
+        "projections": [camera.projection.tolist() for camera in rig],
+    }
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _listed(source: Source, content: dict[str, Any], key: str, count: int) -> list[Any] | None:
+    """Returns an optional list that must go with the matrices."""
+    value = content.get(key)
+    if value is not None and (not isinstance(value, list) or len(value) != count):
+        raise source.error(f"{key} must be a list of {count}, one for each projection")
+    return value

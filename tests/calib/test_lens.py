@@ -1,0 +1,74 @@
+"""Properties of lenses: bending and straightening undo each other everywhere in the field, and nothing is seen outside it."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from calib.lens import FisheyeLens, RationalLens
+
+
+def number(bound: float) -> st.SearchStrategy[float]:
+    return st.floats(-bound, bound, allow_subnormal=False)
+
+
+@st.composite
+def rational_lenses(draw) -> RationalLens:
+    radial = [draw(number(0.5)), draw(number(0.3)), draw(number(0.01)), draw(number(0.01)), draw(number(0.2))]
+    below = [draw(number(0.4)), draw(number(0.2)), draw(number(0.1))]
+    prism = [draw(number(0.01)) for _ in range(4)]
+    tilt = [draw(number(0.05)) for _ in range(2)]
+    return RationalLens(np.array((radial + below + prism + tilt)[: draw(st.sampled_from([0, 4, 5, 8, 12, 14]))]))
+
+
+@st.composite
+def fisheye_lenses(draw) -> FisheyeLens:
+    return FisheyeLens(np.array([draw(number(0.3)), draw(number(0.2)), draw(number(0.1)), draw(number(0.1))]))
+
+
+directions = arrays(np.float64, (30, 2), elements=number(1.0))
+
+
+def spread(unit: np.ndarray, radius: float) -> np.ndarray:
+    """Scales points of the unit square into a disc of that radius (at most 2, 63 degrees from the axis)."""
+    length = np.linalg.norm(unit, axis=1, keepdims=True)
+    return unit / np.maximum(1, length) * min(radius, 2.0)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.one_of(rational_lenses(), fisheye_lenses()), directions)
+def test_straightening_undoes_bending_in_the_field(lens, unit):
+    points = spread(unit, 0.98 * lens.field_radius)  # at the fold itself the inverse has no slope
+    bent = lens.distort(points)
+    assert np.isfinite(bent).all()
+    np.testing.assert_allclose(lens.undistort(bent), points, atol=1e-7)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.one_of(rational_lenses(), fisheye_lenses()), directions)
+def test_bending_undoes_straightening_wherever_there_is_a_ray(lens, unit):
+    pixels = 3 * unit
+    straight = lens.undistort(pixels)
+    seen = np.isfinite(straight).all(axis=1)
+    again = lens.distort(straight[seen] * (1 - 1e-12))
+    np.testing.assert_allclose(again, pixels[seen], atol=1e-6)
+    assert (np.linalg.norm(straight[seen], axis=1) <= lens.field_radius * (1 + 1e-6)).all()
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.one_of(rational_lenses(), fisheye_lenses()), directions)
+def test_nothing_is_seen_outside_the_field(lens, unit):
+    points = 4 * unit
+    outside = np.linalg.norm(points, axis=1) > lens.field_radius * (1 + 1e-9)
+    unseen = np.isnan(lens.distort(points)).any(axis=1)
+    assert unseen[outside].all()
+    assert not unseen[~outside & (np.linalg.norm(points, axis=1) < 2)].any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.one_of(rational_lenses(), fisheye_lenses()), st.floats(0, 2 * np.pi))
+def test_no_two_points_of_a_direction_share_a_place(lens, angle):
+    radii = np.linspace(0, min(2.0, 0.999 * lens.field_radius), 300)
+    bent = lens.distort(radii[:, None] * [[np.cos(angle), np.sin(angle)]])
+    along = np.diff(bent[np.isfinite(bent).all(axis=1)], axis=0)  # a tilted sensor may end before the field does
+    assert (along @ [np.cos(angle), np.sin(angle)] > 0).all()
