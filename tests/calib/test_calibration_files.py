@@ -1,0 +1,232 @@
+"""Every format gives back what was written, takes its dialects, and says in one line what is wrong."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from rigs import BENT, FISHEYE, PINHOLE, PRISM, RATIONAL, assert_same_rig, some_rig
+
+from calib.errors import InputError
+from calib.files import read_rig, write_rig
+from calib.files.projections import decompose
+from calib.rotation import matrix_from_rodrigues
+
+CAMERA = """
+[cam_1]
+name = "left"
+size = [640, 480]
+matrix = [[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]]
+distortions = [0.0, 0.0, 0.0, 0.0, 0.0]
+rotation = [0.1, 0.2, 0.3]
+translation = [100.0, 200.0, 4000.0]
+"""
+MM = '[metadata]\nunit = "mm"\n'
+
+
+def write(folder: Path, text: str, name: str = "calibration.toml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def refusal(path: Path, **known) -> str:
+    """Returns the one line with which a file is refused."""
+    with pytest.raises(InputError) as caught:
+        read_rig(path, **known)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message
+
+
+@pytest.mark.parametrize("name", ["rig.toml", "rig.yml", "rig.yaml", "rig.xml", "rig.json"])
+def test_what_was_written_is_read(tmp_path, name):
+    rig = some_rig(PINHOLE, BENT, RATIONAL, PRISM, FISHEYE)
+    write_rig(rig, tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert_same_rig(rig, read_rig(tmp_path / name))
+    assert_same_rig(rig, read_rig(tmp_path / name, unit="m"))
+
+
+def test_projections_written_are_read(tmp_path):
+    rig = some_rig(PINHOLE, PINHOLE, PINHOLE)
+    write_rig(rig, tmp_path / "rig.json", style="projections")
+    back = read_rig(tmp_path / "rig.json")
+    assert back.names == rig.names
+    for a, b in zip(rig, back, strict=True):
+        assert a.size == b.size
+        np.testing.assert_allclose(a.projection, b.projection, rtol=1e-12)
+    with pytest.raises(InputError, match="cam_1: a 3x4 matrix cannot hold lens distortion"):
+        write_rig(some_rig(BENT), tmp_path / "bent.json", style="projections")
+    assert not (tmp_path / "bent.json").exists()
+
+
+def test_unknown_styles_suffixes_and_folders_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"no calibration format has the suffix '\.txt'"):
+        write_rig(some_rig(PINHOLE), tmp_path / "rig.txt")
+    with pytest.raises(InputError, match="no calibration format 'abc': choose one of anipose"):
+        write_rig(some_rig(PINHOLE), tmp_path / "rig.txt", style="abc")
+    for name in ("rig.toml", "rig.yml"):
+        with pytest.raises(InputError, match="cannot write"):
+            write_rig(some_rig(PINHOLE), tmp_path / "missing" / name)
+
+
+def test_lengths_become_metres(tmp_path):
+    assert read_rig(write(tmp_path, CAMERA + MM))["left"].translation.tolist() == [0.1, 0.2, 4.0]
+    assert read_rig(write(tmp_path, CAMERA), unit="cm")["left"].translation.tolist() == [1.0, 2.0, 40.0]
+
+
+def test_an_unknown_unit_is_asked_for(tmp_path):
+    assert 'unit = "m" or pass --unit m|cm|mm' in refusal(write(tmp_path, CAMERA))
+    assert "not 'inch'" in refusal(write(tmp_path, CAMERA + MM.replace("mm", "inch")))
+    assert "the file says its unit is mm, --unit says m" in refusal(write(tmp_path, CAMERA + MM), unit="m")
+
+
+def test_freemocap_dialect(tmp_path):
+    text = (
+        CAMERA
+        + "fisheye = true\n[metadata]\ncharuco_square_size = 58.0\ngroundplane_calibration = false\n[metadata.recording_info]\nx = 1\n"
+    )
+    rig = read_rig(write(tmp_path, text.replace("0.0, 0.0, 0.0, 0.0, 0.0]", "0.1, 0.0, 0.0, 0.0]")), unit="mm")
+    assert rig["left"].fisheye
+    assert rig["left"].distortion.tolist() == [0.1, 0, 0, 0]
+    assert read_rig(write(tmp_path, text), unit="mm")["left"].distortion.tolist() == [0] * 4  # five places, the last one empty
+
+
+def test_pose2sim_dialect(tmp_path):
+    text = CAMERA.replace("[640, 480]", "[ 640.0, 480.0]").replace('name = "left"\n', "") + "[metadata]\nadjusted = false\nerror = 0.0\n"
+    rig = read_rig(write(tmp_path, text), unit="m")
+    assert rig.names == ("cam_1",)
+    assert rig["cam_1"].size == (640, 480)
+
+
+def test_caliscope_dialect(tmp_path):
+    rows = matrix_from_rodrigues([0.1, 0.2, 0.3]).tolist()
+    text = CAMERA.replace("[cam_1]", "[cameras.1]\ncam_id = 1\nrotation_count = -1\nignore = false")
+    text = text.replace("rotation = [0.1, 0.2, 0.3]", f"rotation = {rows}").replace('name = "left"\n', "")
+    text += "[cameras.2]\nignore = true\nmatrix = []\n[charuco]\ncolumns = 4\n[capture_volume]\nstage = 2\n"
+    rig = read_rig(write(tmp_path, "CreationDate = 2023-03-31T09:56:43\n" + text), unit="m")
+    assert rig.names == ("cam_1",)
+    np.testing.assert_allclose(rig["cam_1"].rotation, rows, atol=1e-15)
+
+
+def test_a_rounded_rotation_matrix_is_made_a_rotation_again(tmp_path):
+    rows = matrix_from_rodrigues([0.1, 0.2, 0.3]).round(3).tolist()
+    rotation = read_rig(write(tmp_path, CAMERA.replace("[0.1, 0.2, 0.3]", str(rows)) + MM))["left"].rotation
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[0.1, 0.2, 0.3]", "[nan, 0.2, 0.3]", "camera left: rotation holds a NaN"),
+        ("[[600.0", "[[inf", "camera left: matrix holds a NaN or infinite number"),
+        ("[[600.0", "[[0.0", "camera left: focal lengths must be positive, got 0 and 600"),
+        ("[[600.0", "[[-600.0", "camera left: focal lengths must be positive, got -600 and 600"),
+        ("[0.1, 0.2, 0.3]", "[[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "camera left: rotation is not a rotation matrix (off by 2)"),
+        ("[0.1, 0.2, 0.3]", "[[2, 0, 0], [0, 1, 0], [0, 0, 1]]", "camera left: rotation is not a rotation matrix (off by 1)"),
+        ("[0.1, 0.2, 0.3]", "[10.0, 20.0, 30.0]", "camera left: rotation [10.0, 20.0, 30.0] turns more than once"),
+        ("[0.1, 0.2, 0.3]", "[0.1, 0.2]", "camera left: rotation must be 3 (Rodrigues) or 9 (matrix) numbers, got 2"),
+        ("rotation = [0.1, 0.2, 0.3]\n", "", "camera left: rotation is missing"),
+        ("100.0, 200.0, 4000.0", "100.0, 200.0", "camera left: translation must have shape (3,), got (2,)"),
+        ("100.0, 200.0, 4000.0", '"a", "b", "c"', "camera left: translation must be numbers, got ['a', 'b', 'c']"),
+        ("[0.0, 0.0, 0.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]", "camera left: distortion must have 0 or 4 or 5 or 8 or 12 or 14 numbers, got 3"),
+        ("[640, 480]", "[640.5, 480]", "camera left: size must be width and height in whole pixels, got [640.5, 480]"),
+        ("size = [640, 480]\n", "", "camera left: the image size is not in the file"),
+        ("[0.0, 0.0, 1.0]]", "[0.0, 0.0, 2.0]]", "camera left: matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]]"),
+        ("[cam_1]", "[cam_1]\nfisheye = 3", "camera left: fisheye must be true or false, got 3"),
+        ("[cam_1]", "[cam_1", "not a calibration that is known here (nor valid TOML"),
+    ],
+)
+def test_each_mistake_is_named_with_its_camera(tmp_path, old, new, message):
+    assert old in CAMERA
+    assert message in refusal(write(tmp_path, CAMERA.replace(old, new, 1) + MM))
+
+
+def test_files_without_cameras_or_with_two_of_a_name_are_refused(tmp_path):
+    assert "no camera in it" in refusal(write(tmp_path, "[settings]\nx = 1\n"))
+    assert "name 'left' appears 2 times" in refusal(write(tmp_path, CAMERA + CAMERA.replace("cam_1", "cam_2") + MM))
+    assert "no such calibration file" in refusal(tmp_path / "nothing.toml")
+    assert "no camera in it" in refusal(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(bytes(range(128, 256)))
+    assert "not a text file" in refusal(tmp_path / "binary.toml")
+
+
+def storage(path: Path, **entries) -> Path:
+    """Writes an OpenCV file as a user's own script would."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for key, value in entries.items():
+        file.write(key, value)
+    file.release()
+    return path
+
+
+OWN = {
+    "CameraMatrix": np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]]),
+    "DistortionCoeffs": np.zeros((5, 1)),
+    "rvec": np.array([[0.1], [0.2], [0.3]]),
+    "tvec": np.array([[100.0], [200.0], [4000.0]]),
+    "image_width": 640,
+    "image_height": 480,
+}
+
+
+def test_opencv_folder_of_a_file_or_a_folder_per_camera(tmp_path):
+    for name in ("cam1", "cam2"):
+        storage(tmp_path / "folders" / name / "config.xml", **OWN)
+        storage(tmp_path / "files" / f"{name}.yml", **OWN)
+    (tmp_path / "folders" / "notes.txt").write_text("x")
+    (tmp_path / "folders" / "cam1" / "foreign.yml").write_text("a: 1\n")
+    for folder in ("folders", "files"):
+        rig = read_rig(tmp_path / folder, unit="mm")
+        assert rig.names == ("cam1", "cam2")
+        assert rig["cam1"].translation.tolist() == [0.1, 0.2, 4.0]
+    assert read_rig(tmp_path / "files" / "cam2.yml", unit="mm").names == ("cam2",)
+    storage(tmp_path / "folders" / "cam1" / "old.xml", **OWN)
+    with pytest.raises(InputError, match="2 calibrations in one camera's folder"):
+        read_rig(tmp_path / "folders", unit="mm")
+
+
+def test_opencv_mistakes_are_named(tmp_path):
+    assert "add a top-level entry unit: m" in refusal(storage(tmp_path / "a.yml", **OWN))
+    sizeless = {key: value for key, value in OWN.items() if not key.startswith("image")}
+    assert "camera a: the image size is not in the file" in refusal(storage(tmp_path / "a.yml", unit="mm", **sizeless))
+    assert read_rig(tmp_path / "a.yml", size=(640, 480))["a"].size == (640, 480)
+    assert "camera a: translation is missing" in refusal(
+        storage(tmp_path / "a.yml", unit="m", **{key: value for key, value in OWN.items() if key != "tvec"})
+    )
+    assert "OpenCV cannot read it" in refusal(write(tmp_path, "%YAML:1.0\n---\na: [1, 2\nb: }\n", "broken.yml"))
+    assert "OpenCV cannot read it" in refusal(write(tmp_path, '<?xml version="1.0"?>\n<opencv_storage><a></opencv_storage>', "broken.xml"))
+    assert "broken JSON" in refusal(write(tmp_path, '{"projections": [', "broken.json"))
+    assert "no camera in it" in refusal(write(tmp_path, '{"a": 1}', "other.json"))
+    assert "no camera in it" in refusal(storage(tmp_path / "c.yml", unit="m"))
+
+
+def test_projection_mistakes_are_named(tmp_path):
+    good = np.column_stack([np.eye(3), [0, 0, 4]]).tolist()
+
+    def said(content, **known) -> str:
+        return refusal(write(tmp_path, json.dumps(content), "p.json"), **known)
+
+    assert 'add "unit": "m"' in said([good], size=(640, 480))
+    assert "camera cam_0: the image size is not in the file" in said({"unit": "m", "projections": [good]})
+    assert "camera cam_1: projection must have shape (3, 4), got (2, 4)" in said(
+        {"unit": "m", "size": [4, 4], "projections": [good, good[:2]]}
+    )
+    assert "camera cam_0: projection is no camera" in said({"unit": "m", "size": [4, 4], "projections": [[[1, 2, 3, 4]] * 3]})
+    assert "camera cam_0: projection holds a NaN" in said({"unit": "m", "size": [4, 4], "projections": [[[float("nan")] * 4] * 3]})
+    assert "names must be a list of 1" in said({"unit": "m", "size": [4, 4], "projections": [good], "names": ["a", "b"]})
+    assert "projections must be a list" in said({"unit": "m", "projections": 3})
+    assert "no camera in it" in said({"unit": "m", "projections": []})
+
+
+@pytest.mark.parametrize("scale", [1.0, -1.0, 1e-4, -300.0])
+def test_decomposition_gives_the_matrix_back(scale):
+    for camera in some_rig(*[PINHOLE] * 10):
+        matrix, rotation, translation = decompose(scale * camera.projection)
+        np.testing.assert_allclose(matrix, camera.matrix, atol=1e-9)
+        np.testing.assert_allclose(rotation, camera.rotation, atol=1e-12)
+        np.testing.assert_allclose(translation, camera.translation, atol=1e-11)
