@@ -1,0 +1,131 @@
+"""Which parts move a vertex, and how much: every joint has a zone across which its two parts blend.
+
+The zone lies along a plane through the joint and is about as wide as the limb. A limb takes its share of the surface by being nearer
+than the trunk, so that an arm pulls at the armpit but not at the flank; left and right meet only within a finger's breadth of the crotch.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.template import surface
+from silhouette_core.body.template.figures import ARM, Figure
+
+MIRROR = np.array([PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right")) for n in PART_NAMES], np.int32)
+"""The part on the other side of the body."""
+
+# Parts before their children: plane normal (None: along the arm), half width of the zone, shift of the plane from the joint.
+Plane = tuple[tuple[float, float, float], float, tuple[float, float, float]]
+_HERE = (0.0, 0.0, 0.0)
+_UPWARD = (0.0, 0.0, 1.0)
+_ALONG_ARM = (float(ARM[0]), 0.0, float(ARM[2]))
+SPINE: tuple[tuple[str, Plane], ...] = (
+    ("lumbar", (_UPWARD, 0.035, _HERE)),
+    ("abdomen", (_UPWARD, 0.030, _HERE)),
+    ("thorax", (_UPWARD, 0.030, _HERE)),
+    ("upper_thorax", (_UPWARD, 0.030, _HERE)),
+    ("neck", ((0, -0.40, 0.92), 0.020, _HERE)),
+    ("head", ((0, -0.60, 0.80), 0.018, (0, 0.013, -0.027))),
+)
+ARM_CHAIN: tuple[tuple[str, Plane], ...] = (
+    ("left_forearm", (_ALONG_ARM, 0.028, _HERE)),
+    ("left_hand", (_ALONG_ARM, 0.016, _HERE)),
+    ("left_fingers", (_ALONG_ARM, 0.010, _HERE)),
+)
+LEG_CHAIN: tuple[tuple[str, Plane], ...] = (
+    ("left_shin", ((0, 0, -1), 0.034, _HERE)),
+    ("left_foot", ((0, -0.35, -0.94), 0.016, _HERE)),
+    ("left_toes", ((0, -1, 0), 0.014, _HERE)),
+)
+CLAVICLE: Plane = ((0.80, 0, 0.60), 0.036, (0.046, 0, -0.012))
+SHOULDER: Plane = ((0.92, 0, -0.38), 0.040, _HERE)
+HIP: Plane = ((0.62, 0, -0.78), 0.055, (0, 0, -0.008))
+
+
+def dense_weights(vertices: NDArray[np.floating], figure: Figure) -> NDArray[np.float64]:
+    """Returns the (V, 27) shares of all parts at vertices (V, 3) in units of stature."""
+    left = vertices * [1, 1, 1]
+    left[:, 0] = np.abs(left[:, 0])
+    weights = np.zeros((len(vertices), len(PART_NAMES)))
+    nearness = _distance(left, surface.trunk(figure, 1.0)) - _distance(left, surface.arm(figure))
+    arm = _ramp(nearness, 0.012) * _beyond(left, figure, "left_upper_arm", SHOULDER)
+    leg = _beyond(left, figure, "left_thigh", HIP) * (1 - arm)
+    trunk = 1 - arm - leg
+    clavicle = _beyond(left, figure, "left_clavicle", CLAVICLE) * (1 - _beyond(left, figure, *SPINE[4])) * trunk
+    _share(weights, trunk - clavicle, "pelvis", SPINE, left, figure)
+    weights[:, PART_NAMES.index("left_clavicle")] = clavicle
+    _share(weights, arm, "left_upper_arm", ARM_CHAIN, left, figure)
+    _thumb(weights, left, figure)
+    _share(weights, leg, "left_thigh", LEG_CHAIN, left, figure)
+    # Limbs so far moved both sides: hand over the right half's share, crossing over within the crotch.
+    side = _ramp(vertices[:, 0], 0.010)[:, None]
+    return weights * side + weights[:, MIRROR] * (1 - side) if np.any(vertices[:, 0] < 0) else weights
+
+
+def strongest(weights: NDArray[np.floating], count: int = 4) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Keeps the largest shares of each vertex and makes them sum to 1.
+
+    Args:
+        weights: (V, 27).
+        count: how many to keep.
+
+    Returns:
+        parts (V, count) int32 and weights (V, count) float32, largest first.
+    """
+    parts = np.argsort(-weights, axis=1, kind="stable")[:, :count]
+    kept = np.take_along_axis(weights, parts, axis=1)
+    kept = np.where(kept < 0.005, 0.0, kept)
+    kept /= kept.sum(1, keepdims=True)
+    return np.where(kept > 0, parts, parts[:, :1]).astype(np.int32), kept.astype(np.float32)
+
+
+def face_parts(weights: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Returns the (F,) part with the largest share over each face's corners."""
+    return weights[faces].sum(1).argmax(1).astype(np.int32)
+
+
+def _ramp(value: NDArray[np.floating], half_width: float) -> NDArray[np.float64]:
+    """Rises smoothly from 0 at -half_width to 1 at half_width."""
+    t = np.clip((value / half_width + 1) / 2, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def _beyond(points: NDArray[np.floating], figure: Figure, joint: str, plane: Plane) -> NDArray[np.float64]:
+    normal, half_width, shift = plane
+    unit = np.array(normal) / np.linalg.norm(normal)
+    return _ramp((points - figure.joints[joint] - shift) @ unit, half_width)
+
+
+def _distance(points: NDArray[np.floating], group: surface.Group) -> NDArray[np.float64]:
+    return np.min([solid.values(points) for solid, _ in group], axis=0)
+
+
+def _share(
+    weights: NDArray[np.float64],
+    whole: NDArray[np.floating],
+    root: str,
+    chain: Sequence[tuple[str, Plane]],
+    points: NDArray[np.floating],
+    figure: Figure,
+) -> None:
+    """Hands a share down a chain of parts: each passes on what lies beyond its child's joint."""
+    holder = PART_NAMES.index(root)
+    weights[:, holder] = whole
+    for name, plane in chain:
+        passed = _beyond(points, figure, name, plane) * weights[:, holder]
+        weights[:, holder] -= passed
+        holder = PART_NAMES.index(name)
+        weights[:, holder] = passed
+
+
+def _thumb(weights: NDArray[np.float64], points: NDArray[np.floating], figure: Figure) -> None:
+    """Gives the thumb what is nearer to it than to the palm, from hand and fingers alike."""
+    *_, palm, thumb = (solid for solid, _ in surface.arm(figure))
+    share = _ramp(palm.values(points) - thumb.values(points) - 0.002, 0.006)
+    share *= _ramp((points - figure.joints["left_thumb"]) @ ARM - 0.006, 0.012)
+    hand, fingers, own = (PART_NAMES.index(f"left_{name}") for name in ("hand", "fingers", "thumb"))
+    weights[:, own] = share * (weights[:, hand] + weights[:, fingers])
+    weights[:, hand] *= 1 - share
+    weights[:, fingers] *= 1 - share
