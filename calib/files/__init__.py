@@ -6,25 +6,41 @@ question unless the caller says it.
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.files import anipose, opencv, projections
+from calib.files import anipose, easymocap, opencv, plain, projections, qualisys
 from calib.files.fields import Source
 
-_BY_SUFFIX: dict[str, ModuleType] = {".toml": anipose, ".yml": opencv, ".yaml": opencv, ".xml": opencv, ".json": opencv}
-FORMATS: dict[str, ModuleType] = {"anipose": anipose, "opencv": opencv, "projections": projections}
+FORMATS: dict[str, ModuleType] = {
+    "anipose": anipose,
+    "easymocap": easymocap,
+    "json": plain,
+    "opencv": opencv,
+    "projections": projections,
+    "qualisys": qualisys,
+}
+_BY_SUFFIX = {
+    ".toml": "anipose",
+    ".yml": "opencv",
+    ".yaml": "opencv",
+    ".xml": "opencv",
+    ".json": "json",
+    ".txt": "qualisys",
+    "": "easymocap",
+}
 
 
 def read_rig(path: str | os.PathLike[str], unit: str | None = None, size: tuple[int, int] | None = None) -> Rig:
     """Reads a calibration of any known format.
 
     Args:
-        path: A file (aniposelib-layout TOML, OpenCV FileStorage as YAML, XML or JSON, or 3x4 matrices in JSON), or a folder with
-            one OpenCV file per camera.
+        path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4 matrices, Qualisys .qca.txt), or a
+            folder (EasyMocap's intri.yml and extri.yml, or one OpenCV file per camera).
         unit: "m", "cm" or "mm", for a file that does not state its unit.
         size: Image (width, height), px, for a file that does not state it.
 
@@ -39,35 +55,46 @@ def read_rig(path: str | os.PathLike[str], unit: str | None = None, size: tuple[
 
 
 def write_rig(rig: Rig, path: str | os.PathLike[str], style: str | None = None) -> None:
-    """Writes a calibration, in metres and saying so; the file appears whole or not at all.
+    """Writes a calibration, in metres and saying so; it appears whole or not at all.
 
     Args:
         rig: The cameras.
-        path: The file. Its suffix chooses the format: .toml aniposelib layout; .yml, .yaml, .xml, .json OpenCV FileStorage.
+        path: The file. Its suffix chooses the format: .toml aniposelib layout; .yml, .yaml, .xml OpenCV FileStorage; .json plain
+            JSON; .txt Qualisys; none EasyMocap's folder.
         style: A name from `FORMATS` where the suffix would choose another.
 
     Raises:
         InputError: The format is unknown, cannot hold this rig, or the file cannot be written.
     """
     target = Path(path)
-    if style is not None and style not in FORMATS:
+    if style is None:
+        style = _BY_SUFFIX.get(target.suffix.lower())
+        if style is None:
+            raise InputError(f"{target}: no calibration format has the suffix {target.suffix!r}: use {', '.join(filter(None, _BY_SUFFIX))}")
+    if style not in FORMATS:
         raise InputError(f"no calibration format {style!r}: choose one of {', '.join(FORMATS)}")
-    module = FORMATS[style] if style is not None else _BY_SUFFIX.get(target.suffix.lower())
-    if module is None:
-        raise InputError(f"{target}: no calibration format has the suffix {target.suffix!r}: use {', '.join(_BY_SUFFIX)}")
     # The suffix stays last because OpenCV chooses its syntax by it.
     beside = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
-        module.write(rig, beside)
-        beside.replace(target)
+        FORMATS[style].write(rig, beside)
+        if beside.is_dir():
+            target.mkdir(exist_ok=True)
+            for file in beside.iterdir():
+                file.replace(target / file.name)
+        else:
+            beside.replace(target)
     except OSError as error:
         raise InputError(f"{target}: cannot write: {error.strerror or error}") from None
     finally:
+        if beside.is_dir():
+            shutil.rmtree(beside)
         beside.unlink(missing_ok=True)
 
 
 def _reader(source: Source) -> Callable[[Source], Rig]:
     """Chooses the reader by what the file holds."""
+    if easymocap.is_easymocap(source.path):
+        return easymocap.read
     if source.path.is_dir():
         return opencv.read_folder
     try:
@@ -78,15 +105,18 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         raise source.error(f"cannot read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise source.error("not a text file: expected a calibration as TOML, YAML, XML or JSON") from None
-    start = text.lstrip()
-    if start.startswith("%YAML") or "<opencv_storage" in start[:1000]:
+    start = text.lstrip()[:1000]
+    if start.startswith("%YAML") or "<opencv_storage" in start:
         return opencv.read
-    if start[:1] in "{[":
+    if start.startswith("<"):
+        return qualisys.read
+    if start[:1] in ("{", "["):
         try:
             content = json.loads(text)
         except ValueError as error:
             if start.startswith("{"):
                 raise source.error(f"broken JSON: {error}") from None
         else:
-            return projections.read if isinstance(content, list) or "projections" in content else opencv.read
+            keyed = {"projections": projections.read, "cameras": plain.read}
+            return projections.read if isinstance(content, list) else next((keyed[key] for key in keyed if key in content), opencv.read)
     return anipose.read

@@ -31,7 +31,7 @@ def some_rig(*lenses: tuple[tuple[float, ...], bool], seed: int = 0) -> Rig:
     )
 
 
-def assert_same_rig(left: Rig, right: Rig) -> None:
+def assert_same_rig(left: Rig, right: Rig, atol: float = 1e-14) -> None:
     """Says whether two rigs are the same to the last digits."""
     assert left.names == right.names
     for a, b in zip(left, right, strict=True):
@@ -40,6 +40,6 @@ def assert_same_rig(left: Rig, right: Rig) -> None:
         longest = np.zeros((2, 14))
         longest[0, : len(a.distortion)], longest[1, : len(b.distortion)] = a.distortion, b.distortion
         np.testing.assert_allclose(longest[0], longest[1], rtol=1e-14)
-        np.testing.assert_allclose(a.matrix, b.matrix, rtol=1e-14)
-        np.testing.assert_allclose(a.rotation, b.rotation, atol=1e-14)
-        np.testing.assert_allclose(a.translation, b.translation, atol=1e-14)
+        np.testing.assert_allclose(a.matrix, b.matrix, rtol=atol)
+        np.testing.assert_allclose(a.rotation, b.rotation, atol=atol)
+        np.testing.assert_allclose(a.translation, b.translation, atol=atol)

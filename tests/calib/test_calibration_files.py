@@ -50,6 +50,25 @@ def test_what_was_written_is_read(tmp_path, name):
     assert_same_rig(rig, read_rig(tmp_path / name, unit="m"))
 
 
+def test_opencv_json_is_read(tmp_path):
+    rig = some_rig(PINHOLE, RATIONAL, FISHEYE)
+    write_rig(rig, tmp_path / "rig.json", style="opencv")
+    assert_same_rig(rig, read_rig(tmp_path / "rig.json"))
+
+
+@pytest.mark.parametrize("name", ["rig", "rig.qca.txt"])
+def test_five_term_formats_written_are_read(tmp_path, name):
+    rig = some_rig(PINHOLE, BENT, BENT)
+    for _ in range(2):  # over an older one, too
+        write_rig(rig, tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert_same_rig(rig, read_rig(tmp_path / name), atol=1e-12)
+    for lens in (FISHEYE, PRISM):
+        with pytest.raises(InputError, match=r"camera cam_1: .* k1 k2 p1 p2 k3 and no more: write TOML"):
+            write_rig(some_rig(lens), tmp_path / f"new_{name}")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
 def test_projections_written_are_read(tmp_path):
     rig = some_rig(PINHOLE, PINHOLE, PINHOLE)
     write_rig(rig, tmp_path / "rig.json", style="projections")
@@ -64,11 +83,11 @@ def test_projections_written_are_read(tmp_path):
 
 
 def test_unknown_styles_suffixes_and_folders_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"no calibration format has the suffix '\.txt'"):
-        write_rig(some_rig(PINHOLE), tmp_path / "rig.txt")
+    with pytest.raises(InputError, match=r"no calibration format has the suffix '\.abc'"):
+        write_rig(some_rig(PINHOLE), tmp_path / "rig.abc")
     with pytest.raises(InputError, match="no calibration format 'abc': choose one of anipose"):
         write_rig(some_rig(PINHOLE), tmp_path / "rig.txt", style="abc")
-    for name in ("rig.toml", "rig.yml"):
+    for name in ("rig.toml", "rig.yml", "rig", "rig.txt"):
         with pytest.raises(InputError, match="cannot write"):
             write_rig(some_rig(PINHOLE), tmp_path / "missing" / name)
 
@@ -230,3 +249,48 @@ def test_decomposition_gives_the_matrix_back(scale):
         np.testing.assert_allclose(matrix, camera.matrix, atol=1e-9)
         np.testing.assert_allclose(rotation, camera.rotation, atol=1e-12)
         np.testing.assert_allclose(translation, camera.translation, atol=1e-11)
+
+
+def test_easymocap_as_it_writes(tmp_path):
+    intri = '%YAML:1.0\n---\nnames:\n  - "01"\nK_01: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n'
+    intri += "  data: [600.000, 0.000, 320.000, 0.000, 600.000, 240.000, 0.000, 0.000, 1.000]\n"
+    intri += "dist_01: !!opencv-matrix\n  rows: 1\n  cols: 5\n  dt: d\n  data: [0.1, 0.0, 0.0, 0.0, 0.0]\n"
+    extri = '%YAML:1.0\n---\nnames:\n  - "01"\n'
+    for key, data in (("R_01", "0.1, 0.2, 0.3"), ("T_01", "0.1, 0.2, 4.0")):
+        extri += f"{key}: !!opencv-matrix\n  rows: 3\n  cols: 1\n  dt: d\n  data: [{data}]\n"
+    write(tmp_path, intri, "intri.yml")
+    with pytest.raises(InputError, match=r"extri\.yml is missing"):
+        read_rig(tmp_path, unit="m", size=(640, 480))
+    write(tmp_path, extri, "extri.yml")
+    for path in (tmp_path, tmp_path / "extri.yml"):
+        camera = read_rig(path, unit="m", size=(640, 480))["01"]
+        assert camera.translation.tolist() == [0.1, 0.2, 4.0]
+        np.testing.assert_allclose(camera.rotation, matrix_from_rodrigues([0.1, 0.2, 0.3]))
+    assert "camera 01: the image size is not in the file" in refusal(tmp_path, unit="m")
+    assert "add an entry unit: m to extri.yml" in refusal(tmp_path, size=(640, 480))
+    write(tmp_path, intri.replace("K_01", "K_02"), "intri.yml")
+    assert "camera 01: matrix is missing" in refusal(tmp_path, unit="m", size=(640, 480))
+
+
+def test_qualisys_mistakes_are_named(tmp_path):
+    write_rig(some_rig(BENT), tmp_path / "rig.qca.txt")
+    text = (tmp_path / "rig.qca.txt").read_text()
+    assert "camera cam_1: <transform> is missing" in refusal(write(tmp_path, text.replace("<transform", "<other"), "a.txt"))
+    assert "camera cam_1: focalLengthU must be numbers" in refusal(
+        write(tmp_path, text.replace('focalLengthU="', 'focalLengthU="x'), "a.txt")
+    )
+    half = text.replace('model="none"', 'model="Miqus Video" video_resolution="240p"')
+    assert "camera cam_1: filmed at 240p but calibrated at 480 lines" in refusal(write(tmp_path, half, "a.txt"))
+    assert "the file says its unit is mm, --unit says m" in refusal(tmp_path / "rig.qca.txt", unit="m")
+    assert "broken XML" in refusal(write(tmp_path, text[:300], "a.txt"))
+    assert "no camera in it" in refusal(write(tmp_path, "<html></html>", "a.txt"))
+
+
+def test_json_takes_a_map_of_cameras_too(tmp_path):
+    rig = some_rig(BENT)
+    write_rig(rig, tmp_path / "rig.json")
+    content = json.loads((tmp_path / "rig.json").read_text())
+    mapped = {"unit": "m", "cameras": {"left": {key: value for key, value in content["cameras"][0].items() if key != "name"}}}
+    assert read_rig(write(tmp_path, json.dumps(mapped), "map.json")).names == ("left",)
+    assert 'add "unit": "m"' in refusal(write(tmp_path, json.dumps({"cameras": content["cameras"]}), "a.json"))
+    assert "cameras must be a list of objects" in refusal(write(tmp_path, json.dumps({"unit": "m", "cameras": [1]}), "a.json"))

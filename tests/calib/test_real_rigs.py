@@ -42,3 +42,16 @@ def test_dancer8_points_lie_in_its_silhouettes(shared):
         column, row = np.rint(pixels).astype(int).T - 1
         assert silhouette[row, column].all()
         assert abs(camera.matrix[0, 1]) < 1
+
+
+def test_board_images_qualisys_file_is_balancing4s_rig(shared):
+    rig = read_rig(shared / "data" / "board_images" / "Calib.qca.txt")
+    known = read_rig(shared / "data" / "balancing4" / "calibration.toml")
+    for ours, theirs in zip(rig, known, strict=True):
+        assert ours.size == (1088, 1920)
+        np.testing.assert_allclose(ours.center_m, theirs.center_m, atol=1e-12)
+        np.testing.assert_allclose(ours.rotation, theirs.rotation, atol=1e-12)
+        # That recording's file has gone through a program that divides distortion by 64.
+        np.testing.assert_allclose(ours.distortion[:4], 64 * theirs.distortion, atol=1e-12)
+    for name in ("cam03", "cam04"):  # the videos of the other two are letterboxed
+        np.testing.assert_allclose(rig[name].matrix, known[name.replace("cam0", "cam_")].matrix, atol=1e-6)

@@ -1,0 +1,40 @@
+"""Plain JSON, for scripts: `{"unit": "m", "cameras": [{...}, ...]}` with the keys of the TOML layout and the rotation as a matrix."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from calib.camera import Rig
+from calib.files.fields import Source
+
+
+def read(source: Source) -> Rig:
+    """Reads the rig; `cameras` may also be a map from names to cameras.
+
+    Raises:
+        InputError: A camera is incomplete or wrong.
+    """
+    content: dict[str, Any] = json.loads(source.path.read_text(encoding="utf-8-sig"))
+    cameras = content["cameras"]
+    named = list(cameras.items()) if isinstance(cameras, dict) else list(enumerate(cameras)) if isinstance(cameras, list) else []
+    if not all(isinstance(values, dict) for _, values in named):
+        raise source.error("cameras must be a list of objects with name, size, matrix, distortions, rotation and translation")
+    metres = source.metres_per_unit(content.get("unit"), 'add "unit": "m"')
+    return source.rig([source.camera(str(values.get("name", key)), values, metres) for key, values in named])
+
+
+def write(rig: Rig, path: Path) -> None:
+    """Writes the rig in metres."""
+    cameras = [
+        {
+            "name": camera.name,
+            "size": list(camera.size),
+            "matrix": camera.matrix.tolist(),
+            "distortions": camera.distortion.tolist(),
+            "rotation": camera.rotation.tolist(),
+            "translation": camera.translation.tolist(),
+            "fisheye": camera.fisheye,
+        }
+        for camera in rig
+    ]
+    path.write_text(json.dumps({"unit": "m", "cameras": cameras}, indent=1) + "\n", encoding="utf-8")
