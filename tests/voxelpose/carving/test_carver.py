@@ -1,0 +1,120 @@
+import cv2
+import numpy as np
+import pytest
+from carving_scenes import look_at, ring, silhouettes
+
+from calib.camera import Rig
+from silhouette_core.jit import set_threads
+from voxelpose.carving import reference
+from voxelpose.carving.carver import CarveRule, carve
+from voxelpose.carving.grid import VoxelGrid
+
+BARREL = (-0.3, 0.12, -0.002, 0.003, -0.01)
+RATIONAL = (0.5, -0.2, 0.001, -0.002, 0.05, 0.8, -0.1, 0.02)
+PRISM = (-0.2, 0.05, 0.002, 0.001, 0.0, 0.0, 0.0, 0.0, 0.004, -0.001, -0.003, 0.002)
+TILT = (*PRISM, 0.03, -0.02)
+FISHEYE = (0.05, -0.01, 0.003, -0.001)
+PERSON = VoxelGrid.from_bounds((-0.9, -0.7, -0.1), (0.95, 0.7, 1.95), 0.045)
+WIDE = VoxelGrid.from_bounds((-3.5, -3.4, -1.0), (3.6, 3.5, 3.3), 0.13)  # holds the cameras: much is behind them
+
+
+@pytest.mark.parametrize("grid", [PERSON, WIDE], ids=["person", "wide"])
+@pytest.mark.parametrize(
+    "lens",
+    [{}, {"distortion": BARREL}, {"distortion": RATIONAL}, {"distortion": TILT}, {"distortion": FISHEYE, "fisheye": True, "focal": 90.0}],
+    ids=["pinhole", "barrel", "rational", "tilt", "fisheye"],
+)
+@pytest.mark.parametrize(
+    "rule", [CarveRule(), CarveRule(tolerance=1), CarveRule(outside="carve"), CarveRule(1, "carve", 2), CarveRule(0, "keep", 0)]
+)
+def test_carving_is_the_references_bit_for_bit(lens, grid, rule):
+    rig = ring(4, **lens)
+    masks = silhouettes(rig)
+    carved = carve(rig, masks, grid, rule)
+    assert carved.any()
+    np.testing.assert_array_equal(carved, reference.carve(rig, masks, grid, rule))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_masks_cameras_and_grids_agree_with_the_reference(seed):
+    rng = np.random.default_rng(seed)
+    lenses = [{}, {"distortion": BARREL}, {"distortion": RATIONAL}, {"distortion": FISHEYE, "fisheye": True}]
+    rig = Rig(
+        tuple(
+            look_at(f"c{i}", rng.normal(size=3) * 2, rng.normal(size=3), tuple(rng.integers(30, 90, 2)), rng.uniform(20, 120), **lens)
+            for i, lens in enumerate(rng.choice(lenses, 5))
+        )
+    )
+    masks = []
+    for camera in rig:
+        noise = cv2.GaussianBlur(rng.normal(size=(camera.size[1], camera.size[0])), None, sigmaX=float(rng.choice([0.5, 4.0, 15.0])))
+        masks.append(noise > np.quantile(noise, rng.choice([0.02, 0.5, 0.9])))
+    grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
+    for rule in (CarveRule(), CarveRule(2, "keep", 0), CarveRule(1, "carve", 3)):
+        np.testing.assert_array_equal(carve(rig, masks, grid, rule), reference.carve(rig, masks, grid, rule))
+
+
+def test_the_reference_projects_as_the_camera_does():
+    for lens in ({}, {"distortion": BARREL}, {"distortion": TILT}, {"distortion": FISHEYE, "fisheye": True}):
+        rig = ring(1, **lens)
+        (camera,) = rig
+        points = WIDE.centres(np.argwhere(np.ones(WIDE.shape)))
+        pixels, _ = camera.project(points)
+        with np.errstate(invalid="ignore"):
+            inside = ((pixels > -0.5) & (pixels < np.array(camera.size) - 0.5)).all(axis=1)
+        pixels = np.rint(pixels[inside]).astype(int)
+        mask = np.random.default_rng(0).random((camera.size[1], camera.size[0])) > 0.5
+        carved = reference.carve(rig, [mask], WIDE)
+        expected = np.zeros(len(points), bool)
+        expected[inside] = mask[pixels[:, 1], pixels[:, 0]]
+        np.testing.assert_array_equal(carved.ravel(), expected)
+
+
+def test_the_number_of_threads_does_not_matter():
+    rig = ring(5)
+    masks = silhouettes(rig)
+    results = []
+    for threads in (1, 2):
+        set_threads(threads)
+        results.append(carve(rig, masks, PERSON))
+    set_threads()
+    np.testing.assert_array_equal(*results)
+
+
+def test_a_bad_camera_is_tolerated():
+    rig = ring(6)
+    masks = silhouettes(rig)
+    good = carve(rig, masks, PERSON)
+    masks["cam_2"] = np.zeros_like(masks["cam_2"])
+    assert not carve(rig, masks, PERSON).any()
+    tolerant = carve(rig, masks, PERSON, CarveRule(tolerance=1))
+    assert tolerant[good].all()
+    assert tolerant.sum() < 2 * good.sum()
+
+
+def test_what_no_camera_sees_is_kept_only_if_asked():
+    rig = ring(2)
+    masks = {name: np.ones((120, 160), bool) for name in rig.names}
+    above = VoxelGrid(np.array([0, 0, 50.0]), 0.1, (4, 4, 4))
+    assert not carve(rig, masks, above).any()
+    assert carve(rig, masks, above, CarveRule(least_agreeing=0)).all()
+    assert not carve(rig, masks, above, CarveRule(outside="carve", least_agreeing=0)).any()
+
+
+def test_masks_that_do_not_fit_are_refused():
+    rig = ring(2)
+    masks = silhouettes(rig)
+    with pytest.raises(ValueError, match=r"mask of cam_1 must be \(120, 160\) as its camera's image, got \(60, 80\)"):
+        carve(rig, {**masks, "cam_1": np.zeros((60, 80), bool)}, PERSON)
+    with pytest.raises(TypeError, match=r"mask of cam_0 must be \(120, 160\) bool, got \(120, 160\) float64"):
+        carve(rig, {**masks, "cam_0": np.zeros((120, 160))}, PERSON)
+    with pytest.raises(ValueError, match="no mask for cam_1"):
+        carve(rig, {"cam_0": masks["cam_0"]}, PERSON)
+    with pytest.raises(ValueError, match="2 cameras but 1 masks"):
+        carve(rig, [masks["cam_0"]], PERSON)
+
+
+@pytest.mark.parametrize("fields", [{"tolerance": -1}, {"outside": "drop"}, {"least_agreeing": -1}])
+def test_impossible_rules_are_refused(fields):
+    with pytest.raises(ValueError, match="must be"):
+        CarveRule(**fields)

@@ -1,0 +1,76 @@
+"""The visual hull of silhouettes, as voxels."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Rig
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.carving.kernels import blocks
+from voxelpose.carving.views import Masks, mask_list, pack_masks, pack_rig, whole_leaves
+
+
+@dataclass(frozen=True)
+class CarveRule:
+    """When a voxel stays.
+
+    A camera sees a voxel whose centre is in front of it, inside the field of its lens, and whose nearest pixel is in its image.
+    A camera that sees it agrees where that pixel is foreground, and objects where it is background.
+
+    Attributes:
+        tolerance: Most cameras that may object: k where a voxel stays when at least C - k of the C cameras that see it agree.
+        outside: What a camera says of a voxel that it does not see (behind it, or outside its image): "keep" says nothing,
+            "carve" objects.
+        least_agreeing: Fewest cameras that must agree, so that space which no camera sees is not taken for the body; 0 keeps it.
+    """
+
+    tolerance: int = 0
+    outside: Literal["keep", "carve"] = "keep"
+    least_agreeing: int = 1
+
+    def __post_init__(self) -> None:
+        """Checks every value once."""
+        if self.tolerance < 0:
+            raise ValueError(f"tolerance must be at least 0 cameras, got {self.tolerance}")
+        if self.outside not in ("keep", "carve"):
+            raise ValueError(f'outside must be "keep" or "carve", got {self.outside!r}')
+        if self.least_agreeing < 0:
+            raise ValueError(f"least_agreeing must be at least 0 cameras, got {self.least_agreeing}")
+
+    def packed(self) -> tuple[int, int, int]:
+        """Returns the rule as `blocks.carve_blocks` takes it."""
+        return self.tolerance, self.least_agreeing, blocks.OBJECTS if self.outside == "carve" else blocks.BLIND
+
+
+def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None) -> NDArray[np.bool_]:
+    """Carves a volume: voxels whose projections are background are removed.
+
+    Lenses are respected. A point's nearest pixel is floor(x + 0.5), floor(y + 0.5): a tie goes to the right and downward. The
+    result is, bit for bit, that of `voxelpose.carving.reference.carve`, for every number of threads.
+
+    Whole blocks are decided first: a block's image lies in a box around its middle's pixel (for a lens, widened by how much it
+    can stretch there), and a summed-area table tells at once if that box is all foreground or all background.
+
+    Args:
+        rig: C cameras.
+        masks: Silhouettes, (h, w) bool each: by camera name, or in the order of the rig.
+        grid: The volume.
+        rule: When a voxel stays; by default when every camera that sees it agrees.
+
+    Returns:
+        (nx, ny, nz) bool, True where the voxel stays.
+
+    Raises:
+        ValueError: A mask is missing, or differs in size from its camera's image.
+        TypeError: A mask is not bool.
+
+    Source: the shape from silhouette that Iiyama, Kameda and Minoh assume as input; the blocks are ours.
+    """
+    rule = rule or CarveRule()
+    frames, sums, pixels = pack_masks(mask_list(rig, masks))
+    rows, kinds, bounds = pack_rig(rig)
+    occupancy = np.zeros(grid.shape, dtype=np.bool_)
+    blocks.carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule.packed(), whole_leaves(grid), occupancy)
+    return occupancy

@@ -1,0 +1,173 @@
+"""Cameras and masks as the plain arrays that the kernels take."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera, Rig
+from calib.lens import FisheyeLens, RationalLens
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.carving.kernels import blocks
+
+Masks = Mapping[str, NDArray[np.bool_]] | Sequence[NDArray[np.bool_]]
+
+_MOST_CAMERAS = 62  # a set of cameras is the bits of an int64
+_BINS = 256
+_ANGLES = 24
+_WIDEST = 100.0  # tangent of 89.4 degrees
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One camera for the kernels: its row, kind and bound (see `blocks.carve_blocks`)."""
+
+    row: NDArray[np.float64]
+    kind: int
+    bound: NDArray[np.float64]
+
+
+_views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
+
+
+def view(camera: Camera) -> _View:
+    """Returns a camera as the kernels take it; worked out once per camera, since a lens takes milliseconds."""
+    found = _views.get(camera)
+    if found is None:
+        found = _views[camera] = _make_view(camera)
+    return found
+
+
+def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Returns rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`."""
+    if len(rig) > _MOST_CAMERAS:
+        raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
+    views = [view(camera) for camera in rig]
+    rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
+    return np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
+
+
+def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
+    """Checks masks against their cameras.
+
+    Returns:
+        (h, w) uint8 each, 0 or 1, in the order of the rig.
+
+    Raises:
+        ValueError: A mask is missing, or differs in size from its camera's image.
+        TypeError: A mask is not bool.
+    """
+    if isinstance(masks, Mapping):
+        missing = [name for name in rig.names if name not in masks]
+        if missing:
+            raise ValueError(f"no mask for {', '.join(missing)}")
+        masks = [masks[name] for name in rig.names]
+    if len(masks) != len(rig):
+        raise ValueError(f"{len(rig)} cameras but {len(masks)} masks")
+    for camera, mask in zip(rig, masks, strict=True):
+        width, height = camera.size
+        if mask.dtype != np.bool_:
+            raise TypeError(f"the mask of {camera.name} must be ({height}, {width}) bool, got {mask.shape} {mask.dtype}")
+        if mask.shape != (height, width):
+            raise ValueError(f"the mask of {camera.name} must be ({height}, {width}) as its camera's image, got {mask.shape}")
+    return [np.ascontiguousarray(mask).view(np.uint8) for mask in masks]
+
+
+def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
+    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only the box around the foreground is kept."""
+    frames = np.zeros((len(masks), 8), dtype=np.int64)
+    pixels, sums = [np.array([blocks.OBJECTS, blocks.AGREES, blocks.BLIND], dtype=np.uint8)], []
+    pixel_count, sum_count = 3, 0
+    for frame, mask in zip(frames, masks, strict=True):
+        left, top, width, height = blocks.foreground_box(mask)
+        part = mask[top : top + height, left : left + width]
+        frame[:] = mask.shape[1], mask.shape[0], left, top, width, height, pixel_count, sum_count
+        pixels.append(part.ravel())
+        sums.append(cv2.integral(part).ravel() if part.size else np.zeros(1, dtype=np.int32))
+        pixel_count += part.size
+        sum_count += (width + 1) * (height + 1)
+    return frames, np.concatenate(sums), np.concatenate(pixels)
+
+
+def whole_leaves(grid: VoxelGrid) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the grid's axes, each continued to whole leaves by repeating its last centre."""
+    x, y, z = (np.append(axis, np.full(-len(axis) % blocks.LEAF, axis[-1])) for axis in grid.axes())
+    return x, y, z
+
+
+def _make_view(camera: Camera) -> _View:
+    """Fills a camera's row; see the columns' names in `blocks`."""
+    row = np.zeros(blocks.COLUMNS)
+    bound = np.zeros((2, _BINS))
+    if camera.is_pinhole:
+        row[:12] = camera.projection.ravel()
+        return _View(row, blocks.PINHOLE, bound)
+    row[:12] = np.column_stack([camera.rotation, camera.translation]).ravel()
+    matrix = camera.matrix
+    row[blocks.FX : blocks.CY + 1] = matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2]
+    lens = camera.lens
+    distortion = np.zeros(14)
+    distortion[: len(camera.distortion)] = camera.distortion
+    if camera.fisheye:
+        row[[blocks.K1, blocks.K2, blocks.K3, blocks.K4]] = distortion[:4]
+    else:
+        k1, k2, p1, p2, *rest = distortion[:12]
+        row[[blocks.K1, blocks.K2, blocks.P1, blocks.P2]] = k1, k2, p1, p2
+        row[blocks.K3 : blocks.K3 + 8] = rest
+        if isinstance(lens, RationalLens) and lens._tilt is not None:
+            row[blocks.TILT : blocks.TILT + 9] = lens._tilt.ravel()
+    row[blocks.FIELD_SQUARED] = lens.field_radius**2
+    row[blocks.SEEN_RADIUS] = _seen_radius(camera)
+    row[blocks.REACH] = min(lens.field_radius * (1 - 1e-6), 2 * row[blocks.SEEN_RADIUS], _WIDEST)
+    bound[:] = _lens_bound(lens, row[blocks.REACH])
+    return _View(row, blocks.FISHEYE if camera.fisheye else blocks.RATIONAL, bound)
+
+
+def _seen_radius(camera: Camera) -> float:
+    """Returns a radius of ideal coordinates outside of which nothing falls into the image.
+
+    Within its field a lens is one to one, so what the image's border encloses is what is seen.
+    """
+    width, height = camera.size
+    x, y = np.arange(-1.0, width + 1), np.arange(-1.0, height + 1)
+    border = np.concatenate(
+        [np.column_stack([x, np.full(len(x), row)]) for row in (-1.0, height)]
+        + [np.column_stack([np.full(len(y), column), y]) for column in (-1.0, width)]
+    )
+    _, directions = camera.rays(border)
+    forward = directions @ camera.rotation.T
+    radius = np.linalg.norm(forward[:, :2], axis=1) / forward[:, 2]
+    field = camera.lens.field_radius * (1 + 1e-9)
+    return field if np.isnan(radius).any() else min(field, float(radius.max()) * 1.01)
+
+
+def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.float64]:
+    """Bounds a lens's Jacobian J over discs around the axis.
+
+    Args:
+        lens: The lens.
+        reach: Radius of the largest disc, ideal coordinates.
+
+    Returns:
+        (2, bins) float64: at least the largest |J| and |J - 1| (spectral norms) within radius (bin + 1) / bins * reach.
+    """
+    # Sampled at both ends and the middle of every bin, and widened for what lies between.
+    radii = np.linspace(0, reach, 2 * _BINS + 1)
+    angles = np.linspace(0, 2 * np.pi, _ANGLES, endpoint=False)
+    points = np.stack([np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))], axis=-1).reshape(-1, 2)
+    step = 1e-6 * max(reach, 1e-3)
+    columns = [(lens.distort(points + shift) - lens.distort(points - shift)) / (2 * step) for shift in step * np.eye(2)]
+    jacobian = np.stack(columns, axis=-1)
+    norms = np.stack([_spectral_norm(jacobian), _spectral_norm(jacobian - np.eye(2))])
+    norms = np.where(np.isnan(norms), np.inf, norms).reshape(2, len(radii), _ANGLES).max(axis=2)
+    norms = np.maximum.accumulate(norms, axis=1)[:, 2::2]
+    return norms * 1.05 + 1e-3
+
+
+def _spectral_norm(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the largest singular value (N,) of (N, 2, 2), NaN where a number is."""
+    a, b, c, d = matrices.reshape(-1, 4).T
+    return 0.5 * (np.hypot(a + d, b - c) + np.hypot(a - d, b + c))
