@@ -68,6 +68,16 @@ def place_parts(parents, joints, dof_part, dof_axis, root_rotation, root, angles
 
 
 @kernel
+def place_one_part(parents, joints, dof_part, dof_axis, root_rotation, root, angles, part, rotations, origins):
+    """Fills rotations (K, 3, 3) and origins (K, 3) of one part for each row of angles (K, D)."""
+    rotation, origin = np.empty((parents.shape[0], 3, 3)), np.empty((parents.shape[0], 3))
+    for k in range(angles.shape[0]):
+        place_parts(parents, joints, dof_part, dof_axis, root_rotation, root, angles[k], rotation, origin)
+        rotations[k] = rotation[part]
+        origins[k] = origin[part]
+
+
+@kernel
 def skin_vertices(vertices, joints, skin_parts, skin_weights, part_rotation, part_origin, posed):
     """Fills posed (V, 3) = sum_k w_k (R_k (v - J_k) + o_k)."""
     for v in range(vertices.shape[0]):

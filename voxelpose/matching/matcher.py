@@ -1,0 +1,186 @@
+"""Paper B: a posture from voxels, part by part and breadth first, with interfering parts matched together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.joint_search import best_together
+from voxelpose.matching.kernels.bits import count_common, count_new
+from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
+from voxelpose.matching.pose import Pose
+from voxelpose.matching.solid import Lump, Solid
+
+
+@dataclass(frozen=True)
+class MatchSettings:
+    """How the matcher searches.
+
+    Attributes:
+        step_rad: distance between sampled angles.
+        around_rad: how far from the given pose angles are tried; None: the whole range of every joint.
+        interference: match parts together where their movable areas share voxels; False is the paper's plain matcher.
+        look_ahead: judge a part also by the best that the part hanging on it could then explain. Not in the paper.
+        empty_cost: cost of a voxel's worth of a part in empty space, in explained voxels.
+        taken_cost: the same for lying inside a part that is already placed.
+    """
+
+    step_rad: float = np.radians(15.0)
+    around_rad: float | None = None
+    interference: bool = True
+    look_ahead: bool = True
+    empty_cost: float = 1.0
+    taken_cost: float = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """What the matcher found.
+
+    Attributes:
+        pose: with the best sampled angles.
+        score: voxels explained less the cost of parts in empty space.
+        explained: share of the hull's voxels that some part covers.
+        groups: the limbs matched together, in the order in which they were decided.
+    """
+
+    pose: Pose
+    score: float
+    explained: float
+    groups: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """The sampled placements of one selectable limb.
+
+    Attributes:
+        limb: which.
+        angles_rad: (K, D), one row a placement.
+        bits: (K, words) uint64, the free voxels each covers.
+        own_cost: (K,) float64, for lying in empty space or inside another part.
+        cost: (K,) float64, at least 0, what the search charges: the own cost, and (look-ahead) for leaving no good place to
+            the limb that hangs on it.
+    """
+
+    limb: Limb
+    angles_rad: np.ndarray
+    bits: np.ndarray
+    own_cost: np.ndarray
+    cost: np.ndarray
+
+    @property
+    def movable_area(self) -> np.ndarray:
+        """(words,) uint64: the free voxels that some placement covers.
+
+        Source: Iiyama, Kameda and Minoh, section 3.
+        """
+        return np.bitwise_or.reduce(self.bits, axis=0)
+
+
+@dataclass
+class _State:
+    """The matching under way: the pose so far, and what has been decided."""
+
+    solid: Solid
+    lump: Lump
+    pose: Pose
+    settings: MatchSettings
+    score: float = 0.0
+    covered: int = 0
+    groups: list[tuple[str, ...]] = field(default_factory=list)
+
+
+def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, settings: MatchSettings | None = None) -> Match:
+    """Estimates the joint angles of a body whose root part is placed.
+
+    Args:
+        solid: the body.
+        grid: the voxels' places.
+        occupancy: (nx, ny, nz) bool, the voxels of one body.
+        start: places the root part; its other angles are the middle of a local search, or only the first guess of a full one.
+        settings: see MatchSettings.
+
+    Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for empty space, the exact joint search, the
+    look-ahead; the torso's voxels are taken before the limbs are matched.
+    """
+    state = _State(solid, Lump(grid, occupancy), start, settings or MatchSettings())
+    bits, cost = _cover(state, TORSO, start.angles_rad[None])
+    _decide(state, [TORSO], [bits[0]], start.angles_rad, float(cost[0]))
+    decided = {TORSO.name}
+    while True:
+        selectable = [limb for limb in LIMBS if limb.name not in decided and limb.parent in decided]
+        if not selectable:
+            break
+        candidates = [candidate_placements(state, limb) for limb in selectable]
+        groups = interference_groups(candidates) if state.settings.interference else [[c] for c in candidates]
+        # All groups of one level are judged on the voxels that the levels before left: breadth first.
+        found = [(group, *best_together([c.bits for c in group], [c.cost for c in group])) for group in groups]
+        for group, choice, _ in found:
+            angles = state.pose.angles_rad.copy()
+            for candidate, k in zip(group, choice, strict=True):
+                changed = candidate.angles_rad[k] != state.pose.angles_rad
+                angles[changed] = candidate.angles_rad[k][changed]
+            cost = sum(float(c.own_cost[k]) for c, k in zip(group, choice, strict=True))
+            _decide(state, [c.limb for c in group], [c.bits[k] for c, k in zip(group, choice, strict=True)], angles, cost)
+        decided |= {limb.name for limb in selectable}
+    return Match(state.pose, state.score, state.covered / max(len(state.lump), 1), tuple(state.groups))
+
+
+def candidate_placements(state: _State, limb: Limb) -> Candidates:
+    """Samples and scores the placements of one selectable limb."""
+    settings = state.settings
+    angles = sample_angles(limb, state.pose.angles_rad, settings.step_rad, settings.around_rad)
+    bits, own_cost = _cover(state, limb, angles)
+    below = next((child for child in LIMBS if child.parent == limb.name), None)
+    cost = own_cost + _what_hangs_on(state, below, angles) if settings.look_ahead and below is not None else own_cost
+    return Candidates(limb, angles, bits, own_cost, cost)
+
+
+def interference_groups(candidates: list[Candidates]) -> list[list[Candidates]]:
+    """Groups the limbs whose movable areas share voxels, directly or through others.
+
+    Source: Iiyama, Kameda and Minoh, section 3.
+    """
+    areas = [candidate.movable_area for candidate in candidates]
+    group = list(range(len(candidates)))
+    for i in range(len(candidates)):
+        for j in range(i):
+            if count_common(areas[i], areas[j]):
+                old, new = group[i], group[j]
+                group = [new if g == old else g for g in group]
+    return [[c for c, g in zip(candidates, group, strict=True) if g == label] for label in sorted(set(group))]
+
+
+def _what_hangs_on(state: _State, limb: Limb, angles: np.ndarray) -> np.ndarray:
+    """(K,) cost, at least 0: how much less than its whole volume the best placement of `limb` explains, for each placement above it."""
+    settings = state.settings
+    below = [sample_angles(limb, above, 1.6 * settings.step_rad, settings.around_rad) for above in angles]
+    bits, cost = _cover(state, limb, np.concatenate(below), stride=3)
+    best = np.maximum.reduceat(3 * _new_voxels(bits) - cost, np.cumsum([0] + [len(part) for part in below[:-1]]))
+    return np.maximum(len(state.solid.points[limb.name]) - best, 0.0)
+
+
+def _new_voxels(bits: np.ndarray) -> np.ndarray:
+    new = np.empty(len(bits), np.int64)
+    count_new(bits, np.zeros(bits.shape[1], np.uint64), new)
+    return new
+
+
+def _cover(state: _State, limb: Limb, angles: np.ndarray, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Bits (K, words) and cost (K,) of a limb's placements, judged by every `stride`-th of its points."""
+    placements = state.solid.placements(limb, state.pose, angles)
+    bits, empty, inside = state.lump.cover(state.solid.points[limb.name][::stride], *placements)
+    return bits, stride * (state.settings.empty_cost * empty + state.settings.taken_cost * inside)
+
+
+def _decide(state: _State, limbs: list[Limb], bits: list[np.ndarray], angles: np.ndarray, cost: float) -> None:
+    union = np.bitwise_or.reduce(bits)
+    explained = int(np.bitwise_count(union).sum())
+    state.pose = Pose(state.pose.root_m, state.pose.root_rotation, angles)
+    state.lump.take(union)
+    state.score += explained - cost
+    state.covered += explained
+    state.groups.append(tuple(limb.name for limb in limbs))

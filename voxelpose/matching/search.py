@@ -1,0 +1,73 @@
+"""A pose from nothing but one frame: torso placements, paper B's matching for each, refinement, and the silhouettes as judge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from silhouette_core.body.model import BodyModel
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.agreement import silhouette_error
+from voxelpose.matching.matcher import MatchSettings, match
+from voxelpose.matching.observation import Observation
+from voxelpose.matching.placement import find_torso
+from voxelpose.matching.pose import Pose
+from voxelpose.matching.refinement import RefineSettings, refine
+from voxelpose.matching.solid import Solid
+from voxelpose.matching.surface import Surface
+
+_QUICK = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One body prepared for both kinds of fitting: the model, its inside as points, its surface as points."""
+
+    model: BodyModel
+    solid: Solid
+    surface: Surface
+
+    @classmethod
+    def of(cls, model: BodyModel, voxel_size_m: float) -> Body:
+        """Prepares a body for voxels of that size."""
+        return cls(model, Solid.of(model, voxel_size_m), Surface(model))
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A pose and the share of the silhouettes (XOR over OR, mean of the cameras) that it does not explain."""
+
+    pose: Pose
+    error: float
+
+
+def find_pose(
+    body: Body, observation: Observation, grid: VoxelGrid, occupancy: np.ndarray, settings: MatchSettings | None = None, count: int = 10
+) -> list[Found]:
+    """Searches the whole range of postures.
+
+    Args:
+        body: prepared body.
+        observation: the frame's silhouettes.
+        grid: the voxels' places.
+        occupancy: (nx, ny, nz) bool, the hull.
+        settings: of the matcher.
+        count: torso placements to try.
+
+    Returns:
+        Poses, best first, at most one per torso placement; empty where there is no hull.
+    """
+    first = [_improve(body, observation, grid, occupancy, start, settings) for start in find_torso(body.solid, grid, occupancy, count)]
+    first.sort(key=lambda found: found.error)
+    # With the torso now well placed the limbs are matched once more; where that is no better, the first answer stands.
+    again = [_improve(body, observation, grid, occupancy, found.pose, settings) for found in first[:3]]
+    return sorted([*again, *first], key=lambda found: found.error)
+
+
+def _improve(
+    body: Body, observation: Observation, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, settings: MatchSettings | None
+) -> Found:
+    matched = match(body.solid, grid, occupancy, start, settings)
+    pose = refine(body.surface, observation, matched.pose, settings=_QUICK).pose
+    return Found(pose, silhouette_error(body.model, pose, observation))
