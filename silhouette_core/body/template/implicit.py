@@ -112,6 +112,14 @@ class Loft:
 Solid = Ellipsoid | Loft
 
 
+def union_values(solids: Sequence[tuple[Solid, float]], points: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Returns the signed values (N,) of a smooth union at points (N, 3); every solid comes with the reach of its union."""
+    values = solids[0][0].values(points)
+    for solid, reach in solids[1:]:
+        values = smooth_union(values, solid.values(points), reach)
+    return values
+
+
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """A regular lattice of sample points.

@@ -27,7 +27,7 @@ SPINE: tuple[tuple[str, Plane], ...] = (
     ("thorax", (_UPWARD, 0.030, _HERE)),
     ("upper_thorax", (_UPWARD, 0.030, _HERE)),
     ("neck", ((0, -0.40, 0.92), 0.020, _HERE)),
-    ("head", ((0, -0.60, 0.80), 0.018, (0, 0.013, -0.027))),
+    ("head", ((0, -0.62, 0.78), 0.018, (0, 0.013, -0.022))),
 )
 ARM_CHAIN: tuple[tuple[str, Plane], ...] = (
     ("left_forearm", (_ALONG_ARM, 0.028, _HERE)),

@@ -2,17 +2,31 @@
 
 import numpy as np
 import trimesh
-from fast_simplification import simplify
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from skimage.measure import marching_cubes
 
 from silhouette_core.body.template.figures import ARM, ARM_UP, Figure
-from silhouette_core.body.template.implicit import Ellipsoid, Lattice, Loft, Solid, smooth_union
+from silhouette_core.body.template.implicit import Ellipsoid, Lattice, Loft, Solid, smooth_union, union_values
+from silhouette_core.body.template.remesh import Field, Remesher, fill_out
 
 FORWARD, UP = (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
 CHEST_HEIGHT = 0.728
 """Where the chest girth is taken: at the nipples, under the armpits of the rest pose."""
+ARM_REACH, LEG_REACH = 0.026, 0.022
+FINE = (
+    ((0.0, -0.030, 0.930), 0.080, 0.0125),
+    ((0.0, -0.090, 0.915), 0.024, 0.0075),
+    ((0.046, -0.020, 0.923), 0.020, 0.0080),
+    ("left_hand", 0.030, 0.0100),
+    ("left_fingers", 0.060, 0.0095),
+    ("left_foot", 0.045, 0.0130),
+    ("left_toes", 0.060, 0.0115),
+    ("left_forearm", 0.045, 0.0140),
+    ("left_shin", 0.050, 0.0155),
+    ("left_upper_arm", 0.060, 0.0160),
+)
+"""Place or joint, distance from it, edge length there."""
 Group = list[tuple[Solid, float]]
 
 
@@ -86,20 +100,41 @@ def leg(figure: Figure) -> Group:
     ]
 
 
-def half_mesh(figure: Figure, spacing: float, width: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def body_field(figure: Figure, width: float) -> Field:
+    """Returns the signed function of the left half of the body."""
+    groups = [trunk(figure, width), arm(figure), leg(figure)]
+
+    def field(points: NDArray[np.floating]) -> NDArray[np.floating]:
+        body, arms, legs = (union_values(group, points) for group in groups)
+        return np.maximum(smooth_union(smooth_union(body, arms, ARM_REACH), legs, LEG_REACH), -points[:, 2])
+
+    return field
+
+
+def half_mesh(figure: Figure, spacing: float, width: float) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
     """Polygonises the left half (x >= 0), open where it meets the plane x = 0; units of stature."""
     origin = np.array([0.0, -0.16, -2 * spacing])
     size = np.ceil((np.array([0.43, 0.10, 1.01]) - origin) / spacing).astype(int) + 1
     lattice = Lattice(origin, spacing, (int(size[0]), int(size[1]), int(size[2])))
     margin = 0.045
-    body = smooth_union(lattice.sample(trunk(figure, width), margin), lattice.sample(arm(figure), margin), 0.026)
-    body = smooth_union(body, lattice.sample(leg(figure), margin), 0.022)
+    body = smooth_union(lattice.sample(trunk(figure, width), margin), lattice.sample(arm(figure), margin), ARM_REACH)
+    body = smooth_union(body, lattice.sample(leg(figure), margin), LEG_REACH)
     below_floor = -(origin[2] + spacing * np.arange(size[2]))
     vertices, faces, _, _ = marching_cubes(np.maximum(body, below_floor), 0.0, spacing=(spacing,) * 3)
     return vertices + origin, np.ascontiguousarray(faces, np.int32)
 
 
-def mirrored(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def edge_length(figure: Figure, points: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Returns how long edges should be at points, in units of stature: finer where flesh is thin or bends."""
+    length = np.full(len(points), 0.0185)
+    for place, reach, fine in FINE:
+        middle = figure.joints[place] if isinstance(place, str) else np.array(place)
+        near = np.linalg.norm(points - middle, axis=1) / reach
+        length = np.minimum(length, fine + (0.0185 - fine) * np.clip((near - 0.7) / 0.6, 0, 1))
+    return length
+
+
+def mirrored(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
     """Closes a left half by its mirror image; the vertices of the seam at x = 0 are shared."""
     seam = np.abs(vertices[:, 0]) < 1e-6
     vertices = np.where(seam[:, None], vertices * [0, 1, 1], vertices)
@@ -109,7 +144,7 @@ def mirrored(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> tuple[N
     return both, np.vstack([faces, twin[faces][:, ::-1]]).astype(np.int32)
 
 
-def girth(vertices: NDArray[np.float64], faces: NDArray[np.int32], height: float) -> float:
+def girth(vertices: NDArray[np.floating], faces: NDArray[np.int32], height: float) -> float:
     """Returns the tape's length around the trunk at a height: the hull of the slice that surrounds the body's middle."""
     section = trimesh.Trimesh(vertices, faces, process=False).section([0, 0, 1], [0, 0, height])
     if section is None:
@@ -118,7 +153,7 @@ def girth(vertices: NDArray[np.float64], faces: NDArray[np.int32], height: float
     return float(max(ConvexHull(loop).area for loop in loops if loop[:, 0].min() < 0 < loop[:, 0].max()))
 
 
-def body_mesh(figure: Figure, triangles: int, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def body_mesh(figure: Figure, triangles: int, spacing: float) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
     """Makes the whole surface of a figure.
 
     Args:
@@ -132,9 +167,16 @@ def body_mesh(figure: Figure, triangles: int, spacing: float) -> tuple[NDArray[n
     wanted, width = figure.chest_girth_m / figure.stature_m, 1.0
     for _ in range(3):  # the girth is almost proportional to the trunk's width
         width *= wanted / girth(*mirrored(*half_mesh(figure, 2 * spacing, width)), CHEST_HEIGHT)
-    vertices, faces = half_mesh(figure, spacing, width)
-    reduced = simplify(vertices, faces, target_count=triangles // 2, agg=3)
-    vertices, faces = mirrored(np.asarray(reduced[0], float), np.asarray(reduced[1], np.int32))
+    field = body_field(figure, width)
+    scale = 1.0
+    remesher = Remesher(*half_mesh(figure, 2 * spacing, width), field, lambda p: scale * edge_length(figure, p))
+    for passes in (4, 3, 3):
+        remesher.run(passes)
+        scale *= float(np.sqrt(2 * len(remesher.faces) / triangles))
+    vertices, faces = remesher.arrays()
+    border = np.abs(vertices[:, 0]) < 1e-9
+    vertices = fill_out(vertices, faces, border, field)
+    vertices, faces = mirrored(vertices, faces)
     if trimesh.Trimesh(vertices, faces, process=False).volume < 0:
         faces = faces[:, ::-1]
     low, high = vertices[:, 2].min(), vertices[:, 2].max()
