@@ -48,8 +48,17 @@ class FrameSource(Protocol):
         """How many time steps an iteration yields."""
         ...
 
+    @property
+    def silhouettes_given(self) -> bool:
+        """Whether the frames are silhouettes already (white on black) and need no background."""
+        ...
+
     def backgrounds(self) -> Mapping[str, Iterable[Frame]]:
         """Returns frames of the empty view for each camera that has them."""
+        ...
+
+    def regions(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Returns where the person may be, (H, W) bool, for each camera that is told."""
         ...
 
     def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:

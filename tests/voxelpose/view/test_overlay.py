@@ -1,0 +1,76 @@
+"""Overlay videos and the contact sheet, from frames to files."""
+
+import cv2
+import numpy as np
+import pytest
+
+from silhouette_core.estimator import Silent
+from tests.sources import GreySource, ring
+from tests.takes import waving
+from voxelpose.view import overlay
+from voxelpose.view.overlay import draw_pictures
+
+
+def frames_of(path):
+    capture = cv2.VideoCapture(str(path))
+    frames = []
+    while True:
+        good, frame = capture.read()
+        if not good:
+            return np.array(frames), capture.get(cv2.CAP_PROP_FPS)
+        frames.append(frame)
+
+
+def test_a_video_per_camera_and_a_sheet(tmp_path):
+    motion = waving(8)
+    draw_pictures(GreySource(ring(3), 8), motion.select(np.r_[0:5, 6:8]), tmp_path, "a title", Silent())
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "contact_sheet.png",
+        "overlay_cam_1.mp4",
+        "overlay_cam_2.mp4",
+        "overlay_cam_3.mp4",
+    ]
+    frames, fps = frames_of(tmp_path / "overlay_cam_2.mp4")
+    assert frames.shape == (8, 180, 240, 3)
+    assert fps == 25
+    middle = frames[:, 20:140, 60:180].astype(int)
+    drawn = (np.abs(middle - 90).sum(axis=3) > 60).mean(axis=(1, 2))
+    assert (drawn[[0, 4, 6, 7]] > 0.05).all()
+    assert drawn[5] < 0.03  # the frame without a pose
+    sheet = cv2.imread(str(tmp_path / "contact_sheet.png"))
+    assert sheet is not None and sheet.shape[0] > 500 and sheet.shape[1] > 1000
+
+
+def test_every_tile_of_the_sheet_shows_the_figure(tmp_path):
+    motion = waving(3)
+    rotation, origin = motion.parts()
+    source = GreySource(ring(2), 3)
+    sheet = overlay.ContactSheet(motion, rotation, origin, list(source.rig))
+    for frame, _, images in source:
+        sheet.add(frame, images)
+    assert len(sheet.tiles) == 2 * 3
+    for tile in sheet.tiles.values():
+        assert tile.shape[:2] == sheet.tile[::-1]
+        assert (np.abs(tile.astype(int) - 90).sum(axis=2) > 60).mean() > 0.1
+
+
+def test_a_video_that_was_not_written_whole_is_an_error(tmp_path, monkeypatch):
+    writer = cv2.VideoWriter
+
+    class Short:  # not derived from cv2.VideoWriter: OpenCV's types crash when they are
+        fourcc = writer.fourcc
+
+        def __init__(self, *arguments):
+            self.inner, self.skipped = writer(*arguments), False
+
+        def write(self, image):
+            if self.skipped:
+                self.inner.write(image)
+            self.skipped = True
+
+        def __getattr__(self, name):
+            return getattr(self.inner, name)
+
+    monkeypatch.setattr(overlay.cv2, "VideoWriter", Short)
+    with pytest.raises(OSError, match="3 of 4 frames were written"):
+        draw_pictures(GreySource(ring(1), 4), waving(4), tmp_path, "", Silent())
