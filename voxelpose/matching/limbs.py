@@ -90,10 +90,9 @@ def sample_angles(limb: Limb, angles_rad: np.ndarray, step_rad: float, around: f
     Source: Iiyama, Kameda and Minoh, section 2.
     """
     names = BodyModel.dof_names
-    limits = BodyModel.dof_limits_rad
     if limb.swing:
         columns = [names.index(name) for name in limb.swing]
-        axes = [_ticks(*limits[k], angles_rad[k], step_rad, around) for k in columns]
+        axes = [_ticks(*BodyModel.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
         found = np.tile(angles_rad, (len(mesh), 1))
         found[:, columns] = mesh
@@ -103,26 +102,42 @@ def sample_angles(limb: Limb, angles_rad: np.ndarray, step_rad: float, around: f
                 if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
                     found[:, k] = 0.0
     else:
-        found = _hinge_samples(limb, angles_rad, step_rad, around)
-    inside = ((found >= limits[:, 0] - 1e-9) & (found <= limits[:, 1] + 1e-9)).all(1)
-    return np.concatenate([angles_rad[None], found[inside]])
+        found = sample_hinge(limb, angles_rad[None], step_rad, around)[0]
+    return np.concatenate([angles_rad[None], found[within_limits(found)]])
 
 
-def _hinge_samples(limb: Limb, angles: np.ndarray, step: float, around: float | None) -> np.ndarray:
+def sample_hinge(limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None) -> np.ndarray:
+    """Samples the bend of a hinge and the twist of the bone above it, for several placements of that bone at once.
+
+    Args:
+        limb: one with a hinge.
+        angles_rad: (M, D), alike in the hinge's own angle.
+        step_rad: distance between samples of the bend; the twist, which moves less, takes half as many.
+        around: as in `sample_angles`.
+
+    Returns:
+        (M, K, D); not all within the limits of the bone above (see `within_limits`).
+    """
     names = BodyModel.dof_names
     hinge = names.index(limb.hinge or "")
     above = [k for k, name in enumerate(names) if name.partition(".")[0] == limb.twist_of]
     axes = BodyModel.dof_axis[above]  # orthonormal, so that angles are coordinates of the rotation vector
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
     reach = np.radians(100) if around is None else around
-    twists = _ticks(-reach, reach, 0.0, 1.5 * step, None)
-    bends = _ticks(*BodyModel.dof_limits_rad[hinge], angles[hinge], step, around)
-    swing = Rotation.from_rotvec(angles[above] @ axes)
-    turned = (swing * Rotation.from_rotvec(twists[:, None] * bone)).as_rotvec() @ axes.T
-    found = np.tile(angles, (len(twists) * len(bends), 1))
-    found[:, above] = np.repeat(turned, len(bends), axis=0)
-    found[:, hinge] = np.tile(bends, len(twists))
+    twists = _ticks(-reach, reach, 0.0, 2 * step_rad, None)
+    bends = _ticks(*BodyModel.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
+    swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
+    turned = (swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))).as_rotvec() @ axes.T
+    found = np.repeat(angles_rad[:, None], len(twists) * len(bends), axis=1)
+    found[..., above] = np.repeat(turned.reshape(len(angles_rad), len(twists), 3), len(bends), axis=1)
+    found[..., hinge] = np.tile(bends, len(twists))
     return found
+
+
+def within_limits(angles_rad: np.ndarray) -> np.ndarray:
+    """Returns for each (…, D) whether every angle is within its limits: (…,) bool."""
+    low, high = BodyModel.dof_limits_rad.T
+    return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
 
 def _ticks(low: float, high: float, middle: float, step: float, around: float | None) -> np.ndarray:

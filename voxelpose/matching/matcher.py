@@ -8,8 +8,8 @@ import numpy as np
 
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.joint_search import best_together
-from voxelpose.matching.kernels.bits import count_common, count_new
-from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
+from voxelpose.matching.kernels.bits import count_common
+from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles, sample_hinge, within_limits
 from voxelpose.matching.pose import Pose
 from voxelpose.matching.solid import Lump, Solid
 
@@ -156,24 +156,21 @@ def interference_groups(candidates: list[Candidates]) -> list[list[Candidates]]:
 
 def _what_hangs_on(state: _State, limb: Limb, angles: np.ndarray) -> np.ndarray:
     """(K,) cost, at least 0: how much less than its whole volume the best placement of `limb` explains, for each placement above it."""
-    settings = state.settings
-    below = [sample_angles(limb, above, 1.6 * settings.step_rad, settings.around_rad) for above in angles]
-    bits, cost = _cover(state, limb, np.concatenate(below), stride=3)
-    best = np.maximum.reduceat(3 * _new_voxels(bits) - cost, np.cumsum([0] + [len(part) for part in below[:-1]]))
-    return np.maximum(len(state.solid.points[limb.name]) - best, 0.0)
+    settings, solid = state.settings, state.solid
+    below = sample_hinge(limb, angles, 1.5 * settings.step_rad, settings.around_rad)
+    placements = solid.placements(limb, state.pose, below.reshape(-1, below.shape[-1]))
+    points = solid.points[limb.name][::3]
+    inside, outside = solid.backend.voxel_overlap(state.lump.free, points, np.full(len(points), 3.0), *placements)
+    gain = (inside - settings.empty_cost * outside).reshape(below.shape[:2])
+    best = np.where(within_limits(below), gain, -np.inf).max(1)
+    return np.maximum(len(solid.points[limb.name]) - np.maximum(best, 0.0), 0.0)
 
 
-def _new_voxels(bits: np.ndarray) -> np.ndarray:
-    new = np.empty(len(bits), np.int64)
-    count_new(bits, np.zeros(bits.shape[1], np.uint64), new)
-    return new
-
-
-def _cover(state: _State, limb: Limb, angles: np.ndarray, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Bits (K, words) and cost (K,) of a limb's placements, judged by every `stride`-th of its points."""
+def _cover(state: _State, limb: Limb, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bits (K, words) and own cost (K,) of a limb's placements."""
     placements = state.solid.placements(limb, state.pose, angles)
-    bits, empty, inside = state.lump.cover(state.solid.points[limb.name][::stride], *placements)
-    return bits, stride * (state.settings.empty_cost * empty + state.settings.taken_cost * inside)
+    bits, empty, inside = state.lump.cover(state.solid.points[limb.name], *placements)
+    return bits, state.settings.empty_cost * empty + state.settings.taken_cost * inside
 
 
 def _decide(state: _State, limbs: list[Limb], bits: list[np.ndarray], angles: np.ndarray, cost: float) -> None:

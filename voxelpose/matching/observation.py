@@ -77,7 +77,7 @@ class Observation:
         """
         cameras, rays, normals, outside = [], [], [], []
         for c, mask in enumerate(masks):
-            step = max(int(round(spacing_m * views.intrinsics[c, 0] / distance_m)), 1)
+            step = max(round(spacing_m * views.intrinsics[c, 0] / distance_m), 1)
             pixels, directions = contour_points(mask, step)
             ray, normal = _tangent_planes(views, c, pixels, directions)
             cameras.append(np.full(len(ray), c, np.int32))

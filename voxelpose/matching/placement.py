@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.scoring.backend import Backend, Voxels
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.kernels.bits import count_new
 from voxelpose.matching.limbs import LIMBS, TORSO
 from voxelpose.matching.pose import RELAXED_RAD, Pose
-from voxelpose.matching.solid import Lump, Solid
+from voxelpose.matching.solid import Solid
 
 _APART_M, _APART_RAD = 0.12, np.radians(40)
 _UNUSUAL = 0.1  # what lying on the side costs, as a share of the torso: people mostly stand
+
+
+@dataclass(frozen=True, eq=False)
+class _Overlap:
+    """A lump of points (n, 3), turned about its middle, and the voxels it is laid over."""
+
+    backend: Backend
+    voxels: Voxels
+    points: np.ndarray
+    middle: np.ndarray
 
 
 def find_torso(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, count: int = 8) -> list[Pose]:
@@ -34,26 +46,26 @@ def find_torso(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, count: int 
     depth = distance_transform_edt(occupancy)
     if not depth.max():
         return []
-    lump = Lump(grid, occupancy)
+    voxels = Voxels(occupancy, grid.origin_m, grid.voxel_size_m)
     head = next(limb for limb in LIMBS if limb.name == "neck")
     model = solid.model
     points = np.concatenate([solid.points[TORSO.name], solid.points["neck"] + model.joints_m[head.part] - model.joints_m[0]])
     middle = points.mean(0)
-    thin = points[::6]
+    coarse, fine = (_Overlap(solid.backend, voxels, np.ascontiguousarray(points[::step]), middle) for step in (8, 3))
     places = _deep_places(grid, depth)
     rotations = _orientations()
     # Every place with every orientation, on few points; then the best again on more, and turned in small steps.
-    found = _score(lump, thin, middle, np.repeat(places, len(rotations), axis=0), np.tile(rotations, (len(places), 1, 1)))
+    found = _score(coarse, np.repeat(places, len(rotations), axis=0), np.tile(rotations, (len(places), 1, 1)))
     best = _different(*found, 3 * count)
-    refined = [_polish(lump, points[::2], middle, place, rotation) for place, rotation, _ in best]
-    refined += [_polish(lump, points[::2], middle, p, r @ np.diag([-1.0, -1.0, 1.0])) for p, r, _ in refined]
+    refined = [_polish(fine, place, rotation) for place, rotation, _ in best]
+    refined += [_polish(fine, p, r @ np.diag([-1.0, -1.0, 1.0])) for p, r, _ in refined]
     refined.sort(key=lambda item: -item[2])
     kept = _different(*(np.array([item[k] for item in refined]) for k in range(3)), count)
     return [Pose(place - rotation @ middle, rotation, RELAXED_RAD.copy()) for place, rotation, _ in kept]
 
 
 def _deep_places(grid: VoxelGrid, depth: np.ndarray) -> np.ndarray:
-    step = max(int(round(0.06 / grid.voxel_size_m)), 1)
+    step = max(round(0.06 / grid.voxel_size_m), 1)
     deep = np.argwhere(depth > 0.6 * depth.max())
     kept = deep[(deep % step == 0).all(1)]
     return grid.centres(kept if len(kept) else deep[:1])
@@ -63,45 +75,47 @@ def _orientations() -> np.ndarray:
     turns = [
         Rotation.from_euler("zxy", [yaw, pitch, roll], degrees=True)
         for yaw in range(0, 360, 30)
-        for pitch, roll in ((0, 0), (30, 0), (60, 0), (90, 0), (-30, 0), (0, 30), (0, -30), (30, 30), (30, -30), (0, 70), (0, -70), (180, 0))
+        for pitch, roll in (
+            (0, 0),
+            (30, 0),
+            (60, 0),
+            (90, 0),
+            (-30, 0),
+            (0, 30),
+            (0, -30),
+            (30, 30),
+            (30, -30),
+            (0, 70),
+            (0, -70),
+            (180, 0),
+        )
     ]
     return Rotation.concatenate(turns).as_matrix()
 
 
-def _score(
-    lump: Lump, points: np.ndarray, middle: np.ndarray, places: np.ndarray, rotations: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns places, rotations and scores, best first: voxels covered less points in empty space, the middle of the points at a place."""
-    scores = np.empty(len(places))
-    nothing = np.zeros(lump.words, np.uint64)
-    for first in range(0, len(places), 4096):
-        part = slice(first, first + 4096)
-        translations = places[part] - rotations[part] @ middle
-        bits, empty, _ = lump.cover(points, np.ascontiguousarray(rotations[part]), translations)
-        new = np.empty(len(bits), np.int64)
-        count_new(bits, nothing, new)
-        scores[part] = new - empty - _UNUSUAL * len(points) * (1 - rotations[part][:, 2, 2])
+def _score(score: _Overlap, places: np.ndarray, rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns places, rotations and scores, best first: share of points in the hull less the share in empty space."""
+    inside, outside = score.backend.voxel_overlap(
+        score.voxels, score.points, np.full(len(score.points), 1 / len(score.points)), rotations, places - rotations @ score.middle
+    )
+    scores = inside - outside - _UNUSUAL * (1 - rotations[:, 2, 2])
     order = np.argsort(-scores, kind="stable")
     return places[order], rotations[order], scores[order]
 
 
-def _polish(
-    lump: Lump, points: np.ndarray, middle: np.ndarray, place: np.ndarray, rotation: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _polish(score_by: _Overlap, place: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     score = -np.inf
     for step_m, step_rad in ((0.04, 0.26), (0.02, 0.13)):
         shifts = step_m * np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)
         turns = Rotation.from_rotvec(step_rad * np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)).as_matrix()
         places = np.repeat(place + shifts, len(turns), axis=0)
         rotations = np.tile(turns @ rotation, (len(shifts), 1, 1))
-        places, rotations, scores = _score(lump, points, middle, places, rotations)
+        places, rotations, scores = _score(score_by, places, rotations)
         place, rotation, score = places[0], rotations[0], float(scores[0])
     return place, rotation, score
 
 
-def _different(
-    places: np.ndarray, rotations: np.ndarray, scores: np.ndarray, count: int
-) -> list[tuple[np.ndarray, np.ndarray, float]]:
+def _different(places: np.ndarray, rotations: np.ndarray, scores: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarray, float]]:
     kept: list[tuple[np.ndarray, np.ndarray, float]] = []
     for place, rotation, score in zip(places, rotations, scores, strict=True):
         if len(kept) == count:

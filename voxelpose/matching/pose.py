@@ -45,7 +45,18 @@ _USUAL_DEG = {
     "thigh": 50, "thigh.abduction": 25, "thigh.rotation": 20, "shin": 60, "foot": 15,
 }  # fmt: skip
 # How far a joint turns from one frame to the next beyond what was predicted, degrees at 30 frames a second.
-_RESTLESS_DEG = {"lumbar": 3, "thorax": 3, "neck": 6, "clavicle": 4, "upper_arm": 14, "forearm": 16, "hand": 12, "thigh": 9, "shin": 12, "foot": 12}
+_RESTLESS_DEG = {
+    "lumbar": 3,
+    "thorax": 3,
+    "neck": 6,
+    "clavicle": 4,
+    "upper_arm": 14,
+    "forearm": 16,
+    "hand": 12,
+    "thigh": 9,
+    "shin": 12,
+    "foot": 12,
+}
 _RELAXED_DEG = {"upper_arm.abduction": -30.0, "forearm.flexion": 20.0, "shin.flexion": 8.0, "thigh.flexion": 4.0}
 
 

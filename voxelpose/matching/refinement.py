@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from silhouette_core.body.model import BodyModel
-from voxelpose.matching.kernels.refine import match_contours, measure_outside
+from voxelpose.matching.kernels.refine import add_normal_equations, match_contours, measure_outside
 from voxelpose.matching.observation import Observation
 from voxelpose.matching.pose import RELAXED_RAD, USUAL_RAD, Pose
 from voxelpose.matching.surface import PosedSurface, Surface
@@ -103,9 +103,8 @@ def refine(
         posed = surface.posed(pose)
         rows = residuals(surface, posed, observation, reach, settings)
         jacobian = surface.jacobian(posed, rows.index, rows.direction)
-        weighted = jacobian * rows.weight[:, None]
-        matrix = weighted.T @ jacobian
-        gradient = weighted.T @ rows.gap_m
+        matrix, gradient = np.zeros((6 + model.dof_count, 6 + model.dof_count)), np.zeros(6 + model.dof_count)
+        add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
         add_pose_priors(matrix, gradient, pose, model, prior, settings.usual)
         pose = pose.moved(bounded_step(matrix, gradient, free, pose.angles_rad, model)).clipped()
     contour = np.average(rows.gap_m**2, weights=rows.weight) if len(rows.gap_m) else np.inf
@@ -173,9 +172,7 @@ def residuals(surface: Surface, posed: PosedSurface, observation: Observation, r
     return Residuals(np.concatenate(index), np.concatenate(direction), np.concatenate(gaps), np.concatenate(weight), explained)
 
 
-def add_pose_priors(
-    matrix: np.ndarray, gradient: np.ndarray, pose: Pose, model: BodyModel, prior: PosePrior | None, usual: float
-) -> None:
+def add_pose_priors(matrix: np.ndarray, gradient: np.ndarray, pose: Pose, model: BodyModel, prior: PosePrior | None, usual: float) -> None:
     """Adds to the normal equations what is believed without looking: stance, joint limits, and the given prior. In place."""
     diagonal = np.zeros(len(gradient))
     angles = pose.angles_rad

@@ -8,6 +8,8 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_one_part
+from silhouette_core.scoring.backend import Backend, Voxels
+from silhouette_core.scoring.cpu import CpuBackend
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.kernels.bits import cover
 from voxelpose.matching.limbs import LIMBS, Limb
@@ -24,21 +26,23 @@ class Solid:
         model: the body.
         points: limb name -> (n, 3) float64, positions at rest relative to the joint of the limb's first part.
         part_points: 27 arrays (n_p, 3), the same points by part, relative to each part's own joint.
+        backend: what scores many placements at once.
     """
 
     model: BodyModel
     points: dict[str, np.ndarray]
     part_points: list[np.ndarray]
+    backend: Backend
 
     @classmethod
-    def of(cls, model: BodyModel, spacing_m: float) -> Solid:
-        """Fills a body, one point every `spacing_m` along each axis."""
+    def of(cls, model: BodyModel, spacing_m: float, backend: Backend | None = None) -> Solid:
+        """Fills a body, one point every `spacing_m` along each axis; by default all cores score it."""
         parts = model.part_points(spacing_m)
         points = {}
         for limb in LIMBS:
             held = [model.names.index(name) for name in limb.parts]
             points[limb.name] = np.concatenate([parts[p] + model.joints_m[p] for p in held]) - model.joints_m[limb.part]
-        return cls(model, points, parts)
+        return cls(model, points, parts, backend or CpuBackend())
 
     def placements(self, limb: Limb, root: Pose, angles_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places a limb for each of K choices of angles.
@@ -69,6 +73,7 @@ class Lump:
     """
 
     def __init__(self, grid: VoxelGrid, occupancy: np.ndarray):
+        """Numbers the occupied voxels."""
         self.grid = grid
         self.occupied = np.argwhere(occupancy)
         self.ids = np.full(occupancy.shape, FREE_FROM_BODY, np.int32)
@@ -94,6 +99,11 @@ class Lump:
         bits, empty, inside = np.empty((count, self.words), np.uint64), np.empty(count, np.int64), np.empty(count, np.int64)
         cover(self.ids, self.grid.origin_m, self.grid.voxel_size_m, points, rotations, translations, bits, empty, inside)
         return bits, empty, inside
+
+    @property
+    def free(self) -> Voxels:
+        """The occupied voxels that no part has taken yet."""
+        return Voxels(self.ids >= 0, self.grid.origin_m, self.grid.voxel_size_m)
 
     def take(self, bits: np.ndarray) -> None:
         """Gives the voxels of one set (words,) to a part: nothing placed later can claim them."""

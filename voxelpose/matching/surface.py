@@ -47,16 +47,22 @@ class Surface:
 
     Args:
         model: the body.
-        count: about how many vertices to take, evenly over the surface.
+        count: how many vertices to take, evenly over the surface.
+        taken: the vertices to take, instead of choosing some.
     """
 
-    def __init__(self, model: BodyModel, count: int = 1200):
+    def __init__(self, model: BodyModel, count: int = 1200, taken: np.ndarray | None = None):
+        """Takes the vertices, or those of an earlier choice."""
         self.model = model
-        self.taken = _spread(model, count)
+        self.taken = _spread(model, count) if taken is None else taken
         self.rest = np.ascontiguousarray(model.vertices_m[self.taken])
         self.normals = np.ascontiguousarray(model.vertex_normals[self.taken])
         self.skin_parts = np.ascontiguousarray(model.skin_parts[self.taken])
         self.skin_weights = np.ascontiguousarray(model.skin_weights[self.taken])
+
+    def reshaped(self, shape: np.ndarray) -> Surface:
+        """Returns the same points on the body with other shape deviations (K,)."""
+        return Surface(self.model.reshaped(shape), taken=self.taken)
 
     def posed(self, pose: Pose) -> PosedSurface:
         """Poses the sampled points."""

@@ -35,7 +35,7 @@ def match_contours(camera, center, ray, normal, points, point_normals, reach, ma
             gap[i] = 0.0
 
 
-@parallel_kernel
+@kernel
 def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
     """How far each surface point lies outside one camera's silhouette.
 
@@ -44,7 +44,7 @@ def measure_outside(points, intrinsics, rotation, translation, outside, gap, dir
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     height, width = outside.shape
-    for v in prange(points.shape[0]):
+    for v in range(points.shape[0]):
         gap[v] = 0.0
         p = points[v]
         x = rotation[0, 0] * p[0] + rotation[0, 1] * p[1] + rotation[0, 2] * p[2] + translation[0]
@@ -94,14 +94,17 @@ def pose_surface(rest, rest_normals, joints, skin_parts, skin_weights, part_rota
                 normals[v, i] /= length
 
 
-@parallel_kernel
-def fill_jacobian(index, direction, rest, joints, skin_parts, skin_weights, part_rotation, part_origin, descends, dof_part, world_axis, rows):
+@kernel
+def fill_jacobian(
+    index, direction, rest, joints, skin_parts, skin_weights, part_rotation, part_origin, descends, dof_part, world_axis, rows
+):
     """Fills rows (N, 6 + D): the derivative of direction . point along root position, root rotation vector (world) and joint angles."""
-    for i in prange(index.shape[0]):
+    place, whole = np.empty((4, 3)), np.empty(3)
+    for i in range(index.shape[0]):
         v = index[i]
         n = direction[i]
-        place = np.zeros((4, 3))
-        whole = np.zeros(3)
+        place[:] = 0.0
+        whole[:] = 0.0
         for k in range(4):
             w = skin_weights[v, k]
             if w == 0.0:
@@ -135,3 +138,27 @@ def fill_jacobian(index, direction, rest, joints, skin_parts, skin_weights, part
             lz -= share * part_origin[part, 2]
             a = world_axis[d]
             rows[i, 6 + d] = a[0] * (ly * n[2] - lz * n[1]) + a[1] * (lz * n[0] - lx * n[2]) + a[2] * (lx * n[1] - ly * n[0])
+
+
+@kernel
+def add_normal_equations(rows, weight, gap, matrix, gradient):
+    """Adds rows^T weight rows to matrix (n, n) and rows^T weight gap to gradient (n,).
+
+    Rows are mostly zeros (a point hangs on few joints), and small enough that threads would cost more than they give.
+    """
+    taken = np.empty(rows.shape[1], np.int64)
+    for i in range(rows.shape[0]):
+        count = 0
+        for j in range(rows.shape[1]):
+            if rows[i, j] != 0.0:
+                taken[count] = j
+                count += 1
+        for a in range(count):
+            first = taken[a]
+            scaled = weight[i] * rows[i, first]
+            gradient[first] += scaled * gap[i]
+            for b in range(a + 1):
+                matrix[first, taken[b]] += scaled * rows[i, taken[b]]
+    for a in range(matrix.shape[0]):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
