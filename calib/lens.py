@@ -76,12 +76,14 @@ class RationalLens:
         """Bends (N, 2) ideal coordinates."""
         if self._identity:
             return normalised
-        distorted, _ = self._bend(normalised)
-        outside = np.einsum("ni,ni->n", normalised, normalised) > self.field_radius**2
-        if self._tilt is not None:
-            distorted = _apply_homography(self._tilt, distorted)
-        distorted[outside] = np.nan
+        distorted = self.bend(normalised)
+        distorted[np.einsum("ni,ni->n", normalised, normalised) > self.field_radius**2] = np.nan
         return distorted
+
+    def bend(self, normalised: FloatArray) -> FloatArray:
+        """Bends (N, 2) without asking for the field: for solvers, whose next step may leave it."""
+        distorted, _ = self._bend(normalised)
+        return distorted if self._tilt is None else _apply_homography(self._tilt, distorted)
 
     def undistort(self, distorted: FloatArray) -> FloatArray:
         """Straightens (N, 2) recorded coordinates by Newton's method, started from the radial part alone."""
@@ -184,13 +186,16 @@ class FisheyeLens:
 
     def distort(self, normalised: FloatArray) -> FloatArray:
         """Bends (N, 2) ideal coordinates."""
-        radius = np.linalg.norm(normalised, axis=1)
-        angle = np.arctan(radius)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(radius > 0, self._radius(angle) / radius, 1.0)
-        distorted = normalised * ratio[:, None]
-        distorted[~(angle <= self._angle_limit)] = np.nan
+        distorted = self.bend(normalised)
+        distorted[~(np.arctan(np.linalg.norm(normalised, axis=1)) <= self._angle_limit)] = np.nan
         return distorted
+
+    def bend(self, normalised: FloatArray) -> FloatArray:
+        """Bends (N, 2) without asking for the field: for solvers, whose next step may leave it."""
+        radius = np.linalg.norm(normalised, axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(radius > 0, self._radius(np.arctan(radius)) / radius, 1.0)
+        return normalised * ratio[:, None]
 
     def undistort(self, distorted: FloatArray) -> FloatArray:
         """Straightens (N, 2) recorded coordinates by Newton's method on the angle."""

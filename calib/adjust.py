@@ -1,0 +1,272 @@
+"""Bundle adjustment: lenses, camera places and board places, moved together until what was seen is where it should be."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from calib.camera import Camera
+from calib.lens import FisheyeLens, RationalLens
+from calib.rotation import matrix_from_rodrigues
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Free = Literal["lenses", "places"]
+
+_ROBUST_PX = 1.0  # errors beyond this count less and less
+_STEP = 1e-6
+_MAX_STEPS = 100
+_MAX_DAMPING = 1e12
+_ENOUGH = 1e-9  # relative gain of a step after which no other is taken
+_DISTORTION_SCALE = 1.0  # a distortion term of one costs as much as one corner that is a pixel off:
+_TANGENTIAL_SCALE = 0.05  # nothing beside thousands of corners, but it decides between terms that cancel each other
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Corners seen: camera (N,) and board (N,) numbers, the corner in the board's frame (N, 3) m, and where it was seen (N, 2) px."""
+
+    camera: IntArray
+    board: IntArray
+    points_m: FloatArray
+    pixels: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Cameras, and the boards' places: rotations (B, 3, 3), world from board, and translations (B, 3), m."""
+
+    cameras: tuple[Camera, ...]
+    rotations: FloatArray
+    translations: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """A scene after adjustment.
+
+    Attributes:
+        scene: The scene.
+        residuals_px: (N, 2) float64, seen less reprojected.
+        covariances: One (p, p) float64 per camera of its free numbers: focal lengths, centre and distortion, or rotation (rad, about
+            camera axes) and translation (m); zeros for the camera that is held fixed.
+    """
+
+    scene: Scene
+    residuals_px: FloatArray
+    covariances: tuple[FloatArray, ...]
+
+
+def adjust(scene: Scene, seen: Observations, free: Free) -> Adjusted:
+    """Finds the nearest scene that explains the observations best.
+
+    Args:
+        scene: Where to start.
+        seen: The observations.
+        free: "places": the boards and all cameras but the first move. "lenses": the boards move, cameras stay and their lenses change.
+
+    Returns:
+        The adjusted scene; covariances assume independent errors of the size of the residuals.
+
+    Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 1999, 3.4, 4 and 10.
+    """
+    problem = _Problem(scene, seen, free)
+    x = _minimise(problem)
+    residuals = problem.reprojection(x)
+    # The median resists the outliers that the loss has put aside; 1.4826 makes it a standard deviation.
+    sigma = 1.4826 * float(np.median(np.abs(residuals)))
+    return Adjusted(problem.scene(x), residuals, _covariances(problem.jacobian(x), sigma, problem))
+
+
+def _minimise(problem: "_Problem") -> FloatArray:
+    """Levenberg and Marquardt's method with iteratively reweighted corners.
+
+    (SciPy's trust region takes ten times the steps on a sparse Jacobian, and its dense solver decomposes all of it at every step.)
+    """
+    x, damping = np.zeros(problem.size), 1e-3
+    residuals = problem.residuals(x)
+    cost, weights = _robust(residuals, problem)
+    for _ in range(_MAX_STEPS):
+        jacobian = problem.jacobian(x)
+        weighted = jacobian.multiply(weights[:, None]).tocsr()
+        normal = (weighted.T @ jacobian).toarray()
+        downhill = -(weighted.T @ residuals)
+        diagonal = np.maximum(np.diag(normal), 1e-12)
+        while damping < _MAX_DAMPING:
+            step = np.linalg.solve(normal + np.diag(damping * diagonal), downhill)
+            tried = problem.residuals(x + step)
+            tried_cost, tried_weights = _robust(tried, problem)
+            if tried_cost < cost:
+                break
+            damping *= 10
+        else:
+            return x
+        gain = cost - tried_cost
+        x, residuals, cost, weights = x + step, tried, tried_cost, tried_weights
+        damping = max(damping / 10, 1e-12)
+        if gain <= _ENOUGH * cost:
+            break
+    return x
+
+
+def _robust(residuals: FloatArray, problem: "_Problem") -> tuple[float, FloatArray]:
+    """Returns the soft-L1 cost, and each residual's weight; the pull on distortion terms stays quadratic."""
+    corners = residuals[: problem.seen.pixels.size]
+    square = (corners.reshape(-1, 2) ** 2).sum(axis=1) / _ROBUST_PX**2
+    cost = 2 * _ROBUST_PX**2 * float((np.sqrt(1 + square) - 1).sum()) + float((residuals[corners.size :] ** 2).sum())
+    weights = np.ones_like(residuals)
+    weights[: corners.size] = np.repeat(1 / np.sqrt(1 + square), 2)
+    return (cost if np.isfinite(cost) else np.inf), weights
+
+
+def plane_poses(points_m: FloatArray, normalised: FloatArray, refine: bool = True) -> list[tuple[FloatArray, FloatArray, float]]:
+    """Places a flat board before a camera.
+
+    Args:
+        points_m: (N, 3), m, with z = 0.
+        normalised: (N, 2), ideal coordinates (x / z, y / z), where each point was seen.
+        refine: Whether to go on from the closed form to the least squares.
+
+    Returns:
+        Up to two poses, better first: rotation (3, 3) and translation (3,), camera from board, and the rms error in ideal coordinates.
+        (A small flat board looks almost the same tilted one way and the other.)
+
+    Source: Collins and Bartoli, Infinitesimal Plane-Based Pose Estimation, 2014 (OpenCV's SOLVEPNP_IPPE).
+    """
+    if len(points_m) < 4 or not np.isfinite(normalised).all():
+        return []
+    found, turns, shifts, _ = cv2.solvePnPGeneric(points_m, normalised, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE)
+    poses = []
+    for index in range(int(found)):
+        turn, shift = turns[index].copy(), shifts[index].copy()
+        if refine:
+            turn, shift = cv2.solvePnPRefineLM(points_m, normalised, np.eye(3), np.zeros(4), turn, shift)
+        rotation, translation = matrix_from_rodrigues(turn), np.asarray(shift, dtype=np.float64).ravel()
+        placed = points_m @ rotation.T + translation
+        if (placed[:, 2] > 0).all():
+            error = np.linalg.norm(placed[:, :2] / placed[:, 2:] - normalised, axis=1)
+            poses.append((rotation, translation, float(np.sqrt((error**2).mean()))))
+    return sorted(poses, key=lambda pose: pose[2])
+
+
+class _Problem:
+    """The numbers that move, and what they do to the residuals.
+
+    The vector holds a block per moving camera (6 numbers of its place, or its lens), then 6 per board: a rotation vector put in front of
+    the start's rotation, and a translation added to the start's.
+    """
+
+    def __init__(self, scene: Scene, seen: Observations, free: Free) -> None:
+        """Counts the numbers."""
+        self.start, self.seen, self.free = scene, seen, free
+        self.terms = max((len(camera.distortion) for camera in scene.cameras), default=0)
+        self.block = 4 + self.terms if free == "lenses" else 6
+        self.first = 0 if free == "lenses" else 1
+        self.boards_at = self.block * (len(scene.cameras) - self.first)
+        self.size = self.boards_at + 6 * len(scene.translations)
+
+    def scene(self, x: FloatArray) -> Scene:
+        """Returns the scene of a vector."""
+        boards = x[self.boards_at :].reshape(-1, 6)
+        turned = np.array([matrix_from_rodrigues(w) @ r for w, r in zip(boards[:, :3], self.start.rotations, strict=True)])
+        cameras = list(self.start.cameras)
+        for index, block in enumerate(x[: self.boards_at].reshape(-1, self.block), start=self.first):
+            cameras[index] = self._moved(cameras[index], block)
+        return Scene(tuple(cameras), turned, self.start.translations + boards[:, 3:])
+
+    def _moved(self, camera: Camera, block: FloatArray) -> Camera:
+        """Returns a camera with its block's numbers applied."""
+        if self.free == "places":
+            rotation = matrix_from_rodrigues(block[:3])
+            return replace(camera, rotation=rotation @ camera.rotation, translation=rotation @ camera.translation + block[3:])
+        matrix = camera.matrix.copy()
+        matrix[[0, 1], [0, 1]] *= np.exp(block[:2])
+        matrix[:2, 2] += block[2:4] * np.array(camera.size)
+        return replace(camera, matrix=matrix, distortion=camera.distortion + block[4 : 4 + len(camera.distortion)])
+
+    def reprojection(self, x: FloatArray) -> FloatArray:
+        """Returns seen less reprojected, (N, 2) px."""
+        scene, seen = self.scene(x), self.seen
+        world = np.einsum("nij,nj->ni", scene.rotations[seen.board], seen.points_m) + scene.translations[seen.board]
+        again = np.empty_like(seen.pixels)
+        for index, camera in enumerate(scene.cameras):
+            rows = seen.camera == index
+            placed = world[rows] @ camera.rotation.T + camera.translation
+            lens = FisheyeLens(camera.distortion) if camera.fisheye else RationalLens(camera.distortion)
+            again[rows] = lens.bend(placed[:, :2] / placed[:, 2:]) @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
+        return seen.pixels - again
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Returns all residuals, flat: corners, then the pull of distortion terms toward zero."""
+        return np.concatenate([self.reprojection(x).ravel(), self._pull(x)])
+
+    def _pull(self, x: FloatArray) -> FloatArray:
+        """Returns the distortion terms over their scales, one per camera and term."""
+        if self.free == "places" or not self.terms:
+            return np.zeros(0)
+        start = np.array([np.pad(camera.distortion, (0, self.terms - len(camera.distortion))) for camera in self.start.cameras])
+        scales = np.full((len(start), self.terms), _DISTORTION_SCALE)
+        for row, camera in zip(scales, self.start.cameras, strict=True):
+            if not camera.fisheye:
+                row[2:4] = _TANGENTIAL_SCALE
+        blocks = x[: self.boards_at].reshape(len(start), self.block)
+        return ((start + blocks[:, 4:]) / scales).ravel()
+
+    def jacobian(self, x: FloatArray) -> sparse.csr_matrix:
+        """Differentiates: a corner depends on one camera and one board only, so all blocks are stepped at once."""
+        seen, count = self.seen, len(self.seen.pixels)
+        here = self.residuals(x)
+        rows, columns, values = [], [], []
+        row = np.arange(2 * count)
+        moving = np.repeat(seen.camera - self.first, 2)
+        for offset, width, owner in ((0, self.block, moving), (self.boards_at, 6, np.repeat(seen.board, 2))):
+            blocks = (self.boards_at if offset == 0 else self.size - self.boards_at) // width
+            for number in range(width if blocks else 0):
+                stepped = x.copy()
+                stepped[offset + number + width * np.arange(blocks)] += _STEP
+                change = (self.residuals(stepped) - here) / _STEP
+                kept = owner >= 0
+                rows.append(row[kept])
+                columns.append(offset + number + width * owner[kept])
+                values.append(change[: 2 * count][kept])
+                pulled = np.flatnonzero(change[2 * count :]) if offset == 0 else np.zeros(0, dtype=int)
+                rows.append(2 * count + pulled)
+                columns.append(number + width * (pulled // max(self.terms, 1)))
+                values.append(change[2 * count + pulled])
+        shape = (len(here), self.size)
+        return sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+
+
+def _covariances(jacobian: sparse.csr_matrix, sigma: float, problem: _Problem) -> tuple[FloatArray, ...]:
+    """Returns each camera's block of the inverse normal matrix; directions that nothing holds come out as infinite."""
+    normal = (jacobian.T @ jacobian).toarray()
+    cut = problem.boards_at
+    # Boards are eliminated one by one: they do not see each other.
+    inner = normal[:cut, :cut].copy()
+    for at in range(cut, problem.size, 6):
+        own = slice(at, at + 6)
+        inner -= normal[:cut, own] @ np.linalg.pinv(normal[own, own]) @ normal[own, :cut]
+    scale = np.sqrt(np.maximum(np.diag(normal)[:cut], 1e-300))
+    level, axes = np.linalg.eigh(inner / np.outer(scale, scale))
+    with np.errstate(divide="ignore"):
+        inverse = np.where(level > 1e-12, 1 / np.maximum(level, 1e-12), 1e12)
+    covariance = sigma**2 * (axes * inverse) @ axes.T / np.outer(scale, scale)
+    blocks = [covariance[at : at + problem.block, at : at + problem.block] for at in range(0, cut, problem.block)]
+    return tuple([np.zeros((problem.block, problem.block))] * problem.first + blocks)
+
+
+def rms_px(residuals_px: FloatArray) -> float:
+    """Returns the root mean square distance of (N, 2) residuals."""
+    return float(np.sqrt((residuals_px**2).sum(axis=1).mean()))
+
+
+def ideal_poses(
+    camera: Camera, points_m: FloatArray, pixels: FloatArray, refine: bool = True
+) -> list[tuple[FloatArray, FloatArray, float]]:
+    """Returns `plane_poses` of a board seen in recorded pixels; corners that no ray belongs to are left out."""
+    normalised = camera.lens.undistort((pixels - camera.matrix[:2, 2]) / np.diag(camera.matrix)[:2])
+    kept = np.isfinite(normalised).all(axis=1)
+    return plane_poses(points_m[kept], normalised[kept], refine)

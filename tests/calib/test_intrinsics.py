@@ -1,0 +1,94 @@
+"""Lenses from boards: synthetic ones whose truth is known, and real ones."""
+
+import cv2
+import numpy as np
+import pytest
+from boards import CHECKERBOARD, lens_views
+
+from calib.board import Board, Refusal, View
+from calib.camera import Camera
+from calib.errors import InputError
+from calib.intrinsics import calibrate_intrinsics
+
+MATRIX = np.array([[900.0, 0, 650], [0, 905, 350], [0, 0, 1]])
+
+
+def camera(distortion, fisheye=False, matrix=MATRIX) -> Camera:
+    return Camera("cam_1", (1280, 720), matrix, np.array(distortion), np.eye(3), np.zeros(3), fisheye)
+
+
+@pytest.mark.parametrize(
+    ("lens", "distortion"),
+    [
+        ("pinhole", [-0.2, 0.08, 0.001, -0.001]),
+        ("rational", [-0.2, 0.08, 0.001, -0.001, 0.0, 0.02, 0.0, 0.0]),
+        ("fisheye", [0.05, -0.02, 0.01, -0.005]),
+    ],
+)
+def test_the_truth_is_found_in_noise(lens, distortion):
+    truth = camera(distortion, lens == "fisheye")
+    found = calibrate_intrinsics(CHECKERBOARD, lens_views(truth, 20, noise_px=0.3), lens)
+    np.testing.assert_allclose(np.diag(found.matrix)[:2], [900, 905], rtol=0.005)
+    np.testing.assert_allclose(found.matrix[:2, 2], [650, 350], atol=5)
+    assert found.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.15)  # both coordinates
+    assert all(line.left_out is None for line in found.pictures)
+    # What counts is where rays go: compare over the part of the image that boards covered.
+    pixels = np.stack(np.meshgrid(np.linspace(200, 1080, 20), np.linspace(100, 620, 20)), -1).reshape(-1, 2)
+    again = Camera("cam_1", found.size, found.matrix, found.distortion, np.eye(3), np.zeros(3), found.fisheye)
+    offset = again.project(truth.rays(pixels)[1])[0] - pixels
+    assert np.abs(offset - np.median(offset, axis=0)).max() < 2
+    assert (np.abs(np.diag(found.matrix)[:2] - [900, 905]) < 4 * found.focal_error_px).all()
+    assert (found.focal_error_px < 5).all()
+
+
+def test_a_bad_picture_is_left_out_and_named():
+    views = lens_views(camera([0.0] * 4), 10, noise_px=0.1)
+    broken = views["picture_03"]
+    views["picture_03"] = View(broken.ids, broken.pixels + np.outer(np.arange(40) % 8 == 0, [5.0, 0]), broken.size)
+    found = calibrate_intrinsics(CHECKERBOARD, views | {"picture_10": Refusal("blurred")})
+    lines = {line.picture: line for line in found.pictures}
+    assert list(lines) == [*views, "picture_10"]
+    assert "times the others' error" in (lines["picture_03"].left_out or "")
+    assert lines["picture_10"].left_out == "blurred"
+    assert sum(line.left_out is None for line in found.pictures) == 9
+    np.testing.assert_allclose(np.diag(found.matrix)[:2], [900, 905], rtol=0.005)
+
+
+def test_too_few_or_odd_pictures_are_refused():
+    views = lens_views(camera([0.0] * 4), 4, noise_px=0.1)
+    few = dict(list(views.items())[:3])
+    with pytest.raises(InputError, match=r"camera left: 3 of 5 pictures serve, 4 are needed \(blurred\)"):
+        calibrate_intrinsics(CHECKERBOARD, few | {"a": Refusal("blurred"), "b": Refusal("blurred")}, camera="left")
+    odd = View(views["picture_00"].ids, views["picture_00"].pixels, (640, 480))
+    with pytest.raises(InputError, match="pictures of different sizes"):
+        calibrate_intrinsics(CHECKERBOARD, views | {"odd": odd})
+    with pytest.raises(InputError, match="0 of 0 pictures serve"):
+        calibrate_intrinsics(CHECKERBOARD, {})
+
+
+def test_boards_that_never_tilt_are_told_of():
+    truth = camera([0.0] * 4)
+    rng = np.random.default_rng(0)
+    views = {}
+    for index in range(6):
+        points = CHECKERBOARD.points_m + np.array([-0.3 + 0.02 * index, -0.1, 1.0])
+        pixels, _ = truth.project(points)
+        views[str(index)] = View(np.arange(len(points)), pixels + rng.normal(0, 0.3, pixels.shape), truth.size)
+    try:
+        advice = calibrate_intrinsics(CHECKERBOARD, views).advice
+    except InputError as error:
+        advice = [str(error)]
+    assert any("tilt the board" in line for line in advice)
+
+
+@pytest.mark.slow
+def test_real_boards(shared):
+    board = Board(7, 4, 0.06)
+    for number in (1, 2, 3, 4):
+        folder = shared / "data" / "board_images" / f"cam_{number}"
+        views = {path.name: board.find(cv2.imread(str(path))) for path in sorted(folder.glob("*.jpg"))}
+        found = calibrate_intrinsics(board, views, camera=folder.name)
+        assert found.rms_px < 0.5
+        assert sum(line.left_out is None for line in found.pictures) >= 6
+        np.testing.assert_allclose(np.diag(found.matrix)[:2], 1675, atol=10)  # the Qualisys file says 1674 to 1682
+        np.testing.assert_allclose(found.distortion[:2], [-0.048, 0.14], atol=0.03)  # and -0.046 to -0.048, 0.135 to 0.14
