@@ -103,7 +103,7 @@ class Settings:
         stature_m: height of the person, metres; None: estimated.
         chest_m: chest girth, metres; None: usual for the stature.
         sex: whose proportions.
-        background: `paper` is Okada and Stenger 5.1 as written; `robust` is what this project adds against shadows and noise.
+        background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project does against shadows and noise.
         smooth: smooth the finished motion over time (off-line, without lag).
         threads: None: all cores.
         options: settings of one estimator only, by name (`interference`, `voxel_size_m` of the multi-view one). An estimator refuses
@@ -113,7 +113,7 @@ class Settings:
     stature_m: float | None = None
     chest_m: float | None = None
     sex: Literal["male", "female", "unknown"] = "unknown"
-    background: Literal["paper", "robust"] = "robust"
+    background: Literal["refined", "paper"] = "refined"
     smooth: bool = True
     threads: int | None = None
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)

@@ -1,11 +1,15 @@
-"""A small source of frames for tests: grey pictures of any rig, no files."""
+"""Small sources of frames for tests: grey pictures of any rig, in memory or in a folder."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 
 from calib.camera import Camera, Rig
+from calib.files import write_rig
+from silhouette_core.estimator import GROUP
 
 
 def ring(count: int = 3, size: tuple[int, int] = (160, 120), distortion: tuple[float, ...] = ()) -> Rig:
@@ -44,3 +48,46 @@ class GreySource:
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
         for frame in range(self.frame_count):
             yield frame, frame / self.fps, {c.name: np.full((c.size[1], c.size[0], 3), self.grey, np.uint8) for c in self.rig}
+
+
+def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 25.0) -> Path:
+    """Writes a recording of empty grey videos."""
+    folder.mkdir(parents=True)
+    write_rig(rig, folder / "calibration.toml")
+    for camera in rig:
+        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), fps, camera.size)
+        for _ in range(frame_count):
+            writer.write(np.full((camera.size[1], camera.size[0], 3), 90, np.uint8))
+        writer.release()
+    return folder
+
+
+_OUTSIDE = """
+import time
+import numpy as np
+from silhouette_core.estimator import Estimate
+from tests.takes import waving
+
+class Standing:
+    name = "standing"
+
+    def estimate(self, source, settings, reporter):
+        reporter.stage("standing about", source.frame_count)
+        for frame, _, _ in source:
+            if settings.options.get("voxel_size_m") == 9.0:
+                time.sleep(1)
+            reporter.advance()
+        if settings.options.get("voxel_size_m") == 8.0:
+            raise RuntimeError("a bug")
+        motion = waving(source.frame_count, settings.stature_m or 1.7, source.fps)
+        return Estimate(motion.select(np.arange(1, len(motion))), {"standing": np.full(source.frame_count, 0.002)}, {"tried": np.arange(2)})
+"""
+
+
+def install_standing(folder: Path) -> None:
+    """Puts an estimator of somebody else, named "standing", into a folder for sys.path; it loses the first frame."""
+    (folder / "standing_estimator.py").write_text(_OUTSIDE)
+    metadata = folder / "standing_estimator-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: standing-estimator\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[{GROUP}]\nstanding = standing_estimator:Standing\n")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
@@ -44,7 +44,8 @@ def write_motion(motion: Motion, path: Path) -> None:
         "parts": json.dumps(motion.model.names),
         "angles": json.dumps(motion.model.dof_names),
     }
-    save_file({name: np.ascontiguousarray(array) for name, array in arrays.items()}, str(path), metadata)
+    # Written by Python and not by safetensors, so that a full disk is the OSError that it is elsewhere.
+    path.write_bytes(save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata))
 
 
 def read_motion(path: Path) -> Motion:

@@ -1,0 +1,146 @@
+"""The command line as a user meets it: another process, its words and its exit code."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.sources import install_standing, ring, write_recording
+from voxelpose.cli import COMMANDS, run
+
+ROOT = Path(__file__).resolve().parents[3]
+HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")
+
+
+@pytest.fixture
+def desk(tmp_path):
+    """A folder with a recording, and an estimator that a process started there finds."""
+    (tmp_path / "site").mkdir()
+    install_standing(tmp_path / "site")
+    write_recording(tmp_path / "walk", ring(2))
+    return tmp_path
+
+
+def start(desk, *words, code="from voxelpose.cli import main; main()"):
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{desk / 'site'}"}
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *words], cwd=desk, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def ended(process):
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def left(desk):
+    return sorted(path.name for path in desk.iterdir() if path.name not in ("site", "walk"))
+
+
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)])
+def test_help_is_light(desk, words):
+    code = f"""
+import sys
+from voxelpose.cli import run
+try:
+    run({words!r})
+except SystemExit as end:
+    assert end.code == 0
+print([name for name in {HEAVY!r} if name in sys.modules])
+"""
+    returned, out, err = ended(start(desk, code=code))
+    assert returned == 0, err
+    assert out.splitlines()[-1] == "[]"
+    assert f"voxelpose {words[0]}" in out or words == ["--help"]
+
+
+def test_help_answers_within_a_second(desk):
+    seconds = []
+    for _ in range(3):  # the best of three: other processes may be busy
+        started = time.perf_counter()
+        returned, out, _ = ended(start(desk, "--help"))
+        seconds.append(time.perf_counter() - started)
+        assert returned == 0
+    assert min(seconds) < 1.0
+    assert all(name in out for name in COMMANDS)
+
+
+def test_version(capsys):
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("voxelpose 0.")
+
+
+def test_fit_writes_and_says_where(desk):
+    returned, out, err = ended(start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--stature", "1.8"))
+    assert returned == 0, err
+    assert "5 of 6 frames have a pose" in out
+    assert "fitted/motion.bvh" in out
+    assert "standing about" in err
+    assert left(desk) == ["fitted"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["fit", "run", "--out", "x"], "run is not a recording"),
+        (["fit", "walk", "--out", "x", "--frames", "a:b"], "--frames a:b is not understood"),
+        (["fit", "walk", "--out", "x", "--frames", "4:9"], "frames 4:9 are not in the recording"),
+        (["fit", "walk", "--out", "x", "--estimator", "telepathy"], "no estimator is called 'telepathy'"),
+        (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
+        (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
+        (["fit", "walk", "--out", "site", "--estimator", "standing", "--overwrite"], "site exists and is not a result"),
+        (["carve", "walk", "--out", "x.ply", "--frame", "99"], "frames 99:100 are not in the recording"),
+        (["carve", "walk", "--out", "x.ply"], "no foreground in any camera"),
+        (["carve", "walk", "--out", "x.ply", "--tolerance", "-1"], "--tolerance -1 is impossible"),
+        (["evaluate", "walk", "truth.json"], "truth.json cannot be read"),
+        (["sing"], "there is no command 'sing'"),
+    ],
+)
+def test_a_users_mistake_is_one_line_and_code_2(desk, monkeypatch, capsys, words, line):
+    monkeypatch.chdir(desk)
+    monkeypatch.syspath_prepend(str(desk / "site"))
+    assert run(words) == 2
+    captured = capsys.readouterr()
+    message = captured.err.splitlines()[-1]
+    assert message.startswith("voxelpose: ")
+    assert line in message
+    assert "Traceback" not in captured.err
+    assert left(desk) == []
+
+
+@pytest.mark.parametrize(
+    "words", [["fit"], ["fit", "walk"], ["fit", "walk", "--out", "x", "--stature", "tall"], ["fit", "walk", "--colour"]]
+)
+def test_wrong_arguments_end_with_code_2(words, capsys):
+    with pytest.raises(SystemExit) as end:
+        run(words)
+    assert end.value.code == 2
+    assert capsys.readouterr().err
+
+
+def test_a_bug_keeps_its_traceback(desk):
+    returned, _, err = ended(start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "8"))
+    assert returned == 1
+    assert "Traceback" in err and "RuntimeError: a bug" in err
+    assert left(desk) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals to send")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_fit_says_how_far_it_came_and_leaves_nothing(desk, number):
+    process = start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "9")
+    deadline = time.monotonic() + 60
+    while not left(desk) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1.5)
+    process.send_signal(number)
+    returned, _, err = ended(process)
+    assert returned == 130, err
+    last = err.splitlines()[-1]
+    assert last.startswith("voxelpose: interrupted during standing about, after ") and "of 6" in last
+    assert "Traceback" not in err
+    assert left(desk) == []

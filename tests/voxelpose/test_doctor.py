@@ -1,0 +1,49 @@
+"""The doctor sees what is broken, and says what to do."""
+
+import cv2
+import numpy as np
+import pytest
+
+from voxelpose import doctor
+from voxelpose.cli import run
+
+
+def found(name):
+    return {finding.name: finding for finding in doctor.examine()}[name]
+
+
+@pytest.mark.parametrize("name", ["Python", "OpenCV", "compiled code", "video", "body and pictures"])
+def test_what_the_tests_need_works(name):
+    assert found(name).state != "fails"
+
+
+def test_broken_codec_is_a_failure_with_a_remedy(monkeypatch, capsys):
+    class Mute:
+        fourcc = cv2.VideoWriter.fourcc
+
+        def __init__(self, *arguments): ...
+        def write(self, image: np.ndarray): ...
+        def release(self): ...
+
+    monkeypatch.setattr(cv2, "VideoWriter", Mute)
+    finding = found("video")
+    assert (finding.state, finding.found) == ("fails", "of 3 frames written, 0 were read")
+    assert "opencv-python-headless" in finding.remedy
+    assert run(["doctor"]) == 1
+    assert "opencv-python-headless" in capsys.readouterr().out
+
+
+def test_colliding_opencv_wheels_are_named(monkeypatch):
+    monkeypatch.setattr(doctor, "_installed", lambda wheel: "contrib" not in wheel)
+    assert found("OpenCV").state == "limited"
+    assert "pip uninstall opencv-python opencv-python-headless" in found("OpenCV").remedy
+
+
+def test_little_space_is_said(monkeypatch, tmp_path):
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 3e8}))
+    assert found("disk").state == "limited"
+
+
+def test_a_check_that_breaks_is_a_finding(monkeypatch):
+    monkeypatch.setattr(doctor, "_threads", lambda: 1 / 0)
+    assert "ZeroDivisionError" in found("threads").found

@@ -1,0 +1,88 @@
+"""Measures against hand-made cases and against the reviewers' own script."""
+
+import importlib.util
+import json
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_NAMES
+from tests.takes import waving
+from voxelpose.evaluation import read_joints, read_truth, score_motion
+from voxelpose.export.joints import write_joints
+
+
+@pytest.fixture
+def truth():
+    return waving(12).landmarks()
+
+
+def test_perfect(truth):
+    score = score_motion(truth, truth)
+    assert (score.lost, score.flips, score.pck150) == (0, 0, 1)
+    assert max(score.mpjpe_mm, score.root_mm, score.pa_mm, score.angle_deg) < 1e-3
+    assert score.jitter_mm == score.jitter_truth_mm
+
+
+def test_shift_counts_in_the_world_only(truth):
+    score = score_motion(truth, truth + np.array([0.03, 0.04, 0]))
+    assert score.mpjpe_mm == pytest.approx(50)
+    assert score.root_mm == pytest.approx(0, abs=1e-9)
+
+
+def test_size_and_turn_do_not_count_after_alignment(truth):
+    turned = 1.1 * truth @ np.array([[0, 1.0, 0], [-1.0, 0, 0], [0, 0, 1.0]])
+    score = score_motion(truth, turned)
+    assert score.pa_mm == pytest.approx(0, abs=1e-6)
+    assert score.root_mm > 100
+
+
+def test_exchanged_sides_are_flips(truth):
+    mirror = [LANDMARK_NAMES.index(n.replace("left", "?").replace("right", "left").replace("?", "right")) for n in LANDMARK_NAMES]
+    estimate = truth.copy()
+    estimate[3:6] = truth[3:6][:, mirror]
+    assert score_motion(truth, estimate).flips == pytest.approx(3 / 12)
+
+
+def test_absent_and_far_frames_are_lost(truth):
+    estimate = truth.copy()
+    estimate[0] = np.nan
+    estimate[1, 1:] += 1.0
+    assert score_motion(truth, estimate).lost == pytest.approx(2 / 12)
+    assert score_motion(truth, np.full_like(truth, np.nan)).lost == 1
+
+
+def test_files(tmp_path):
+    take = waving(6)
+    write_joints(take.select(np.array([0, 1, 4])), tmp_path / "joints.csv")
+    joints = {name: take.landmarks()[:, k].tolist() for k, name in enumerate(LANDMARK_NAMES)}
+    (tmp_path / "truth.json").write_text(json.dumps({"fps": 25, "unit": "m", "up": "z", "joints": joints}))
+    read = read_truth(tmp_path / "truth.json")
+    score = score_motion(read, read_joints(tmp_path / "joints.csv", len(read)))
+    assert score.lost == pytest.approx(0.5)
+    assert score.mpjpe_mm < 0.01
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"joints": {}}', '{"unit": "mm", "joints": {}}', "[1]"])
+def test_wrong_truth_is_said_in_one_line(tmp_path, content):
+    (tmp_path / "truth.json").write_text(content)
+    with pytest.raises(InputError, match=r"truth\.json"):
+        read_truth(tmp_path / "truth.json")
+
+
+def test_same_numbers_as_the_reviewers_script(shared, truth):
+    spec = importlib.util.spec_from_file_location("reviewers", shared / "eval" / "score.py")
+    assert spec is not None and spec.loader is not None
+    reviewers = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(reviewers)
+    random = np.random.default_rng(5)
+    estimate = truth + random.normal(0, 0.08, truth.shape)
+    estimate[2] = np.nan
+    estimate[5:8, 3:] += random.normal(0, 0.3, (3, 12, 3))
+    ours, theirs = score_motion(truth, estimate), reviewers.score(truth, estimate)
+    for name, value in theirs.items():
+        if name == "joint_root_mm":
+            np.testing.assert_allclose(ours.joint_root_mm, [value[joint] for joint in LANDMARK_NAMES])
+        else:
+            assert getattr(ours, name) == pytest.approx(value), name

@@ -1,0 +1,5 @@
+"""python -m voxelpose."""
+
+from voxelpose.cli import main
+
+main()

@@ -1,0 +1,175 @@
+"""How far an estimated motion is from the truth, in the measures that papers report.
+
+Source: joints and root-relative error as in Sigal, Balan and Black, "HumanEva" (IJCV 2010).
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_NAMES
+
+_LOST_MM = 300.0
+_CORRECT_MM = 150.0
+_FLIP_MM = 30.0
+_MIRROR = [
+    LANDMARK_NAMES.index(name.replace("left_", "right_") if name.startswith("left_") else name.replace("right_", "left_"))
+    for name in LANDMARK_NAMES
+]
+_SIDE_BONES = ("hip knee", "knee ankle", "shoulder elbow", "elbow wrist")
+_BONES = np.array(
+    [[LANDMARK_NAMES.index(f"{side}_{joint}") for joint in bone.split()] for bone in _SIDE_BONES for side in ("left", "right")]
+    + [[LANDMARK_NAMES.index(joint) for joint in bone.split()] for bone in ("pelvis neck", "neck head_top")]
+)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors of an estimate. Means are over the frames that have a pose; millimetres and degrees; shares from 0 to 1.
+
+    Attributes:
+        frames: frames of the truth.
+        lost: share of frames without a pose or with a root-relative error over 300 mm.
+        mpjpe_mm: mean distance of the joints in the world.
+        root_mm: the same with both pelvises put on each other.
+        pa_mm: the same after the similarity transform that fits each frame best.
+        pck150: share of joints within 150 mm, pelvises put on each other.
+        flips: share of frames that are nearer by 30 mm or more when left and right are exchanged.
+        jitter_mm: mean third difference of the joint positions.
+        jitter_truth_mm: the same of the truth.
+        angle_deg: mean angle between the directions of the ten bones.
+        joint_root_mm: root_mm per joint.
+    """
+
+    frames: int
+    lost: float
+    mpjpe_mm: float = float("nan")
+    root_mm: float = float("nan")
+    pa_mm: float = float("nan")
+    pck150: float = float("nan")
+    flips: float = float("nan")
+    jitter_mm: float = float("nan")
+    jitter_truth_mm: float = float("nan")
+    angle_deg: float = float("nan")
+    joint_root_mm: tuple[float, ...] = ()
+
+
+def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> Score:
+    """Scores joint positions.
+
+    Args:
+        truth_m: (T, 15, 3) float64, metres, in the order of LANDMARK_NAMES.
+        estimate_m: (T, 15, 3) float64, NaN in frames without a pose.
+
+    Returns:
+        The errors.
+
+    Raises:
+        ValueError: shapes differ.
+    """
+    if truth_m.shape != estimate_m.shape or truth_m.shape[1:] != (len(LANDMARK_NAMES), 3):
+        raise ValueError(f"truth and estimate must both be (T, {len(LANDMARK_NAMES)}, 3), got {truth_m.shape} and {estimate_m.shape}")
+    count = len(truth_m)
+    posed = np.isfinite(estimate_m).all(axis=(1, 2))
+    if not posed.any():
+        return Score(frames=count, lost=1.0)
+    truth, estimate = 1000 * truth_m[posed], 1000 * estimate_m[posed]
+    local_truth, local = truth - truth[:, :1], estimate - estimate[:, :1]
+    error = np.linalg.norm(local - local_truth, axis=2)
+    per_frame = error.mean(axis=1)
+    exchanged = np.linalg.norm(local[:, _MIRROR] - local_truth, axis=2).mean(axis=1)
+    return Score(
+        frames=count,
+        lost=float((count - posed.sum() + (per_frame > _LOST_MM).sum()) / count),
+        mpjpe_mm=float(np.linalg.norm(estimate - truth, axis=2).mean()),
+        root_mm=float(per_frame.mean()),
+        pa_mm=float(np.linalg.norm(_aligned(local, local_truth) - (truth - truth.mean(axis=1, keepdims=True)), axis=2).mean()),
+        pck150=float((error < _CORRECT_MM).mean()),
+        flips=float((per_frame - exchanged > _FLIP_MM).mean()),
+        jitter_mm=_jitter(estimate),
+        jitter_truth_mm=_jitter(truth),
+        angle_deg=_bone_angle(truth, estimate),
+        joint_root_mm=tuple(float(mm) for mm in error.mean(axis=0)),
+    )
+
+
+def read_truth(path: Path) -> NDArray[np.float64]:
+    """Reads a truth.json: `{"joints": {name: [[x, y, z] per frame]}}`, metres.
+
+    Args:
+        path: the file.
+
+    Returns:
+        (T, 15, 3) float64.
+
+    Raises:
+        InputError: the file cannot be read or lacks joints.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document.get("unit", "m") != "m":
+            raise InputError(f"{path} is in {document['unit']}: convert it to metres")
+        return np.stack([np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}") from error
+
+
+def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:
+    """Reads a joints.csv.
+
+    Args:
+        path: the file.
+        count: frames of the truth; others are left out.
+        offset: added to the file's frame numbers.
+
+    Returns:
+        (count, 15, 3) float64, NaN where a joint has no row.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    number = {name: index for index, name in enumerate(LANDMARK_NAMES)}
+    found = np.full((count, len(number), 3), np.nan)
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                frame = int(row["frame"]) + offset
+                if row["joint"] in number and 0 <= frame < count:
+                    found[frame, number[row["joint"]]] = float(row["x_m"]), float(row["y_m"]), float(row["z_m"])
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(f"{path} cannot be read as joints.csv (frame,joint,x_m,y_m,z_m): {error}") from error
+    return found
+
+
+def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (T, J, 3) `moving` under the similarity that fits it to `fixed` best in every frame, about the mean of `fixed`.
+
+    Source: Umeyama, "Least-squares estimation of transformation parameters" (PAMI 1991), (40)-(43).
+    """
+    a = moving - moving.mean(axis=1, keepdims=True)
+    b = fixed - fixed.mean(axis=1, keepdims=True)
+    u, s, vt = np.linalg.svd(np.swapaxes(b, 1, 2) @ a)
+    sign = np.ones_like(s)
+    sign[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    rotation = (u * sign[:, None]) @ vt
+    scale = (s * sign).sum(axis=1) / np.maximum((a**2).sum(axis=(1, 2)), 1e-12)
+    return scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2)
+
+
+def _jitter(positions: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2).mean()) if len(positions) > 3 else float("nan")
+
+
+def _bone_angle(truth: NDArray[np.float64], estimate: NDArray[np.float64]) -> float:
+    directions = []
+    for joints in (truth, estimate):
+        bones = joints[:, _BONES[:, 1]] - joints[:, _BONES[:, 0]]
+        directions.append(bones / np.maximum(np.linalg.norm(bones, axis=2, keepdims=True), 1e-9))
+    return float(np.degrees(np.arccos(np.clip((directions[0] * directions[1]).sum(axis=2), -1, 1))).mean())
