@@ -1,0 +1,145 @@
+"""A recording's silhouettes over time, kept on disk as bits, and what is made of them frame by frame."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from voxelpose.carving.carver import CarveRule, carve
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.observation import Observation, PinholeViews
+
+_COARSE_M = 0.05
+_MARGIN_M = 0.10
+_SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
+
+
+class MaskStore:
+    """Silhouettes of all cameras and frames in one scratch file each, a bit per pixel, so that memory does not grow with time.
+
+    Args:
+        sizes: (width, height) of each camera's silhouettes.
+        count: number of frames.
+    """
+
+    def __init__(self, sizes: list[tuple[int, int]], count: int):
+        """Makes the scratch files; they vanish with `close`, or with the process."""
+        self._folder = tempfile.TemporaryDirectory(prefix="voxelpose-")
+        self._widths = [width for width, _ in sizes]
+        self._bits = [
+            np.memmap(Path(self._folder.name) / f"{c}.bits", np.uint8, "w+", shape=(count, height, (width + 7) // 8))
+            for c, (width, height) in enumerate(sizes)
+        ]
+
+    def __len__(self) -> int:
+        """Returns the number of frames."""
+        return len(self._bits[0])
+
+    def __getitem__(self, t: int) -> list[np.ndarray]:
+        """Returns the (h, w) bool silhouettes of one frame, a camera each."""
+        return [np.unpackbits(bits[t], axis=1, count=width).view(bool) for bits, width in zip(self._bits, self._widths, strict=True)]
+
+    def put(self, t: int, masks: list[np.ndarray]) -> None:
+        """Keeps one frame's silhouettes."""
+        for bits, mask in zip(self._bits, masks, strict=True):
+            bits[t] = np.packbits(mask, axis=1)
+
+    def close(self) -> None:
+        """Removes the scratch files."""
+        self._bits.clear()
+        self._folder.cleanup()
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """One frame ready for fitting: the silhouettes of one body, and its hull.
+
+    Attributes:
+        observation: silhouettes, cleared of what does not belong to the hull.
+        grid: a window of voxels around the body.
+        occupancy: (nx, ny, nz) bool, the hull's largest piece in it.
+    """
+
+    observation: Observation
+    grid: VoxelGrid
+    occupancy: np.ndarray
+
+
+class Watcher:
+    """Turns a frame's raw silhouettes into one body's hull and silhouettes.
+
+    Args:
+        views: the cameras.
+        volume: where the body may be.
+        voxel_size_m: of the fine window.
+        rule: how many cameras may object to a voxel.
+    """
+
+    def __init__(self, views: PinholeViews, volume: VoxelGrid, voxel_size_m: float, rule: CarveRule | None = None):
+        """Keeps the settings."""
+        self.views = views
+        self.voxel_size_m = voxel_size_m
+        self.rule = rule or CarveRule()
+        low = volume.origin_m
+        self._coarse = VoxelGrid.from_bounds(low, low + volume.size_m, max(_COARSE_M, voxel_size_m))
+
+    def look(self, masks: list[np.ndarray], near_m: np.ndarray | None = None) -> Sight | None:
+        """Finds the body in one frame.
+
+        Args:
+            masks: a silhouette (h, w) bool per camera.
+            near_m: (3,) where the body was last; of several hulls the one there is taken. None: the largest.
+
+        Returns:
+            What is seen of it, or None where no hull of a body's size is left.
+        """
+        coarse = carve(self.views.rig, masks, self._coarse, self.rule)
+        piece = _piece(coarse, self._coarse, near_m)
+        if piece is None:
+            return None
+        masks = [self._belonging(c, mask, self._coarse.occupied_points(piece)) for c, mask in enumerate(masks)]
+        inside = np.argwhere(piece)
+        low = self._coarse.origin_m + inside.min(0) * self._coarse.voxel_size_m - _MARGIN_M
+        high = self._coarse.origin_m + (inside.max(0) + 1) * self._coarse.voxel_size_m + _MARGIN_M
+        grid = VoxelGrid.from_bounds(low, high, self.voxel_size_m)
+        occupancy = carve(self.views.rig, masks, grid, self.rule)
+        fine = _piece(occupancy, grid, near_m)
+        if fine is None:
+            return None
+        middle = grid.occupied_points(fine).mean(0)
+        distance = float(np.median(np.linalg.norm(self.views.center_m - middle, axis=1)))
+        return Sight(Observation.of(self.views, masks, distance), grid, fine)
+
+    def _belonging(self, c: int, mask: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Keeps the connected pieces of a silhouette into which some voxel of the body projects."""
+        count, labels = cv2.connectedComponents(mask.astype(np.uint8))
+        if count <= 2:
+            return mask
+        pixels, _ = self.views.rig.cameras[c].project(points)
+        pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
+        height, width = mask.shape
+        inside = ((pixels >= 0) & (pixels < (width, height))).all(1)
+        kept = np.zeros(count, bool)
+        kept[labels[pixels[inside, 1], pixels[inside, 0]]] = True
+        kept[0] = False
+        return kept[labels]
+
+
+def _piece(occupancy: np.ndarray, grid: VoxelGrid, near_m: np.ndarray | None) -> np.ndarray | None:
+    """Returns the connected piece of a hull that is the body's, or None."""
+    labels, count = ndimage.label(occupancy, np.ones((3, 3, 3)))  # type: ignore[misc]
+    if not count:
+        return None
+    sizes = np.bincount(labels.ravel())[1:] * grid.voxel_size_m**3
+    worth = sizes.copy()
+    if near_m is not None and count > 1:
+        centres = np.array(ndimage.center_of_mass(occupancy, labels, np.arange(1, count + 1)))
+        places = grid.origin_m + (centres + 0.5) * grid.voxel_size_m
+        worth *= np.exp(-((np.linalg.norm(places - near_m, axis=1) / 1.0) ** 2))
+    best = int(worth.argmax())
+    return labels == best + 1 if sizes[best] >= _SMALLEST_M3 else None

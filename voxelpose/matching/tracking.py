@@ -1,0 +1,135 @@
+"""Poses over time: anchored where a frame is clear by itself, and carried from there both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from voxelpose.matching.agreement import silhouette_error
+from voxelpose.matching.matcher import MatchSettings, match
+from voxelpose.matching.pose import RESTLESS_RAD, ROOT_RESTLESS, Pose
+from voxelpose.matching.refinement import PosePrior, RefineSettings, refine
+from voxelpose.matching.search import Body, find_pose
+from voxelpose.matching.sequence import MaskStore, Sight, Watcher
+
+_FOLLOW = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.09, 0.07, 0.06, 0.06))
+_MOMENTUM = 0.8  # share of the last step that the next one is expected to repeat
+_NEARBY = MatchSettings(step_rad=np.radians(14.0), around_rad=np.radians(42.0), look_ahead=True)
+_BETTER = 0.97  # an answer replaces another where its error is below this share of the other's
+_POOR, _POOR_BY = 1.2, 0.01  # a frame is poor where its error exceeds the usual by this factor and this much
+_LOST = 0.45  # a pose that leaves so much of the silhouettes unexplained is no answer
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How poses are carried from frame to frame.
+
+    Attributes:
+        fps: frames per second; what a joint turns in a frame shrinks with it.
+        match: settings of the matcher for a search over the whole range.
+        frames_per_anchor: how many frames there are to each that is searched from nothing.
+    """
+
+    fps: float
+    match: MatchSettings
+    frames_per_anchor: int = 60
+
+
+class Track:
+    """The poses found so far.
+
+    Args:
+        body: the fitted body.
+        watcher: turns raw silhouettes into sights.
+        store: the raw silhouettes.
+        settings: see TrackSettings.
+        advance: called once for every frame whose pose was worked on.
+    """
+
+    def __init__(self, body: Body, watcher: Watcher, store: MaskStore, settings: TrackSettings, advance: Callable[[], None]):
+        """Starts with no pose."""
+        self.body = body
+        self.watcher = watcher
+        self.store = store
+        self.settings = settings
+        self.poses: list[Pose | None] = [None] * len(store)
+        self.error = np.full(len(store), np.inf)
+        self._advance = advance
+        self._pace = float(np.clip(30.0 / settings.fps, 0.3, 3.0))
+
+    def sight(self, t: int) -> Sight | None:
+        """Looks at one frame, near where the body was in its neighbours."""
+        near = next((pose.root_m for k in (t, t - 1, t + 1) if 0 <= k < len(self.poses) and (pose := self.poses[k]) is not None), None)
+        return self.watcher.look(self.store[t], near)
+
+    def anchor(self, t: int, count: int = 10) -> bool:
+        """Searches one frame from nothing; says whether that gave a better pose than the one it had."""
+        sight = self.sight(t)
+        if sight is None:
+            return False
+        found = find_pose(self.body, sight.observation, sight.grid, sight.occupancy, self.settings.match, count)
+        if not found or found[0].error > min(_LOST, _BETTER * self.error[t]):
+            return False
+        self.poses[t], self.error[t] = found[0].pose, found[0].error
+        return True
+
+    def carry(self, start: int, direction: int) -> None:
+        """Follows the body from a posed frame forward (+1) or backward (-1), as long as the answers are better than those it has."""
+        t = start + direction
+        while 0 <= t < len(self.poses):
+            pose, error = self._follow(t, direction)
+            if pose is None or error >= _BETTER * self.error[t]:
+                return
+            self.poses[t], self.error[t] = pose, error
+            self._advance()
+            t += direction
+
+    def repair(self, most: int) -> None:
+        """Searches the worst frames from nothing, and carries what is better to their neighbours."""
+        tried = np.zeros(len(self.poses), bool)
+        for _ in range(most):
+            usual = float(np.median(np.minimum(self.error, _LOST)))
+            bad = np.where(tried, -np.inf, np.where(np.isfinite(self.error), self.error, _LOST))
+            t = int(bad.argmax())
+            if bad[t] < 1.3 * usual:
+                return
+            tried[max(t - 3, 0) : t + 4] = True
+            if self.anchor(t):
+                self.carry(t, +1)
+                self.carry(t, -1)
+
+    def _follow(self, t: int, direction: int) -> tuple[Pose | None, float]:
+        last = self.poses[t - direction]
+        sight = self.sight(t)
+        if sight is None or last is None:
+            return None, np.inf
+        expected = self._predict(t, direction, last)
+        spread = np.concatenate([ROOT_RESTLESS, RESTLESS_RAD]) * self._pace
+        pose = refine(self.body.surface, sight.observation, expected, PosePrior(expected, spread), _FOLLOW).pose
+        error = silhouette_error(self.body.model, pose, sight.observation)
+        usual = self._usual(t, direction)
+        if error > _POOR * usual + _POOR_BY:
+            pose, error = self._search_near(sight, expected, PosePrior(expected, 2 * spread), pose, error)
+        return (pose, error) if error < _LOST else (None, np.inf)
+
+    def _search_near(self, sight: Sight, expected: Pose, prior: PosePrior, pose: Pose, error: float) -> tuple[Pose, float]:
+        """Matches voxels around the expected pose, and around the refined one, whose torso is better placed."""
+        near = replace(_NEARBY, interference=self.settings.match.interference)
+        for start in (pose, Pose(pose.root_m, pose.root_rotation, expected.angles_rad)):
+            matched = match(self.body.solid, sight.grid, sight.occupancy, start, near).pose
+            other = refine(self.body.surface, sight.observation, matched, prior, _FOLLOW).pose
+            other_error = silhouette_error(self.body.model, other, sight.observation)
+            if other_error < _BETTER * error:
+                pose, error = other, other_error
+        return pose, error
+
+    def _predict(self, t: int, direction: int, last: Pose) -> Pose:
+        before = self.poses[t - 2 * direction] if 0 <= t - 2 * direction < len(self.poses) else None
+        return last if before is None else last.moved(_MOMENTUM * last.minus(before)).clipped()
+
+    def _usual(self, t: int, direction: int) -> float:
+        past = self.error[max(t - 12, 0) : t] if direction > 0 else self.error[t + 1 : t + 13]
+        past = past[np.isfinite(past)]
+        return float(np.median(past)) if len(past) else np.inf
