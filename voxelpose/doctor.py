@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import platform
 import shutil
@@ -176,8 +175,10 @@ def _estimators() -> Finding:
 
 
 def _open3d() -> Finding:
+    from voxelpose.open3d_import import import_open3d
+
     try:
-        module = importlib.import_module("voxelpose.view.open3d_import").open3d()
+        module = import_open3d()
     except Exception as error:  # a shared library that is missing is an OSError, a broken wheel anything
         remedy = "only windows need it; on Linux: pip install libusb-package, and apt install libgl1 libgomp1"
         return Finding("open3d", "limited", f"{type(error).__name__}: {error}", remedy)

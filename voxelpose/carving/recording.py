@@ -96,7 +96,8 @@ def carve_recording(
     if out is not None and Path(out).exists() and not overwrite:
         raise InputError(f"{out} exists: choose another name, or say --overwrite")
     cameras = None if settings.cameras is None else list(settings.cameras)
-    recording = Recording.open(folder, (settings.frame, settings.frame + 1), cameras=cameras, unit=settings.unit)
+    # One frame has no rate: any will do, so that folders of frames need none.
+    recording = Recording.open(folder, (settings.frame, settings.frame + 1), cameras, settings.unit, fps=1.0)
     silhouettes = Silhouettes(recording)
     _, _, frames = next(iter(recording))
     hull = carve_masks(recording.rig, silhouettes.of(frames), settings, silhouettes.without_background)

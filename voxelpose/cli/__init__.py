@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from calib.errors import InputError
 COMMANDS = {
     "fit": "fit a body to every frame of a recording and write its motion",
     "carve": "carve one frame of a recording: its visual hull as a PLY file",
+    "view": "show a result's hull and skeleton, in a window or as a picture",
     "evaluate": "score a result against known joint positions",
     "doctor": "say what of this machine works, and what to do about the rest",
 }
@@ -42,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: the words after `voxelpose`; None: those of the process.
     """
+    # OpenCV and FFmpeg would talk between our lines.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # A job scheduler's SIGTERM cleans up like Ctrl-C.
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics
@@ -20,12 +20,19 @@ _SIDES: tuple[Colour, ...] = (MIDDLE, LEFT, RIGHT)
 _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
-def _bones() -> list[tuple[str, str, Colour]]:
-    """Lists the lines of the skeleton: the joints (named by their parts) at both ends, and the colour."""
+def skeleton_bones() -> list[tuple[int, int, Colour]]:
+    """Lists the lines of the skeleton: the joints at both ends (index of the part, 27 for the vertex of the head), and the colour."""
+    joints = (*PART_NAMES, "head_top")
     chains = ["pelvis lumbar upper_thorax neck head head_top".split()]
     for side in ("left_", "right_"):
         chains += [[names[0], *(side + name for name in names[1:])] for names in (limb.split() for limb in _LIMBS)]
-    return [(start, end, colour_of(end)) for chain in chains for start, end in pairwise(chain)]
+    return [(joints.index(start), joints.index(end), colour_of(end)) for chain in chains for start, end in pairwise(chain)]
+
+
+def skeleton_joints(model: BodyModel, rotation: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the (28, 3) joints of the skeleton's lines in the world, metres, from one frame's parts (27, 3, 3) and (27, 3)."""
+    top = kinematics.landmarks(model, rotation[None], origin[None])[0, LANDMARK_NAMES.index("head_top")]
+    return np.vstack([origin, top])
 
 
 class FigurePainter:
@@ -48,8 +55,7 @@ class FigurePainter:
         self.ideal = camera.pinhole(self.scale)
         self.size = self.ideal.size
         self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
-        joints = (*model.names, "head_top")
-        self._bones = [(joints.index(start), joints.index(end), colour) for start, end, colour in _bones()]
+        self._bones = skeleton_bones()
 
     def resized(self, frame: Image) -> Image:
         """Returns a copy of a recorded frame at the working size."""
@@ -91,8 +97,7 @@ class FigurePainter:
         return (recorded + 0.5) * self.scale - 0.5
 
     def _skeleton(self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64], line: int) -> None:
-        top = kinematics.landmarks(self.model, rotation[None], origin[None])[0, LANDMARK_NAMES.index("head_top")]
-        joints = self.pixels(np.vstack([origin, top]))
+        joints = self.pixels(skeleton_joints(self.model, rotation, origin))
         for start, end, _ in self._bones:
             stroke(image, joints[[start, end]], PAPER, line + 3)
         for start, end, colour in self._bones:

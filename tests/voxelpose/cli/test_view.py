@@ -1,0 +1,69 @@
+"""voxelpose view, on a recording that holds silhouettes of a posed body."""
+
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.files import write_rig
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion import kinematics
+from tests.sources import install_standing, ring
+from tests.takes import waving
+from voxelpose.cli import run
+
+
+@pytest.fixture
+def fitted(tmp_path, monkeypatch):
+    """A recording "walk" whose silhouettes are those of the standing estimator's poses, and its result "out"."""
+    motion, rig = waving(3, 1.7), ring(3)
+    rotation, origin = motion.parts()
+    for camera in rig:
+        (tmp_path / "walk" / "masks" / camera.name).mkdir(parents=True)
+        for row in range(3):
+            surface = kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
+            parts, _ = render_parts(surface, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)
+            mask = np.where(parts > 0, 255, 0).astype(np.uint8)
+            cv2.imwrite(str(tmp_path / "walk" / "masks" / camera.name / f"{row}.png"), mask)
+    write_rig(rig, tmp_path / "walk" / "calibration.toml")
+    (tmp_path / "site").mkdir()
+    install_standing(tmp_path / "site")
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--fps", "25", "--no-pictures"]) == 0
+    return tmp_path
+
+
+def red_share(path) -> float:
+    image = cv2.imread(str(path))
+    assert image is not None
+    return float(((image[..., 2].astype(int) - image[..., 0]) > 100).mean())
+
+
+def test_hull_and_skeleton_as_a_picture(fitted, capsys):
+    assert run(["view", "out", "--frame", "2", "--voxel", "0.03", "--png", "hull.png"]) == 0
+    assert "frame 2" in capsys.readouterr().out
+    assert run(["view", "walk", "--frame", "2", "--voxel", "0.03", "--png", "alone.png"]) == 0
+    assert red_share("hull.png") > 0.002 > red_share("alone.png")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["view", "out"], "no screen"),
+        (["view", "out", "--frame", "0", "--png", "x.png"], "frame 0 has no pose in out: choose one from 1 to 2"),
+        (["view", "nowhere", "--png", "x.png"], "nowhere is not a recording"),
+        (["view", "out", "--recording", "moved", "--png", "x.png"], "the recording moved of this result is not there"),
+        (["view", "out", "--voxel", "0.05", "--png", "gone/x.png"], "gone/x.png cannot be written"),
+    ],
+)
+def test_mistakes(fitted, capsys, words, line):
+    if words == ["view", "out"] and not sys.platform.startswith("linux"):
+        pytest.skip("only Linux tells whether there is a screen")
+    assert run(words) == 2
+    assert line in capsys.readouterr().err.splitlines()[-1]
+    assert not (fitted / "x.png").exists()
