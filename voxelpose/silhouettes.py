@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from itertools import islice
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.background import BackgroundModel
+from silhouette_core.estimator import FrameSource
+from silhouette_core.image.background import BackgroundModel, BackgroundSettings
 from voxelpose.footage import Frame
-from voxelpose.recording import Recording
 
 _BACKGROUND_FRAMES = 120
 _MEDIAN_FRAMES = 40
@@ -21,27 +22,30 @@ class Silhouettes:
         without_background: Cameras whose background is the temporal median of the recording, for want of an empty view.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, source: FrameSource, method: Literal["paper", "refined"] = "refined") -> None:
         """Learns the backgrounds of a recording.
+
+        Args:
+            source: The recording.
+            method: See `BackgroundSettings`.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image.
         """
-        self._given = recording.silhouettes_given
-        self._regions = recording.regions()
+        self._given = source.silhouettes_given
+        self._regions = source.regions()
         self._models: dict[str, BackgroundModel] = {}
         self.without_background: tuple[str, ...] = ()
         if self._given:
             return
-        backgrounds = recording.backgrounds()
-        self.without_background = tuple(name for name in recording.rig.names if name not in backgrounds)
-        for name in recording.rig.names:
-            if name in backgrounds:
-                self._models[name] = BackgroundModel.from_frames(islice(backgrounds[name], _BACKGROUND_FRAMES))
-            else:
-                footage = recording.footage[name]
-                step = max(1, footage.frame_count // _MEDIAN_FRAMES)
-                self._models[name] = BackgroundModel.from_median(islice(footage, 0, None, step))
+        backgrounds = source.backgrounds()
+        settings = BackgroundSettings(method=method)
+        self.without_background = tuple(name for name in source.rig.names if name not in backgrounds)
+        for name, frames in backgrounds.items():
+            self._models[name] = BackgroundModel.from_frames(islice(frames, _BACKGROUND_FRAMES), settings)
+        if self.without_background:
+            for name, frames in _samples(source, self.without_background).items():
+                self._models[name] = BackgroundModel.from_median(frames, settings)
 
     def of(self, frames: Mapping[str, Frame]) -> dict[str, NDArray[np.bool_]]:
         """Returns the silhouette (H, W) bool of every camera's frame (H, W, 3) uint8, BGR."""
@@ -53,3 +57,14 @@ class Silhouettes:
             return self._models[name].silhouette(frame, region)
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
+
+
+def _samples(source: FrameSource, names: tuple[str, ...]) -> dict[str, list[Frame]]:
+    """Takes frames evenly from the whole recording, few enough for memory."""
+    step = max(1, source.frame_count // _MEDIAN_FRAMES)
+    found: dict[str, list[Frame]] = {name: [] for name in names}
+    for k, (_, _, frames) in enumerate(source):
+        if k % step == 0:
+            for name in names:
+                found[name].append(frames[name])
+    return found

@@ -7,6 +7,8 @@ complement), so that only the shape deviations are left to solve for. Beyond bot
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -23,8 +25,16 @@ _LARGEST = 3.0  # deviations beyond this many spreads are not a person's
 _SETTLE = RefineSettings(reaches_m=(0.08, 0.06, 0.05))
 
 
+@dataclass(frozen=True)
+class Stature:
+    """A person's height in metres, and its standard deviation."""
+
+    metres: float
+    spread_m: float
+
+
 def adapt_shape(
-    surface: Surface, observations: list[Observation], poses: list[Pose], stature_m: float, stature_spread_m: float
+    surface: Surface, observations: list[Observation], poses: list[Pose], stature: Stature, expected: np.ndarray
 ) -> tuple[Surface, list[Pose]]:
     """Adapts a body's proportions to the silhouettes of several frames.
 
@@ -32,20 +42,19 @@ def adapt_shape(
         surface: of the body to start from.
         observations: F frames, of different poses.
         poses: F poses, right to within about 0.1 m.
-        stature_m: the person's height.
-        stature_spread_m: how sure that is (standard deviation).
+        stature: the person's height.
+        expected: (K,) the shape that is likeliest without looking.
 
     Returns:
         The surface of the adapted body, and the F poses refined on it.
     """
     model = surface.model
-    start = model.shape.copy()
     settings = RefineSettings()
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_held)])
     for reach in _REACHES_M:
         matrix = np.diag(1 / SHAPE_SPREAD**2)
-        gradient = (surface.model.shape - start) / SHAPE_SPREAD**2
-        _add_stature(matrix, gradient, surface.model, stature_m, stature_spread_m)
+        gradient = (surface.model.shape - expected) / SHAPE_SPREAD**2
+        _add_stature(matrix, gradient, surface.model, stature)
         systems = []
         for observation, pose in zip(observations, poses, strict=True):
             system = _FrameSystem(surface, observation, pose, reach, settings)
@@ -54,7 +63,7 @@ def adapt_shape(
             matrix += system.shape - system.cross[free].T @ eliminated
             gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
         step = -np.linalg.solve(matrix, gradient)
-        shape = np.clip(surface.model.shape + step, start - _LARGEST * SHAPE_SPREAD, start + _LARGEST * SHAPE_SPREAD)
+        shape = np.clip(surface.model.shape + step, expected - _LARGEST * SHAPE_SPREAD, expected + _LARGEST * SHAPE_SPREAD)
         change = shape - surface.model.shape
         steps = [
             bounded_step(system.pose, system.pose_gradient + system.cross @ change, free, pose.angles_rad, model)
@@ -89,8 +98,8 @@ class _FrameSystem:
         add_pose_priors(self.pose, self.pose_gradient, pose, surface.model, None, settings.usual)
 
 
-def _add_stature(matrix: np.ndarray, gradient: np.ndarray, model: BodyModel, stature_m: float, spread_m: float) -> None:
+def _add_stature(matrix: np.ndarray, gradient: np.ndarray, model: BodyModel, stature: Stature) -> None:
     sole = int(model.vertices_m[:, 2].argmin())
     row = model.space.landmarks_change[:, LANDMARK_NAMES.index("head_top"), 2] - model.space.vertices_change[:, sole, 2]
-    matrix += np.outer(row, row) / spread_m**2
-    gradient += row * (stature_of(model) - stature_m) / spread_m**2
+    matrix += np.outer(row, row) / stature.spread_m**2
+    gradient += row * (stature_of(model) - stature.metres) / stature.spread_m**2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +16,16 @@ from voxelpose.matching.search import Body, find_pose
 from voxelpose.matching.sequence import MaskStore, Sight, Watcher
 
 _FOLLOW = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.09, 0.07, 0.06, 0.06))
+_POLISH = RefineSettings(reaches_m=(0.08, 0.06, 0.05, 0.05))
 _MOMENTUM = 0.8  # share of the last step that the next one is expected to repeat
 _NEARBY = MatchSettings(step_rad=np.radians(14.0), around_rad=np.radians(42.0), look_ahead=True)
 _BETTER = 0.97  # an answer replaces another where its error is below this share of the other's
 _POOR, _POOR_BY = 1.2, 0.01  # a frame is poor where its error exceeds the usual by this factor and this much
 _LOST = 0.45  # a pose that leaves so much of the silhouettes unexplained is no answer
+
+
+Clock = Callable[[str], AbstractContextManager[None]]
+"""Times a block under a stage's name."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +35,10 @@ class TrackSettings:
     Attributes:
         fps: frames per second; what a joint turns in a frame shrinks with it.
         match: settings of the matcher for a search over the whole range.
-        frames_per_anchor: how many frames there are to each that is searched from nothing.
     """
 
     fps: float
     match: MatchSettings
-    frames_per_anchor: int = 60
 
 
 class Track:
@@ -45,10 +49,11 @@ class Track:
         watcher: turns raw silhouettes into sights.
         store: the raw silhouettes.
         settings: see TrackSettings.
+        clock: times every step.
         advance: called once for every frame whose pose was worked on.
     """
 
-    def __init__(self, body: Body, watcher: Watcher, store: MaskStore, settings: TrackSettings, advance: Callable[[], None]):
+    def __init__(self, body: Body, watcher: Watcher, store: MaskStore, settings: TrackSettings, clock: Clock, advance: Callable[[], None]):
         """Starts with no pose."""
         self.body = body
         self.watcher = watcher
@@ -56,6 +61,7 @@ class Track:
         self.settings = settings
         self.poses: list[Pose | None] = [None] * len(store)
         self.error = np.full(len(store), np.inf)
+        self._clock = clock
         self._advance = advance
         self._pace = float(np.clip(30.0 / settings.fps, 0.3, 3.0))
 
@@ -63,6 +69,14 @@ class Track:
         """Looks at one frame, near where the body was in its neighbours."""
         near = next((pose.root_m for k in (t, t - 1, t + 1) if 0 <= k < len(self.poses) and (pose := self.poses[k]) is not None), None)
         return self.watcher.look(self.store[t], near)
+
+    def begin(self, poses: dict[int, Pose], errors: dict[int, float]) -> None:
+        """Takes poses found by themselves, and carries each to its neighbours, the surest first."""
+        for t, pose in poses.items():
+            self.poses[t], self.error[t] = pose, errors[t]
+        for t in sorted(poses, key=lambda k: errors[k]):
+            self.carry(t, +1)
+            self.carry(t, -1)
 
     def anchor(self, t: int, count: int = 10) -> bool:
         """Searches one frame from nothing; says whether that gave a better pose than the one it had."""
@@ -79,7 +93,8 @@ class Track:
         """Follows the body from a posed frame forward (+1) or backward (-1), as long as the answers are better than those it has."""
         t = start + direction
         while 0 <= t < len(self.poses):
-            pose, error = self._follow(t, direction)
+            with self._clock("pose"):
+                pose, error = self._follow(t, direction)
             if pose is None or error >= _BETTER * self.error[t]:
                 return
             self.poses[t], self.error[t] = pose, error
@@ -99,6 +114,21 @@ class Track:
             if self.anchor(t):
                 self.carry(t, +1)
                 self.carry(t, -1)
+
+    def polish(self) -> None:
+        """Refines every pose once more, drawn toward the middle of its neighbours: the future is known now."""
+        old = list(self.poses)
+        spread = np.concatenate([ROOT_RESTLESS, RESTLESS_RAD]) * self._pace
+        for t, pose in enumerate(old):
+            self._advance()
+            if pose is None or (sight := self.sight(t)) is None:
+                continue
+            with self._clock("refinement"):
+                before, after = (old[k] if 0 <= k < len(old) else None for k in (t - 1, t + 1))
+                middle = pose if before is None or after is None else before.moved(0.5 * after.minus(before))
+                refined = refine(self.body.surface, sight.observation, pose, PosePrior(middle, spread), _POLISH).pose
+                self.poses[t] = refined
+                self.error[t] = silhouette_error(self.body.model, refined, sight.observation)
 
     def _follow(self, t: int, direction: int) -> tuple[Pose | None, float]:
         last = self.poses[t - direction]

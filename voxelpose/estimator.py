@@ -1,0 +1,222 @@
+"""The multi-view estimator: silhouettes of calibrated cameras in, motion out."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calib.camera import Camera, Rig
+from calib.errors import InputError
+from silhouette_core.estimator import Estimate, FrameSource, Reporter, Settings
+from silhouette_core.jit import set_threads
+from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.motion import Motion
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.placement import place_grid, require_foreground
+from voxelpose.footage import Frame
+from voxelpose.matching.adaptation import stature_of
+from voxelpose.matching.body import choose_body, refit
+from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observation import PinholeViews
+from voxelpose.matching.quality import assess
+from voxelpose.matching.sequence import MaskStore, Watcher
+from voxelpose.matching.smoothing import smooth, smooth_quaternions
+from voxelpose.matching.tracking import Track, TrackSettings
+from voxelpose.silhouettes import Silhouettes
+
+_LONG_SIDE_PX = 960  # larger pictures are fitted at this size: contours are finer there than clothes are
+_VOXEL_M = 0.025
+_VOLUME_FRAMES = 60
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What only this estimator is told, checked.
+
+    Attributes:
+        interference: match interfering parts together.
+        voxel_size_m: of the voxels that are matched.
+        tolerance: cameras that may be wrong about a voxel.
+    """
+
+    interference: bool = True
+    voxel_size_m: float = _VOXEL_M
+    tolerance: int = 0
+
+    @classmethod
+    def read(cls, options: Mapping[str, object]) -> _Options:
+        unknown = sorted(set(options) - set(cls.__dataclass_fields__))
+        if unknown:
+            raise InputError(f"the multi-view estimator has no option {unknown[0]!r}: it has {', '.join(cls.__dataclass_fields__)}")
+        read = cls(**options)  # type: ignore[arg-type]
+        if not 0.005 <= read.voxel_size_m <= 0.1:
+            raise InputError(f"voxels of {read.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for example 0.025")
+        return read
+
+
+class _Clock:
+    """How long every stage took, per frame."""
+
+    def __init__(self) -> None:
+        """Starts with nothing."""
+        self.seconds: dict[str, list[float]] = defaultdict(list)
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Times a block."""
+        started = time.perf_counter()
+        yield
+        self.seconds[stage].append(time.perf_counter() - started)
+
+
+class MultiViewEstimator:
+    """Estimates motion from two or more calibrated cameras.
+
+    Source: Iiyama, Kameda and Minoh for the matching of voxels; the rest (root placement, proportions, refinement on the silhouettes,
+    tracking) goes beyond the paper, see docs/papers.md.
+    """
+
+    name = "multiview"
+
+    def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
+        """See `silhouette_core.estimator.Estimator.estimate`."""
+        options = _Options.read(settings.options)
+        if len(source.rig) < 2:
+            raise InputError(f"{len(source.rig)} camera is too few for voxels: give at least two calibrated cameras that see the person")
+        set_threads(settings.threads)
+        clock = _Clock()
+        lenses = [_Lens.of(camera) for camera in source.rig]
+        views = PinholeViews.of(Rig(tuple(lens.pinhole for lens in lenses)))
+        store = MaskStore([lens.pinhole.size for lens in lenses], source.frame_count)
+        try:
+            numbers, times = _store_silhouettes(source, settings, lenses, store, clock, reporter)
+            watcher = _watcher(views, store, options, reporter)
+            track, facts = _track(watcher, store, settings, options, source.fps, clock, reporter)
+            motion = _motion(track, settings, source.fps, numbers, times, clock, reporter)
+        finally:
+            store.close()
+        return Estimate(motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lens:
+    """From a camera's picture to that of the ideal camera that is fitted.
+
+    Attributes:
+        pinhole: camera without distortion, at most `_LONG_SIDE_PX` long.
+        maps: for cv2.remap; None where the picture is that of the pinhole already.
+    """
+
+    pinhole: Camera
+    maps: tuple[np.ndarray, np.ndarray] | None
+
+    @classmethod
+    def of(cls, camera: Camera) -> _Lens:
+        scale = min(1.0, _LONG_SIDE_PX / max(camera.size))
+        if scale == 1.0 and camera.is_pinhole:
+            return cls(camera, None)
+        return cls(camera.pinhole(scale), camera.pinhole_maps(scale))
+
+    def straighten(self, mask: np.ndarray) -> np.ndarray:
+        if self.maps is None:
+            return mask
+        return cv2.remap(mask.astype(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
+
+
+def _store_silhouettes(
+    source: FrameSource, settings: Settings, lenses: list[_Lens], store: MaskStore, clock: _Clock, reporter: Reporter
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fills the store; returns frame numbers (T,) and times (T,) s."""
+    reporter.stage("background")
+    silhouettes = Silhouettes(source, settings.background)
+    if silhouettes.without_background:
+        reporter.note(f"no picture of the empty view for {', '.join(silhouettes.without_background)}: the temporal median stands in for it")
+    reporter.stage("silhouettes", source.frame_count)
+    numbers, times = np.zeros(source.frame_count, np.int64), np.zeros(source.frame_count)
+    frames: Mapping[str, Frame]
+    for t, (number, seconds, frames) in enumerate(source):
+        with clock("silhouettes"):
+            masks = silhouettes.of(frames)
+            store.put(t, [lens.straighten(masks[camera.name]) for lens, camera in zip(lenses, source.rig, strict=True)])
+        numbers[t], times[t] = number, seconds
+        reporter.advance()
+    return numbers, times
+
+
+def _watcher(views: PinholeViews, store: MaskStore, options: _Options, reporter: Reporter) -> Watcher:
+    """Places the volume where the silhouettes of the whole recording allow a body."""
+    reporter.stage("volume")
+    union = store[0]
+    for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
+        union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
+    require_foreground(views.rig, union, options.tolerance)
+    count = len(views.rig)
+    # A voxel that too few cameras see is no evidence: what only one wall of the room hides would pass for a body.
+    rule = CarveRule(options.tolerance, least_agreeing=max(2, 3 * count // 4) - options.tolerance)
+    grid = place_grid(views.rig, union, voxel_size_m=2 * options.voxel_size_m, rule=rule)
+    return Watcher(views, grid, options.voxel_size_m, rule)
+
+
+def _track(
+    watcher: Watcher, store: MaskStore, settings: Settings, options: _Options, fps: float, clock: _Clock, reporter: Reporter
+) -> tuple[Track, dict[str, object]]:
+    reporter.stage("first poses")
+    with clock("first poses"):
+        start = choose_body(watcher, store, settings, MatchSettings(interference=options.interference), reporter)
+    track = Track(start.body, watcher, store, TrackSettings(fps, MatchSettings(interference=options.interference)), clock, reporter.advance)
+    reporter.stage("tracking", len(store))
+    track.begin(start.poses, start.errors)
+    reporter.stage("repair")
+    with clock("repair"):
+        track.repair(3 + len(store) // 100)
+    reporter.stage("proportions")
+    with clock("proportions"):
+        refit(track, start)
+    reporter.stage("refinement", len(store))
+    track.polish()
+    facts = {
+        "stature_m": stature_of(track.body.model),
+        "stature_given": settings.stature_m is not None,
+        "sex_template": start.body.model.sizes.sex,
+        "voxel_size_m": watcher.voxel_size_m,
+        "anchor_frames": sorted(start.poses),
+        "shape": dict(zip(start.shape_names, track.body.model.shape.round(4).tolist(), strict=True)),
+        "silhouette_error": {"median": float(np.median(track.error[np.isfinite(track.error)])) if np.isfinite(track.error).any() else None},
+    }
+    return track, facts
+
+
+def _motion(
+    track: Track, settings: Settings, fps: float, numbers: np.ndarray, times: np.ndarray, clock: _Clock, reporter: Reporter
+) -> Motion:
+    posed = [t for t, pose in enumerate(track.poses) if pose is not None]
+    poses = [pose for pose in track.poses if pose is not None]
+    if not poses:
+        raise InputError("no body was found in any frame: look at the hull with `voxelpose carve`, and check background and calibration")
+    root, angles = np.stack([pose.root_m for pose in poses]), np.stack([pose.angles_rad for pose in poses])
+    rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))
+    if settings.smooth:
+        for run in np.split(np.arange(len(posed)), np.flatnonzero(np.diff(posed) > 1) + 1):
+            root[run], angles[run] = smooth(root[run], fps), smooth(angles[run], fps)
+            rotation[run] = smooth_quaternions(rotation[run], fps)
+    reporter.stage("quality", len(posed))
+    found = []
+    for t, pose in zip(posed, poses, strict=True):
+        with clock("quality"):
+            sight = track.sight(t)
+            found.append(None if sight is None else assess(track.body.solid, pose, sight))
+        reporter.advance()
+    parts = len(track.body.model.names)
+    quality = {
+        "part_overlap": np.stack([np.full(parts, np.nan) if q is None else q.part_overlap for q in found]),
+        "part_unsupported": np.stack([np.zeros(parts, bool) if q is None else q.part_unsupported for q in found]),
+        "unexplained": np.array([np.nan if q is None else q.unexplained for q in found]),
+        "confidence": np.clip(1 - track.error[posed], 0.0, 1.0),
+    }
+    return Motion(fps, track.body.model, root, rotation, angles, numbers[posed], times[posed], quality)

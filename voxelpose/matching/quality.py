@@ -1,0 +1,44 @@
+"""What a fitted pose explains of the hull, part by part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from silhouette_core.motion.kinematics import forward, quaternions
+from voxelpose.matching.pose import Pose
+from voxelpose.matching.sequence import Sight
+from voxelpose.matching.solid import Lump, Solid
+
+_UNSUPPORTED = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """How one frame's pose and hull lie over each other.
+
+    Attributes:
+        part_overlap: (27,) share of each part's volume inside the hull.
+        part_unsupported: (27,) bool, hardly any voxel speaks for the part.
+        unexplained: share of the hull's voxels that no part covers. A hull of few cameras is larger than the body in it.
+    """
+
+    part_overlap: np.ndarray
+    part_unsupported: np.ndarray
+    unexplained: float
+
+
+def assess(solid: Solid, pose: Pose, sight: Sight) -> Quality:
+    """Lays a posed body over the hull."""
+    lump = Lump(sight.grid, sight.occupancy)
+    rotation, origin = forward(solid.model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None])
+    overlap = np.ones(len(solid.model.names))
+    union = np.zeros(lump.words, np.uint64)
+    for part, points in enumerate(solid.part_points):
+        if len(points):
+            bits, empty, _ = lump.cover(points, rotation[0, part][None], origin[0, part][None])
+            overlap[part] = 1 - empty[0] / len(points)
+            union |= bits[0]
+    explained = int(np.bitwise_count(union).sum()) / max(len(lump), 1)
+    return Quality(overlap, overlap < _UNSUPPORTED, 1 - explained)
