@@ -16,11 +16,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Free = Literal["lenses", "places"]
 
-_ROBUST_PX = 1.0  # errors beyond this count less and less
+_ROBUST_PX = 3.0  # errors beyond this count less and less
 _STEP = 1e-6
-_MAX_STEPS = 100
+_MAX_STEPS = 50
 _MAX_DAMPING = 1e12
-_ENOUGH = 1e-9  # relative gain of a step after which no other is taken
+_ENOUGH = 1e-7  # relative gain of a step after which no other is taken
 _DISTORTION_SCALE = 1.0  # a distortion term of one costs as much as one corner that is a pixel off:
 _TANGENTIAL_SCALE = 0.05  # nothing beside thousands of corners, but it decides between terms that cancel each other
 

@@ -25,7 +25,7 @@ def seen(
 ) -> View | None:
     """Returns the view of a board placed in the world, or None if it does not show its face or all its corners."""
     points = (board.points_m - board.points_m.mean(axis=0)) @ rotation.T + translation
-    facing = (points[0] - camera.center_m) @ rotation[:, 2] > 0.3 * np.linalg.norm(points[0] - camera.center_m)
+    facing = (points[0] - camera.center_m) @ rotation[:, 2] > 0.15 * np.linalg.norm(points[0] - camera.center_m)
     pixels, _ = camera.project(points)
     inside = np.isfinite(pixels).all() and (pixels > 0).all() and (pixels < np.array(camera.size) - 1).all()
     if not (facing and inside):

@@ -1,0 +1,151 @@
+"""Where cameras stand, from boards: synthetic rooms whose truth is known, and a real one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from boards import CHECKERBOARD, room, seen, waved_poses
+
+from calib.board import Board, View
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.extrinsics import apart, calibrate_extrinsics, same_world
+from calib.files import read_rig
+
+Views = dict[str, dict[str, View]]
+
+
+def lost(rig: Rig) -> Rig:
+    """Forgets where cameras stand."""
+    return Rig(tuple(replace(camera, rotation=np.eye(3), translation=np.zeros(3)) for camera in rig))
+
+
+def board_views(rig: Rig, board: Board, count: int, noise_px: float, seed: int = 0) -> Views:
+    """Waves a board about in the middle of the room; board poses face any camera, and each camera sees those that face it."""
+    rng = np.random.default_rng(seed)
+    views: Views = {}
+    for index, (turn, place) in enumerate(waved_poses(count, seed)):
+        facing = rig.cameras[index % len(rig)].rotation.T
+        found = {camera.name: seen(camera, board, facing @ turn, place, noise_px, rng) for camera in rig}
+        views[f"moment_{index}"] = {name: view for name, view in found.items() if view is not None}
+    return views
+
+
+def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, View]:
+    """Lays a board on the floor, face up: its z points down."""
+    views = {}
+    for camera in rig:
+        view = seen(camera, board, np.diag([1.0, -1, -1]), np.zeros(3), noise_px, np.random.default_rng(1))
+        if view is not None:
+            views[camera.name] = view
+    return views
+
+
+def test_a_room_is_found_in_noise():
+    truth = room(4)
+    found = calibrate_extrinsics(CHECKERBOARD, lost(truth), board_views(truth, CHECKERBOARD, 60, noise_px=0.3))
+    assert found.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
+    aligned = same_world(found.rig, truth)
+    for camera, line in zip(truth, found.table, strict=True):
+        millimetres, degrees = apart(aligned[camera.name], camera)
+        assert millimetres < 5
+        assert degrees < 0.1
+        assert line.rms_px < 0.5
+    # Standard errors are relative to the first camera: compare in its frame.
+    base = truth.cameras[0]
+    for camera, line in zip(truth.cameras[1:], found.table[1:], strict=True):
+        rotation = camera.rotation @ base.rotation.T
+        true = replace(camera, rotation=rotation, translation=camera.translation - rotation @ base.translation)
+        millimetres, degrees = apart(found.rig[camera.name], true)
+        assert millimetres < 4 * line.position_mm
+        assert degrees < 4 * line.rotation_deg
+        assert 0.1 < line.position_mm < 5
+    assert np.isnan(found.table[0].position_mm)
+    assert found.advice == ()
+
+
+def test_a_board_that_turns_into_itself_serves_too():
+    board = Board(7, 5, 0.06)
+    truth = room(4)
+    views = board_views(truth, board, 60, noise_px=0.2)
+    rng = np.random.default_rng(3)
+    for moment in views.values():
+        for name, view in moment.items():
+            if rng.random() < 0.5:  # the detector started at the other end
+                moment[name] = View(view.ids, view.pixels[::-1], view.size)
+    found = calibrate_extrinsics(board, lost(truth), views)
+    assert found.rms_px < 0.4
+    for camera in same_world(found.rig, truth):
+        assert apart(camera, truth[camera.name])[0] < 5
+
+
+def test_the_floors_board_is_the_world():
+    truth = room(4)
+    board = CHECKERBOARD
+    views = board_views(truth, board, 40, noise_px=0.1) | {"floor": on_the_floor(truth, board, 0.1)}
+    assert len(views["floor"]) == 4
+    found = calibrate_extrinsics(board, lost(truth), views, floor="floor")
+    # The synthetic board's middle lies at the true origin, its first corner is the new one; rows run along x, columns along -y.
+    corner = np.array([-board.points_m[:, 0].mean(), board.points_m[:, 1].mean(), 0])
+    for camera in truth:
+        np.testing.assert_allclose(found.rig[camera.name].center_m, camera.center_m - corner, atol=0.01)
+    with pytest.raises(InputError, match="the floor's board 'later' was not seen"):
+        calibrate_extrinsics(board, lost(truth), views, floor="later")
+
+
+def test_a_floor_board_that_hangs_over_the_cameras_is_refused():
+    truth = room(3)
+    ceiling = {camera.name: seen(camera, CHECKERBOARD, np.eye(3), np.array([0, 0, 2.6]), 0.0, np.random.default_rng(0)) for camera in truth}
+    views = board_views(truth, CHECKERBOARD, 30, 0.1) | {"ceiling": {name: view for name, view in ceiling.items() if view}}
+    assert views["ceiling"]
+    with pytest.raises(InputError, match=r"would be under the floor: the board must lie on it, face up, at the moment 'ceiling'"):
+        calibrate_extrinsics(CHECKERBOARD, lost(truth), views, floor="ceiling")
+
+
+def test_cameras_without_a_common_board_are_named_with_counts():
+    truth = room(4)
+    views = board_views(truth, CHECKERBOARD, 40, 0.1)
+    split = {f"{moment}{side}": {name: view for name, view in found.items() if name in names}
+             for moment, found in views.items() for side, names in (("a", {"cam_0", "cam_1"}), ("b", {"cam_2", "cam_3"}))}  # fmt: skip
+    with pytest.raises(
+        InputError, match=r"no board was seen by cam_0, cam_1 and cam_2, cam_3 together \(boards shared: cam_0-cam_1 \d+, cam_0-cam_2 0"
+    ):
+        calibrate_extrinsics(CHECKERBOARD, lost(truth), split)
+    with pytest.raises(InputError, match="camera cam_3 saw boards but has no lens calibration"):
+        calibrate_extrinsics(CHECKERBOARD, lost(truth.select(["cam_0", "cam_1", "cam_2"])), views)
+    half = Rig(tuple(replace(camera, size=(640, 360)) for camera in lost(truth)))
+    with pytest.raises(InputError, match="boards were recorded at 1280x720 but its lens was calibrated at 640x360"):
+        calibrate_extrinsics(CHECKERBOARD, half, views)
+
+
+def test_a_camera_with_the_wrong_lens_is_named():
+    truth = room(4)
+    views = board_views(truth, CHECKERBOARD, 40, 0.1)
+    wrong = Rig(
+        tuple(replace(camera, matrix=np.diag([1.25, 1, 1]) @ camera.matrix) if camera.name == "cam_2" else camera for camera in lost(truth))
+    )
+    found = calibrate_extrinsics(CHECKERBOARD, wrong, views)
+    assert [line for line in found.advice if "camera cam_2 disagrees with the others" in line]
+    assert len(found.advice) == 1
+
+
+def test_standing4s_corner_lists(shared):
+    folder = shared / "data" / "standing4"
+    known = read_rig(folder / "calibration.toml")
+    board = Board(8, 6, 0.115)
+    views = {}
+    for camera in known:
+        pixels = np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False).reshape(-1, 2).astype(float)
+        views[camera.name] = View(np.arange(48), pixels, camera.size)
+    found = calibrate_extrinsics(board, lost(known), {"board": views}, floor="board")
+
+    square = []
+    for camera in known:
+        again, _ = camera.project(board.points_m)
+        square.append(
+            min(((listed - again) ** 2).sum(axis=1).mean() for listed in (views[camera.name].pixels, views[camera.name].pixels[::-1]))
+        )
+    assert found.rms_px <= 1.01 * np.sqrt(np.mean(square))  # theirs is the least squares, ours resists outliers
+    # Their world has z into the floor, ours out of it.
+    for camera in known:
+        np.testing.assert_allclose(found.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03)
