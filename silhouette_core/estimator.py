@@ -53,15 +53,6 @@ class FrameSource(Protocol):
         """Whether the frames are silhouettes already (white on black) and need no background."""
         ...
 
-    @property
-    def silhouettes_given(self) -> bool:
-        """Whether the frames are silhouettes already, white on black."""
-        ...
-
-    def regions(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Returns where the person may be, (H, W) bool, for each camera that says so."""
-        ...
-
     def backgrounds(self) -> Mapping[str, Iterable[Frame]]:
         """Returns frames of the empty view for each camera that has them."""
         ...

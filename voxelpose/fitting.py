@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -73,7 +74,7 @@ def fit(
         write_bvh(motion, folder / "motion.bvh")
         write_motion(motion, folder / MOTION)
         write_rig(recording.rig, folder / CALIBRATION)
-        (folder / SETTINGS).write_text(_settings_toml(recording, settings, estimator), encoding="utf-8")
+        (folder / SETTINGS).write_text(_settings_toml(recording, output, settings, estimator), encoding="utf-8")
         pictures_s = time.perf_counter()
         if output.pictures:
             draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
@@ -105,10 +106,10 @@ def _title(recording: Recording, estimate: Estimate) -> str:
     return " · ".join(words)
 
 
-def _settings_toml(recording: Recording, settings: Settings, estimator: str) -> str:
+def _settings_toml(recording: Recording, output: Output, settings: Settings, estimator: str) -> str:
     document = tomlkit.document()
     document.add(tomlkit.comment("What this result was made with; a setting that is missing was left to the program."))
-    document["recording"] = str(recording.folder.resolve())
+    document["recording"] = _path_from(output.folder.resolve(), recording.folder.resolve())
     document["frames"] = [recording.first, recording.first + recording.frame_count]
     document["cameras"] = list(recording.rig.names)
     document["estimator"] = estimator
@@ -119,6 +120,14 @@ def _settings_toml(recording: Recording, settings: Settings, estimator: str) -> 
             document[name] = value
     document["options"] = dict(options)
     return tomlkit.dumps(document)
+
+
+def _path_from(here: Path, there: Path) -> str:
+    """Returns a relative path, so that recording and result can move together; an absolute one across Windows drives."""
+    try:
+        return Path(os.path.relpath(there, here)).as_posix()
+    except ValueError:
+        return str(there)
 
 
 def _summary(recording: Recording, estimate: Estimate, estimator: str, seconds: Mapping[str, float]) -> dict[str, object]:

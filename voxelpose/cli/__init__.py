@@ -12,6 +12,7 @@ from types import FrameType
 from calib.errors import InputError
 
 COMMANDS = {
+    "demo": "make a small recording, fit it and score it: a first result without any data",
     "fit": "fit a body to every frame of a recording and write its motion",
     "carve": "carve one frame of a recording: its visual hull as a PLY file",
     "view": "show a result's hull and skeleton, in a window or as a picture",

@@ -48,24 +48,7 @@ the 15 joints of joints.csv in world coordinates, one position per frame.
             numbers["joint_root_mm"] = {name: round(mm, 1) for name, mm in zip(LANDMARK_NAMES, score.joint_root_mm, strict=False)}
             print(dumps(numbers, indent=1))
             return 0
-        from rich.console import Console
-        from rich.table import Table
+        from voxelpose.cli.report import print_score
 
-        table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-        for value, meaning in (
-            (f"{score.root_mm:.1f} mm", "root_mm: mean joint error, pelvises put on each other"),
-            (f"{score.mpjpe_mm:.1f} mm", "mpjpe_mm: mean joint error in the world"),
-            (f"{score.pa_mm:.1f} mm", "pa_mm: mean joint error after the best similarity"),
-            (f"{100 * score.pck150:.1f} %", "pck150: joints within 150 mm"),
-            (f"{score.angle_deg:.1f} deg", "angle_deg: mean angle between bones"),
-            (f"{score.jitter_mm:.1f} mm", f"jitter_mm: third difference (truth: {score.jitter_truth_mm:.1f})"),
-            (f"{100 * score.flips:.1f} %", "flips: frames with left and right exchanged"),
-            (f"{100 * score.lost:.1f} %", f"lost: frames without a pose or beyond 300 mm, of {score.frames}"),
-        ):
-            table.add_row(f"[bold]{value}[/bold]", meaning)
-        console = Console(highlight=False)
-        console.print(table)
-        if score.joint_root_mm:
-            worst = sorted(zip(score.joint_root_mm, LANDMARK_NAMES, strict=True), reverse=True)[:3]
-            console.print("worst joints: " + ", ".join(f"{name} {mm:.0f} mm" for mm, name in worst))
+        print_score(score)
         return 0

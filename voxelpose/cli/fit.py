@@ -64,6 +64,7 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
         from voxelpose.cli.progress import Progress
 
         with Progress() as progress:
+            progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.estimator import Settings
             from voxelpose.fitting import Output, fit

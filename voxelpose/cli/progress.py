@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
+from pathlib import Path
 from types import TracebackType
+
+import silhouette_core
 
 
 class Progress:
@@ -59,6 +63,12 @@ class Progress:
             self._bar.console.print(line, highlight=False)
         else:
             print(line, file=sys.stderr, flush=True)
+
+    def note_compilation(self) -> None:
+        """Says that the first run compiles, where nothing compiled is kept yet."""
+        folders = [Path(os.environ["NUMBA_CACHE_DIR"])] if os.environ.get("NUMBA_CACHE_DIR") else [Path(silhouette_core.__file__).parent]
+        if not any(kept for folder in folders for kept in folder.rglob("*.nbi")):
+            self.note("first run on this machine: the fast code is compiled as it is met, once; later runs are much quicker")
 
     def where(self) -> str:
         """Says how far the stage has come: "during matching, after 37 of 100 frames"."""

@@ -54,7 +54,7 @@ Given a recording instead of a result, it shows the hull alone.
         if is_result(self.folder):
             result = Result.open(self.folder)
             told: Any = result.settings
-            recording, cameras = self.recording or Path(told["recording"]), result.rig.names
+            recording, cameras = self.recording or (result.folder / told["recording"]).resolve(), result.rig.names
             if not recording.is_dir():
                 raise InputError(f"the recording {recording} of this result is not there any more: say where with --recording")
             frame, skeleton = _skeleton(result, self.frame)

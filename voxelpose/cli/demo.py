@@ -1,0 +1,70 @@
+"""voxelpose demo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from tyro.conf import arg
+
+from calib.errors import InputError
+
+
+@dataclass(frozen=True)
+class Demo:
+    """The arguments of `voxelpose demo`."""
+
+    help: ClassVar[str] = """Makes a small recording, fits it and scores it: a first result without any data or network.
+
+A mannequin that is shaped unlike the fitting model is filmed by four cameras, with shadow and noise.
+OUT gets recording/ (what an own recording looks like), result/ (what a fit gives) and score.json.
+The first run compiles the fast code, which takes most of its time.
+
+  voxelpose demo --out demo
+"""
+
+    out: Annotated[Path, arg(metavar="OUT")]
+    """Folder to be made."""
+    frames: Annotated[int, arg(metavar="N")] = 60
+    """How many frames of the performance, at 20 per second; 60 are the whole."""
+    overwrite: bool = False
+    """Replace an earlier demo in OUT."""
+    threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Processor threads. Left out: all."""
+
+    def run(self) -> int:
+        """Makes, fits, scores."""
+        from json import dumps
+
+        from voxelpose.cli.progress import Progress
+        from voxelpose.results import Result, ResultWriter
+
+        if not 1 <= self.frames <= 600:
+            raise InputError(f"--frames {self.frames} is impossible: give 1 to 600")
+        with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
+            progress.note_compilation()
+            progress.stage("making a recording")
+            from dataclasses import asdict
+
+            from silhouette_core.estimator import Settings
+            from voxelpose import __version__
+            from voxelpose.demo.recording import make_recording
+            from voxelpose.evaluation import read_joints, read_truth, score_motion
+            from voxelpose.fitting import Output, fit
+            from voxelpose.recording import Recording
+
+            recording = Recording.open(make_recording(folder / "recording", self.frames))
+            result = fit(recording, Output(folder / "result"), Settings(threads=self.threads), reporter=progress)
+            truth = read_truth(folder / "recording" / "truth.json")
+            score = score_motion(truth, read_joints(folder / "result" / "joints.csv", len(truth)))
+            about = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
+            (folder / "summary.json").write_text(dumps(about, indent=1) + "\n", encoding="utf-8")
+            (folder / "score.json").write_text(dumps(asdict(score), indent=1) + "\n", encoding="utf-8")
+        from voxelpose.cli.report import print_result, print_score
+
+        print_result(Result.open(self.out / "result"))
+        print(f"\nagainst the truth in {self.out / 'recording' / 'truth.json'}:")
+        print_score(score)
+        print(f"\nyour own recording: a folder like {self.out / 'recording'}, then voxelpose fit FOLDER --out OUT --stature 1.75")
+        return 0
