@@ -79,17 +79,20 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
 def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
     """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only the box around the foreground is kept."""
     frames = np.zeros((len(masks), 8), dtype=np.int64)
-    pixels, sums = [np.array([blocks.OBJECTS, blocks.AGREES, blocks.BLIND], dtype=np.uint8)], []
     pixel_count, sum_count = 3, 0
     for frame, mask in zip(frames, masks, strict=True):
-        left, top, width, height = blocks.foreground_box(mask)
-        part = mask[top : top + height, left : left + width]
-        frame[:] = mask.shape[1], mask.shape[0], left, top, width, height, pixel_count, sum_count
-        pixels.append(part.ravel())
-        sums.append(cv2.integral(part).ravel() if part.size else np.zeros(1, dtype=np.int32))
-        pixel_count += part.size
-        sum_count += (width + 1) * (height + 1)
-    return frames, np.concatenate(sums), np.concatenate(pixels)
+        left, top, wide, high = blocks.foreground_box(mask)
+        frame[:] = mask.shape[1], mask.shape[0], left, top, wide, high, pixel_count, sum_count
+        pixel_count += wide * high
+        sum_count += (wide + 1) * (high + 1)
+    pixels, sums = np.empty(pixel_count, dtype=np.uint8), np.zeros(sum_count, dtype=np.int32)
+    pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
+    for (_, _, left, top, wide, high, pixel, total), mask in zip(frames.tolist(), masks, strict=True):
+        if wide:
+            part = mask[top : top + high, left : left + wide]
+            pixels[pixel : pixel + wide * high].reshape(high, wide)[:] = part
+            cv2.integral(part, sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1))
+    return frames, sums, pixels
 
 
 def whole_leaves(grid: VoxelGrid) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

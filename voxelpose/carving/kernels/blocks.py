@@ -30,6 +30,7 @@ WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS = 0, 1, 2, 3, 4, 5, 6, 7
 # What one camera says of a voxel, or of all voxels of a block. BLIND is also what its voxels add to the votes of a leaf: there the
 # cameras that agree are counted below it and those that do not see above it.
 OBJECTS, AGREES, UNCLEAR, BLIND = 0, 1, 2, 64
+_BLIND_BITS = 6
 
 # What all cameras say of a block.
 _EMPTY, _FULL, _MIXED = 0, 1, 2
@@ -40,7 +41,7 @@ _DEPTH_ERROR_M = 1e-9
 
 
 @kernel
-def bend(camera, kind, x, y):
+def bend(rows, c, kind, x, y):
     """Distorts ideal coordinates; the operations and their order are those of `reference.bend`."""
     s = x * x + y * y
     if kind == FISHEYE:
@@ -49,82 +50,90 @@ def bend(camera, kind, x, y):
             return x, y
         angle = math.atan(radius)
         t = angle * angle
-        ratio = angle * (1.0 + t * (camera[K1] + t * (camera[K2] + t * (camera[K3] + t * camera[K4])))) / radius
+        ratio = angle * (1.0 + t * (rows[c, K1] + t * (rows[c, K2] + t * (rows[c, K3] + t * rows[c, K4])))) / radius
         return x * ratio, y * ratio
-    below = 1.0 + s * (camera[K4] + s * (camera[K5] + s * camera[K6]))
-    ratio = (1.0 + s * (camera[K1] + s * (camera[K2] + s * camera[K3]))) / below
+    below = 1.0 + s * (rows[c, K4] + s * (rows[c, K5] + s * rows[c, K6]))
+    ratio = (1.0 + s * (rows[c, K1] + s * (rows[c, K2] + s * rows[c, K3]))) / below
     xy = 2.0 * x * y
-    a = x * ratio + (camera[P1] * xy + camera[P2] * (s + 2.0 * x * x)) + s * (camera[S1] + s * camera[S2])
-    b = y * ratio + (camera[P1] * (s + 2.0 * y * y) + camera[P2] * xy) + s * (camera[S3] + s * camera[S4])
-    if camera[TILT] != 0.0:
-        u = (camera[TILT] * a + camera[TILT + 1] * b) + camera[TILT + 2]
-        v = (camera[TILT + 3] * a + camera[TILT + 4] * b) + camera[TILT + 5]
-        w = (camera[TILT + 6] * a + camera[TILT + 7] * b) + camera[TILT + 8]
+    a = x * ratio + (rows[c, P1] * xy + rows[c, P2] * (s + 2.0 * x * x)) + s * (rows[c, S1] + s * rows[c, S2])
+    b = y * ratio + (rows[c, P1] * (s + 2.0 * y * y) + rows[c, P2] * xy) + s * (rows[c, S3] + s * rows[c, S4])
+    if rows[c, TILT] != 0.0:
+        u = (rows[c, TILT] * a + rows[c, TILT + 1] * b) + rows[c, TILT + 2]
+        v = (rows[c, TILT + 3] * a + rows[c, TILT + 4] * b) + rows[c, TILT + 5]
+        w = (rows[c, TILT + 6] * a + rows[c, TILT + 7] * b) + rows[c, TILT + 8]
         a, b = u / w, v / w
     return a, b
 
 
 @kernel
-def _image_box(row, kind, bound, middle, half):
+def _image_box(rows, kinds, bounds, c, middle, half):
     """Bounds the image of a box of points given by its middle and half its edges.
 
     Returns UNCLEAR or BLIND, or AGREES with the middle's pixel and how far from it, along the two axes, the image may reach.
     """
     x, y, z = middle
-    w = row[8] * x + row[9] * y + row[10] * z + row[11]
-    depth = abs(row[8]) * half[0] + abs(row[9]) * half[1] + abs(row[10]) * half[2]
+    w = rows[c, 8] * x + rows[c, 9] * y + rows[c, 10] * z + rows[c, 11]
+    depth = abs(rows[c, 8]) * half[0] + abs(rows[c, 9]) * half[1] + abs(rows[c, 10]) * half[2]
     if w + depth < -_DEPTH_ERROR_M:
         return BLIND, 0.0, 0.0, 0.0, 0.0
     if w - depth < _NEAR_M:
         return UNCLEAR, 0.0, 0.0, 0.0, 0.0
-    u = (row[0] * x + row[1] * y + row[2] * z + row[3]) / w
-    v = (row[4] * x + row[5] * y + row[6] * z + row[7]) / w
+    u = (rows[c, 0] * x + rows[c, 1] * y + rows[c, 2] * z + rows[c, 3]) / w
+    v = (rows[c, 4] * x + rows[c, 5] * y + rows[c, 6] * z + rows[c, 7]) / w
     # U / W - u = (U - u W) / W: the numerator is affine and zero in the middle, the denominator is at least w - depth.
     nearest = 1.0 / (w - depth)
-    du = (abs(row[0] - u * row[8]) * half[0] + abs(row[1] - u * row[9]) * half[1] + abs(row[2] - u * row[10]) * half[2]) * nearest
-    dv = (abs(row[4] - v * row[8]) * half[0] + abs(row[5] - v * row[9]) * half[1] + abs(row[6] - v * row[10]) * half[2]) * nearest
-    if kind == PINHOLE:
+    du = (
+        abs(rows[c, 0] - u * rows[c, 8]) * half[0]
+        + abs(rows[c, 1] - u * rows[c, 9]) * half[1]
+        + abs(rows[c, 2] - u * rows[c, 10]) * half[2]
+    ) * nearest
+    dv = (
+        abs(rows[c, 4] - v * rows[c, 8]) * half[0]
+        + abs(rows[c, 5] - v * rows[c, 9]) * half[1]
+        + abs(rows[c, 6] - v * rows[c, 10]) * half[2]
+    ) * nearest
+    if kinds[c] == PINHOLE:
         return AGREES, u, v, du, dv
     x_near, y_near = max(0.0, abs(u) - du), max(0.0, abs(v) - dv)
-    if math.sqrt(x_near * x_near + y_near * y_near) > row[SEEN_RADIUS]:
+    if math.sqrt(x_near * x_near + y_near * y_near) > rows[c, SEEN_RADIUS]:
         return BLIND, 0.0, 0.0, 0.0, 0.0
     x_far, y_far = abs(u) + du, abs(v) + dv
     farthest = math.sqrt(x_far * x_far + y_far * y_far)
-    if farthest >= row[REACH]:
+    if farthest >= rows[c, REACH]:
         return UNCLEAR, 0.0, 0.0, 0.0, 0.0
     # Mean value theorem: over a disc where |J| <= steep and |J - 1| <= change, a point moves from the middle's image by no more.
-    place = min(bound.shape[1] - 1, int(farthest / row[REACH] * bound.shape[1]))
-    steep, change = bound[0, place], bound[1, place]
+    place = min(bounds.shape[2] - 1, int(farthest / rows[c, REACH] * bounds.shape[2]))
+    steep, change = bounds[c, 0, place], bounds[c, 1, place]
     reach = math.sqrt(du * du + dv * dv)
-    a, b = bend(row, kind, u, v)
+    a, b = bend(rows, c, kinds[c], u, v)
     da, db = min(du + change * reach, steep * reach), min(dv + change * reach, steep * reach)
-    u = row[FX] * a + row[SKEW] * b + row[CX]
-    v = row[FY] * b + row[CY]
-    return AGREES, u, v, row[FX] * da + abs(row[SKEW]) * db, row[FY] * db
+    u = rows[c, FX] * a + rows[c, SKEW] * b + rows[c, CX]
+    v = rows[c, FY] * b + rows[c, CY]
+    return AGREES, u, v, rows[c, FX] * da + abs(rows[c, SKEW]) * db, rows[c, FY] * db
 
 
 @kernel
-def _look_at_block(row, kind, bound, frame, sums, middle, half):
+def _look_at_block(rows, kinds, bounds, frames, sums, c, middle, half):
     """Says what a camera makes of all points of a box: OBJECTS, AGREES, BLIND, or UNCLEAR where they may differ."""
-    seen, u, v, du, dv = _image_box(row, kind, bound, middle, half)
+    seen, u, v, du, dv = _image_box(rows, kinds, bounds, c, middle, half)
     if seen != AGREES:
         return seen
     left, right = u - du + (0.5 - _PAD_PX), u + du + (0.5 + _PAD_PX)
     top, bottom = v - dv + (0.5 - _PAD_PX), v + dv + (0.5 + _PAD_PX)
-    width, height = frame[WIDTH], frame[HEIGHT]
+    width, height = frames[c, WIDTH], frames[c, HEIGHT]
     if right < 0.0 or bottom < 0.0 or left >= width or top >= height:
         return BLIND
     if left < 0.0 or top < 0.0 or right >= width or bottom >= height:
         return UNCLEAR
-    first_column, last_column = int(left) - frame[LEFT], int(right) + 1 - frame[LEFT]
-    first_line, last_line = int(top) - frame[UPPER], int(bottom) + 1 - frame[UPPER]
-    a, b = max(0, first_column), min(frame[WIDE], last_column)
-    c, d = max(0, first_line), min(frame[HIGH], last_line)
-    if a >= b or c >= d:
+    first_column, last_column = int(left) - frames[c, LEFT], int(right) + 1 - frames[c, LEFT]
+    first_line, last_line = int(top) - frames[c, UPPER], int(bottom) + 1 - frames[c, UPPER]
+    west, east = max(0, first_column), min(frames[c, WIDE], last_column)
+    north, south = max(0, first_line), min(frames[c, HIGH], last_line)
+    if west >= east or north >= south:
         return OBJECTS
-    wide = frame[WIDE] + 1
-    upper, lower = frame[SUMS] + c * wide, frame[SUMS] + d * wide
-    inside = (sums[lower + b] - sums[lower + a]) - (sums[upper + b] - sums[upper + a])
+    wide = frames[c, WIDE] + 1
+    upper, lower = frames[c, SUMS] + north * wide, frames[c, SUMS] + south * wide
+    inside = (sums[lower + east] - sums[lower + west]) - (sums[upper + east] - sums[upper + west])
     if inside == 0:
         return OBJECTS
     if inside == (last_column - first_column) * (last_line - first_line):
@@ -133,29 +142,33 @@ def _look_at_block(row, kind, bound, frame, sums, middle, half):
 
 
 @kernel
-def _pinhole_places(row, frame, axes, block, places, work):
-    """Finds the pixels of a leaf's voxels: places (LEAF^3,) int32 in `pixels`, where 0 holds OBJECTS and 2 holds BLIND."""
+def _leaf_points(axes, block, points):
+    """Fills points (3, LEAF^3) with the centres of a leaf's voxels, z running fastest."""
     xs, ys, zs = axes
     i0, j0, k0 = block
-    us, vs, ws = work[0], work[1], work[2]
     for i in range(LEAF):
         for j in range(LEAF):
-            x, y = xs[i0 + i], ys[j0 + j]
-            u = (row[0] * x + row[1] * y) + row[3]
-            v = (row[4] * x + row[5] * y) + row[7]
-            w = (row[8] * x + row[9] * y) + row[11]
-            n = (i * LEAF + j) * LEAF
             for k in range(LEAF):
-                z = zs[k0 + k]
-                us[n + k], vs[n + k], ws[n + k] = u + row[2] * z, v + row[6] * z, w + row[10] * z
-    width, height = float(frame[WIDTH]), float(frame[HEIGHT])
-    left, upper, wide, high = np.int32(frame[LEFT]), np.int32(frame[UPPER]), np.int32(frame[WIDE]), np.int32(frame[HIGH])
-    first = np.int32(frame[PIXELS])
+                n = (i * LEAF + j) * LEAF + k
+                points[0, n], points[1, n], points[2, n] = xs[i0 + i], ys[j0 + j], zs[k0 + k]
+
+
+@kernel
+def _pinhole_places(rows, frames, c, points, places):
+    """Finds the pixels of a leaf's voxels: places (LEAF^3,) uint32 in `pixels`, where 0 holds OBJECTS and 2 holds BLIND."""
+    u_x, u_y, u_z, u_1 = rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3]
+    v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
+    w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
+    width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
+    left, upper, wide, high = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER]), np.int32(frames[c, WIDE]), np.int32(frames[c, HIGH])
+    first = np.int32(frames[c, PIXELS])
     # Without a branch, so that it is done for several voxels at once.
     for n in range(_LEAF_VOXELS):
-        w = ws[n]
+        x, y, z = points[0, n], points[1, n], points[2, n]
+        w = ((w_x * x + w_y * y) + w_1) + w_z * z
         inverse = 1.0 / w
-        u, v = us[n] * inverse + 0.5, vs[n] * inverse + 0.5
+        u = (((u_x * x + u_y * y) + u_1) + u_z * z) * inverse + 0.5
+        v = (((v_x * x + v_y * y) + v_1) + v_z * z) * inverse + 0.5
         sees = (w > 0.0) & (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height)
         # Inside the image these are not negative, so that truncation rounds down: the nearest pixel centre, ties upward.
         u, v = u if sees else 0.0, v if sees else 0.0
@@ -166,65 +179,57 @@ def _pinhole_places(row, frame, axes, block, places, work):
 
 
 @kernel
-def _lens_places(row, kind, frame, axes, block, places):
+def _lens_places(rows, kinds, frames, c, points, places):
     """Does what `_pinhole_places` does for a camera with a lens."""
-    xs, ys, zs = axes
-    i0, j0, k0 = block
-    width, height = float(frame[WIDTH]), float(frame[HEIGHT])
+    width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     for n in range(_LEAF_VOXELS):
-        x, y, z = xs[i0 + n // (LEAF * LEAF)], ys[j0 + n // LEAF % LEAF], zs[k0 + n % LEAF]
+        x, y, z = points[0, n], points[1, n], points[2, n]
         places[n] = 2
-        w = ((row[8] * x + row[9] * y) + row[11]) + row[10] * z
+        w = ((rows[c, 8] * x + rows[c, 9] * y) + rows[c, 11]) + rows[c, 10] * z
         if not w > 0.0:
             continue
         inverse = 1.0 / w
-        u = (((row[0] * x + row[1] * y) + row[3]) + row[2] * z) * inverse
-        v = (((row[4] * x + row[5] * y) + row[7]) + row[6] * z) * inverse
-        if u * u + v * v > row[FIELD_SQUARED]:
+        u = (((rows[c, 0] * x + rows[c, 1] * y) + rows[c, 3]) + rows[c, 2] * z) * inverse
+        v = (((rows[c, 4] * x + rows[c, 5] * y) + rows[c, 7]) + rows[c, 6] * z) * inverse
+        if u * u + v * v > rows[c, FIELD_SQUARED]:
             continue
-        a, b = bend(row, kind, u, v)
-        u, v = (row[FX] * a + row[SKEW] * b) + row[CX] + 0.5, row[FY] * b + row[CY] + 0.5
+        a, b = bend(rows, c, kinds[c], u, v)
+        u, v = (rows[c, FX] * a + rows[c, SKEW] * b) + rows[c, CX] + 0.5, rows[c, FY] * b + rows[c, CY] + 0.5
         if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
             continue
-        column, line = int(u) - frame[LEFT], int(v) - frame[UPPER]
-        known = column >= 0 and line >= 0 and column < frame[WIDE] and line < frame[HIGH]
-        places[n] = frame[PIXELS] + line * frame[WIDE] + column if known else 0
+        column, line = int(u) - frames[c, LEFT], int(v) - frames[c, UPPER]
+        known = column >= 0 and line >= 0 and column < frames[c, WIDE] and line < frames[c, HIGH]
+        places[n] = frames[c, PIXELS] + line * frames[c, WIDE] + column if known else 0
 
 
 @kernel
-def _next_camera(cameras, camera):
-    """Returns the first camera of a set that is not before `camera`; the set must hold one."""
-    while not (cameras >> camera) & 1:
-        camera += 1
-    return camera
-
-
-@kernel
-def _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, block, occupancy, places, votes, work):
+def _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, block, occupancy, places, votes, points):
     """Decides a leaf voxel by voxel."""
     tolerance, least, outside = rule
     cameras, agreeing, objecting = state
     i0, j0, k0 = block
+    _leaf_points(axes, block, points)
     votes[:] = 0
     asked = 0
-    camera = 0
-    while cameras >> camera:
-        camera = _next_camera(cameras, camera)
+    for camera in range(len(kinds)):
+        if not (cameras >> camera) & 1:
+            continue
+        asked += 1
         if kinds[camera] == PINHOLE:
-            _pinhole_places(rows[camera], frames[camera], axes, block, places, work)
+            _pinhole_places(rows, frames, camera, points, places)
         else:
-            _lens_places(rows[camera], kinds[camera], frames[camera], axes, block, places)
+            _lens_places(rows, kinds, frames, camera, points, places)
         for n in range(_LEAF_VOXELS):
             votes[n] += pixels[places[n]]
-        asked += 1
-        camera += 1
-    for i in range(i0, min(i0 + LEAF, occupancy.shape[0])):
-        for j in range(j0, min(j0 + LEAF, occupancy.shape[1])):
-            for k in range(k0, min(k0 + LEAF, occupancy.shape[2])):
-                vote = votes[((i - i0) * LEAF + (j - j0)) * LEAF + (k - k0)]
-                agree, blind = vote % BLIND, vote // BLIND
-                object_ = asked - agree - (0 if outside == OBJECTS else blind)
-                occupancy[i, j, k] = objecting + object_ <= tolerance and agreeing + agree >= least
+    enough_agree = least - agreeing
+    enough_unopposed = objecting + asked - tolerance
+    for i in range(min(LEAF, occupancy.shape[0] - i0)):
+        for j in range(min(LEAF, occupancy.shape[1] - j0)):
+            for k in range(min(LEAF, occupancy.shape[2] - k0)):
+                vote = votes[(i * LEAF + j) * LEAF + k]
+                agree = vote & (BLIND - 1)
+                unopposed = agree if outside == OBJECTS else agree + (vote >> _BLIND_BITS)
+                occupancy[i0 + i, j0 + j, k0 + k] = (agree >= enough_agree) & (unopposed >= enough_unopposed)
 
 
 @kernel
@@ -238,10 +243,10 @@ def _decide(rows, kinds, bounds, frames, sums, rule, axes, state, block, ends):
     cameras, agreeing, objecting = state
     asked = cameras
     unclear = 0
-    camera = 0
-    while asked >> camera:
-        camera = _next_camera(asked, camera)
-        verdict = _look_at_block(rows[camera], kinds[camera], bounds[camera], frames[camera], sums, middle, half)
+    for camera in range(len(kinds)):
+        if not (asked >> camera) & 1:
+            continue
+        verdict = _look_at_block(rows, kinds, bounds, frames, sums, camera, middle, half)
         if verdict == BLIND:
             verdict = outside
         if verdict == UNCLEAR:
@@ -252,7 +257,6 @@ def _decide(rows, kinds, bounds, frames, sums, rule, axes, state, block, ends):
             objecting += verdict == OBJECTS
             if objecting > tolerance:
                 break
-        camera += 1
     state = (cameras, agreeing, objecting)
     if objecting > tolerance or agreeing + unclear < least:
         return _EMPTY, state
@@ -262,7 +266,7 @@ def _decide(rows, kinds, bounds, frames, sums, rule, axes, state, block, ends):
 
 
 @kernel
-def _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, top, stack, places, votes, work):
+def _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, top, stack, places, votes, points):
     """Takes one of the largest blocks apart, as far as it is mixed. `stack` (_DEEPEST, 7) int64 is scratch: block, size, state."""
     nx, ny, nz = occupancy.shape
     stack[0] = top
@@ -279,7 +283,7 @@ def _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy,
                     for k in range(k0, k1):
                         occupancy[i, j, k] = True
         elif found == _MIXED and size == LEAF:
-            _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, (i0, j0, k0), occupancy, places, votes, work)
+            _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, (i0, j0, k0), occupancy, places, votes, points)
         elif found == _MIXED:
             half = size // 2
             for i in range(i0, i1, half):
@@ -310,13 +314,13 @@ def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupanc
     count = (occupancy.shape[0] + TOP - 1) // TOP * ny * nz
     for chunk in prange(_CHUNKS):
         stack = np.empty((_DEEPEST, 7), np.int64)
-        places, votes = np.empty(_LEAF_VOXELS, np.int32), np.empty(_LEAF_VOXELS, np.int32)
-        work = np.empty((3, _LEAF_VOXELS))
+        places, votes = np.empty(_LEAF_VOXELS, np.uint32), np.empty(_LEAF_VOXELS, np.int32)
+        points = np.empty((3, _LEAF_VOXELS))
         # Neighbours cost alike: they are dealt out over the chunks.
         for n in range(chunk, count, _CHUNKS):
             block = (n // (ny * nz) * TOP, n // nz % ny * TOP, n % nz * TOP)
             top = (block[0], block[1], block[2], TOP, (np.int64(1) << len(rows)) - 1, 0, 0)
-            _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, top, stack, places, votes, work)
+            _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, top, stack, places, votes, points)
 
 
 @kernel
