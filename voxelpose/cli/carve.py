@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from voxelpose.cli.arguments import camera_names
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Carve:
     """Whether a voxel outside a camera's picture may stay."""
     style: Literal["surface", "voxels"] = "surface"
     """A triangle mesh, or the centres of the voxels as points."""
-    cameras: Annotated[tuple[str, ...] | None, arg(metavar="NAME ...", help_behavior_hint="")] = None
+    cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
     """Cameras to use, by name. Left out: all."""
     unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
     """Unit of the calibration's lengths, where the file does not say it."""
@@ -60,7 +61,7 @@ class Carve:
             volume_m=self.volume,
             rule=CarveRule(self.tolerance, self.outside),
             style=self.style,
-            cameras=self.cameras,
+            cameras=camera_names(self.cameras),
             unit=self.unit,
         )
         hull = carve_recording(self.recording, self.out, settings, self.overwrite)

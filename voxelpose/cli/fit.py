@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from voxelpose.cli.arguments import frame_range
+from voxelpose.cli.arguments import camera_names, frame_range
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
     """Whose proportions."""
     frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="")] = None
     """First frame and one past the last. Left out: all."""
-    cameras: Annotated[tuple[str, ...] | None, arg(metavar="NAME ...", help_behavior_hint="")] = None
+    cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
     """Cameras to use, by name. Left out: all."""
     unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
     """Unit of the calibration's lengths, where the file does not say it."""
@@ -52,6 +52,8 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
     """How silhouettes are found: Okada and Stenger 5.1 as written, or refined against shadows and noise."""
     voxel: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
     """Edge of a voxel in metres. Left out: chosen by the program."""
+    tolerance: Annotated[int, arg(metavar="N")] = 0
+    """How many cameras may see background where there is body: 1 forgives one bad camera."""
     threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     """Processor threads. Left out: all."""
     estimator: Annotated[str, arg(metavar="NAME")] = "multiview"
@@ -75,8 +77,10 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
                 options["interference"] = False
             if self.voxel is not None:
                 options["voxel_size_m"] = self.voxel
+            if self.tolerance:
+                options["tolerance"] = self.tolerance
             settings = Settings(self.stature, self.chest, self.sex, self.background, self.smooth, self.threads, options)
-            recording = Recording.open(self.recording, frame_range(self.frames), self.cameras, self.unit, self.fps)
+            recording = Recording.open(self.recording, frame_range(self.frames), camera_names(self.cameras), self.unit, self.fps)
             result = fit(recording, Output(self.out, self.overwrite, self.pictures), settings, self.estimator, progress)
         from voxelpose.cli.report import print_result
 

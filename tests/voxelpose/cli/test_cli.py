@@ -93,6 +93,8 @@ def test_fit_writes_and_says_where(desk):
         (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
         (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
         (["fit", "walk", "--out", "site", "--estimator", "standing", "--overwrite"], "site exists and is not a result"),
+        (["fit", "walk", "--out", "x", "--cameras", "cam_1,cam_7"], "there is no camera cam_7"),
+        (["fit", "walk", "--out", "x", "--cameras", ","], "--cameras names none"),
         (["carve", "walk", "--out", "x.ply", "--frame", "99"], "frames 99:100 are not in the recording"),
         (["carve", "walk", "--out", "x.ply"], "no foreground in any camera"),
         (["carve", "walk", "--out", "x.ply", "--tolerance", "-1"], "--tolerance -1 is impossible"),
