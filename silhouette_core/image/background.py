@@ -1,13 +1,16 @@
 """The empty scene of one fixed camera, and what differs from it."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from silhouette_core.image import cleanup
+from silhouette_core.image.foreground import Background, RefinedSettings, refined_mask
 from silhouette_core.image.kernels import background as kernels
+
+_PRIOR_FRAMES = 10  # how many frames the assumed noise is worth against the measured one
 
 
 @dataclass(frozen=True)
@@ -15,45 +18,48 @@ class BackgroundSettings:
     """What decides between person and background; one set serves all cameras.
 
     Attributes:
-        method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up.
-        log_likelihood: the paper's threshold, as the logarithm of the density of the normalised colour.
-        raw_difference: length of the difference of raw colours (of 255) that is foreground whatever its direction.
+        method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up; "refined" is what
+            `silhouette_core.image.foreground` makes of it.
         noise: least standard deviation of a colour channel (of 255); also what is assumed for a still.
-        min_area_share: components smaller than this share of the image are dropped.
-        max_hole_share: holes up to this share of the image are filled.
+        log_likelihood: the paper's threshold, as the logarithm of the density of the normalised colour.
+        raw_difference: the paper's clear difference: length of the difference of raw colours (of 255).
+        refined: thresholds of the refined method.
     """
 
     method: Literal["refined", "paper"] = "refined"
-    log_likelihood: float = -8.0
+    noise: float = 1.0
+    log_likelihood: float = -5.0
     raw_difference: float = 90.0
-    noise: float = 1.5
-    min_area_share: float = 3e-4
-    max_hole_share: float = 3e-5
+    refined: RefinedSettings = field(default_factory=RefinedSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Learnt:
+    """Per pixel and channel (H, W, 3): mean and variance of the colour, mean and variance of the colour over its length."""
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    unit_mean: NDArray[np.float64]
+    unit_variance: NDArray[np.float64]
 
 
 class BackgroundModel:
-    """Background of one camera: per pixel the mean colour and a Gaussian over the colour's direction.
+    """Background of one camera. Make it with `from_frames`, `from_still` or `from_median`.
 
-    Make it with `from_frames`, `from_still` or `from_median`.
-
-    Source: Okada and Stenger, section 5.1.
+    Source: Okada and Stenger, section 5.1, for the Gaussian over a colour divided by its length, and the clear difference of colours.
+    Beyond the paper: `from_still`, `from_median`, the least noise, and all of the refined method.
     """
 
-    def __init__(self, mean: np.ndarray, unit_mean: np.ndarray, unit_variance: np.ndarray, settings: BackgroundSettings | None = None):
-        """Keeps the Gaussians.
-
-        Args:
-            mean: mean colour, (H, W, 3), BGR of 255.
-            unit_mean: mean of the colour divided by its length, (H, W, 3).
-            unit_variance: variances of the same, (H, W, 3); raised to what `settings.noise` causes.
-            settings: thresholds; None for the defaults.
-        """
+    def __init__(self, learnt: _Learnt, settings: BackgroundSettings | None = None):
+        """Keeps what was learnt; see the constructors `from_...`."""
         self.settings = settings or BackgroundSettings()
-        self.mean = np.ascontiguousarray(mean, np.float32)
-        self.unit_mean = np.ascontiguousarray(unit_mean, np.float32)
+        self.mean: NDArray[np.float32] = np.ascontiguousarray(learnt.mean, np.float32)
+        noise = np.maximum(np.sqrt(learnt.variance.mean(axis=2)), self.settings.noise)
+        self._background = Background(self.mean, np.ascontiguousarray(1 / noise, np.float32))
         # Noise of the raw channels turns a colour of length L by noise / L: dark pixels have no sure direction.
-        length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
-        variance = np.maximum(unit_variance, (self.settings.noise / length) ** 2)
+        length = np.maximum(np.linalg.norm(learnt.mean, axis=2, keepdims=True), 1.0)
+        variance = np.maximum(learnt.unit_variance, (self.settings.noise / length) ** 2)
+        self._unit_mean = np.ascontiguousarray(learnt.unit_mean, np.float32)
         self._half_precision = np.ascontiguousarray(0.5 / variance, np.float32)
         self._log_peak = np.ascontiguousarray(-0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32)
 
@@ -79,13 +85,15 @@ class BackgroundModel:
         for frame in frames:
             _check(frame, sums[0].shape if sums else None)
             if not sums:
-                sums = [np.zeros(frame.shape) for _ in range(3)]
+                sums = [np.zeros(frame.shape) for _ in range(4)]
             kernels.add_moments(np.ascontiguousarray(frame), *sums)
             count += 1
         if not count:
             raise ValueError("frames must hold at least one picture of the empty scene, got none")
-        mean, unit_mean, unit_square = (total / count for total in sums)
-        return cls(mean, unit_mean, np.maximum(unit_square - unit_mean**2, 0), settings)
+        mean, square, unit_mean, unit_square = (total / count for total in sums)
+        assumed = (settings or BackgroundSettings()).noise ** 2
+        variance = (count * np.maximum(square - mean**2, 0) + _PRIOR_FRAMES * assumed) / (count + _PRIOR_FRAMES)
+        return cls(_Learnt(mean, variance, unit_mean, np.maximum(unit_square - unit_mean**2, 0)), settings)
 
     @classmethod
     def from_still(cls, frame: np.ndarray, settings: BackgroundSettings | None = None) -> "BackgroundModel":
@@ -112,7 +120,12 @@ class BackgroundModel:
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
-        return cls.from_still(_median(np.stack(stack)), settings)
+        median, spread = np.empty(stack[0].shape, np.float32), np.empty(stack[0].shape, np.float32)
+        kernels.median_and_spread(np.stack(stack), median, spread)
+        mean = median.astype(np.float64)
+        length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
+        variance = np.square(1.4826 * spread, dtype=np.float64)  # a Gaussian's median distance is 0.6745 standard deviations
+        return cls(_Learnt(mean, variance, mean / length, variance / length**2), settings)
 
     def silhouette(self, frame: np.ndarray, region: np.ndarray | None = None) -> np.ndarray:
         """Returns what does not belong to the background.
@@ -129,25 +142,13 @@ class BackgroundModel:
             TypeError: frame is not (H, W, 3) uint8.
         """
         _check(frame, self.mean.shape)
-        settings = self.settings
-        mask = self._paper(np.ascontiguousarray(frame))
-        if settings.method == "paper":
-            return mask if region is None else mask & region
-        pixels = mask.size
-        hole = round(settings.max_hole_share * pixels)
-        return cleanup.clean(mask, min_area_px=round(settings.min_area_share * pixels), max_hole_px=hole, region=region)
-
-    def _paper(self, frame: np.ndarray) -> np.ndarray:
+        frame = np.ascontiguousarray(frame)
+        if self.settings.method == "refined":
+            return refined_mask(frame, self._background, self.settings.refined, region)
         mask = np.empty(frame.shape[:2], np.bool_)
-        settings = self.settings
-        log_likelihood, raw = np.float32(settings.log_likelihood), np.float32(settings.raw_difference)
-        kernels.paper_mask(frame, self.mean, self.unit_mean, self._half_precision, self._log_peak, log_likelihood, raw, mask)
-        return mask
-
-
-def _median(stack: np.ndarray) -> np.ndarray:
-    """Median over the first axis, (T, H, W, 3) uint8 -> (H, W, 3), in strips of rows to keep memory small."""
-    return np.concatenate([np.median(stack[:, row : row + 16], axis=0).astype(np.uint8) for row in range(0, stack.shape[1], 16)])
+        limits = np.float32(self.settings.log_likelihood), np.float32(self.settings.raw_difference)
+        kernels.paper_mask(frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask)
+        return mask if region is None else mask & region
 
 
 def _check(frame: np.ndarray, shape: tuple[int, ...] | None) -> None:

@@ -6,7 +6,7 @@ from silhouette_core.jit import parallel_kernel, prange
 
 
 @parallel_kernel
-def add_moments(frame, sum_raw, sum_unit, sum_unit_squared):
+def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
     """Adds one frame (H, W, 3) uint8 to the running sums, each (H, W, 3) float64."""
     height, width = frame.shape[0], frame.shape[1]
     for row in prange(height):
@@ -18,6 +18,7 @@ def add_moments(frame, sum_raw, sum_unit, sum_unit_squared):
             for channel, value in enumerate((blue, green, red)):
                 unit = value / length
                 sum_raw[row, column, channel] += value
+                sum_raw_squared[row, column, channel] += value * value
                 sum_unit[row, column, channel] += unit
                 sum_unit_squared[row, column, channel] += unit * unit
 
@@ -42,3 +43,32 @@ def paper_mask(frame, mean, unit_mean, half_precision, log_peak, log_threshold, 
                 step = np.float32(frame[row, column, channel]) * scale - unit_mean[row, column, channel]
                 log_likelihood -= step * step * half_precision[row, column, channel]
             mask[row, column] = log_likelihood < log_threshold or difference > limit
+
+
+@parallel_kernel
+def median_and_spread(stack, median, spread):
+    """Median over time of stack (T, H, W, 3) uint8, and the median distance from it; both (H, W, 3) float32."""
+    count, height, width = stack.shape[0], stack.shape[1], stack.shape[2]
+    half = (count + 1) // 2
+    for row in prange(height):
+        histogram = np.zeros(256, np.int32)
+        for column in range(width):
+            for channel in range(3):
+                histogram[:] = 0
+                for k in range(count):
+                    histogram[stack[k, row, column, channel]] += 1
+                middle = 0
+                seen = histogram[0]
+                while seen < half:
+                    middle += 1
+                    seen += histogram[middle]
+                distance = 0
+                seen = histogram[middle]
+                while seen < half:
+                    distance += 1
+                    if middle - distance >= 0:
+                        seen += histogram[middle - distance]
+                    if middle + distance < 256:
+                        seen += histogram[middle + distance]
+                median[row, column, channel] = middle
+                spread[row, column, channel] = distance

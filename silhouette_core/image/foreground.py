@@ -1,0 +1,193 @@
+"""The refined silhouette: what this project adds to Okada and Stenger's section 5.1.
+
+The paper's two tests stay (direction of colour, clear difference), with these additions:
+
+1. Exposure: each channel's gain between background and frame is the median ratio over the image.
+2. The direction test is made on the part of a colour that no change of brightness explains, over the noise, averaged over a small
+   window before it is compared: a cast shadow keeps its tint, a grey shirt before a tinted wall does not. The noise is rescaled
+   for every frame by what most of the image shows, since a still knows nothing of it and lossy video adds its own.
+3. The clear difference is a brightness that neither shadow nor highlight explains.
+4. Where clothes happen to look like a shadow of the background, the colours of the person found so far decide against those around.
+5. Edges are put where half of a pixel's colour is the person's and half the (shadowed) background's, which undoes the averaging
+   and the coarse colour of video.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.image.cleanup import clean
+from silhouette_core.image.kernels import foreground as kernels
+
+_GRID = 8  # px between the pixels from which gain and noise are estimated
+_COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
+_USUAL_CHROMA = 0.7  # pooled chromatic rest of an empty scene whose noise is known
+
+
+@dataclass(frozen=True)
+class RefinedSettings:
+    """What decides in the refined method; "noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
+
+    Attributes:
+        chroma: limit of the pooled chromatic rest, in noise.
+        chroma_pixel: the same of a single pixel.
+        brightness: how far in noise a brightness must lie beyond shadow and highlight.
+        shadow: darkest cast shadow, as a share of the background's brightness.
+        highlight: brightest reflection, likewise.
+        colours: least mean logarithm of the odds that a colour is the person's, where the background alone does not tell.
+        contrast: edges between colours closer than this (of 255) stay where they are.
+        min_area_share: components smaller than this share of the image are dropped.
+        min_body_share: components smaller than this share of the largest one are dropped.
+        max_hole_share: holes up to this share of the image are filled.
+    """
+
+    chroma: float = 3.0
+    chroma_pixel: float = 6.0
+    brightness: float = 8.0
+    shadow: float = 0.5
+    highlight: float = 1.1
+    colours: float = 2.0
+    contrast: float = 10.0
+    min_area_share: float = 3e-4
+    min_body_share: float = 0.01
+    max_hole_share: float = 4e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """The empty scene: mean (H, W, 3) float32, BGR of 255, and inverse_noise (H, W) float32."""
+
+    mean: NDArray[np.float32]
+    inverse_noise: NDArray[np.float32]
+
+
+def refined_mask(
+    frame: NDArray[np.uint8], background: Background, settings: RefinedSettings, region: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
+    """Returns the silhouette (H, W) bool of a frame (H, W, 3) uint8; see the module's text."""
+    radius = max(1, round(min(frame.shape[:2]) / 240))
+    gain = _gain(frame, background.mean)
+    mask, pooled, scale = _detect(frame, background, gain, radius, settings)
+    mask = _tidy(mask, settings, region)
+    if not mask.any():
+        return mask
+    window = _window(mask, margin=8 * radius)
+    frame, mask, pooled = frame[window], mask[window], pooled[window]
+    local = Background(background.mean[window], background.inverse_noise[window])
+    full = np.zeros(background.mean.shape[:2], np.bool_)
+    mask = _sharpen(frame, local, gain, mask, radius, settings)
+    mask |= _like_the_person(frame, local, gain, mask, pooled, scale, radius, settings)
+    for _ in range(2):
+        mask = _sharpen(frame, local, gain, mask, radius, settings)
+    full[window] = mask
+    return _tidy(full, settings, region)
+
+
+def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Each channel's median ratio of frame to background, (3,) float32, over pixels neither black nor saturated."""
+    seen, empty = frame[::_GRID, ::_GRID].reshape(-1, 3), mean[::_GRID, ::_GRID].reshape(-1, 3)
+    gain = np.ones(3, np.float32)
+    for channel in range(3):
+        sound = (empty[:, channel] > 16) & (empty[:, channel] < 235) & (seen[:, channel] < 250)
+        if sound.sum() >= 16:
+            gain[channel] = np.median(seen[sound, channel] / empty[sound, channel])
+    return np.clip(gain, 0.5, 2.0)
+
+
+def _detect(
+    frame: NDArray[np.uint8], background: Background, gain: NDArray[np.float32], radius: int, settings: RefinedSettings
+) -> tuple[NDArray[np.bool_], NDArray[np.float32], float]:
+    """Returns mask (H, W), pooled evidence (H, W, 4) and the frame's noise as a multiple of the model's, at least 1."""
+    height, width = frame.shape[:2]
+    arrays = frame, background.mean, background.inverse_noise, gain
+    sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
+    kernels.sampled_chroma(*arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
+    scale = max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
+    parts, strong = np.empty((height, width, 4), np.float32), np.empty((height, width), np.bool_)
+    beyond = np.float32(settings.brightness * scale)
+    clip = np.float32(settings.chroma_pixel * scale)
+    kernels.evidence(*arrays, clip, np.float32(settings.shadow), np.float32(settings.highlight), beyond, parts, strong)
+    pooled = np.asarray(cv2.blur(parts, (2 * radius + 1, 2 * radius + 1)), np.float32)
+    mask = np.empty((height, width), np.bool_)
+    kernels.decide(pooled, strong, np.float32(settings.chroma * scale), beyond, mask)
+    return mask, pooled, scale
+
+
+def _like_the_person(
+    frame: NDArray[np.uint8],
+    background: Background,
+    gain: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    pooled: NDArray[np.float32],
+    scale: float,
+    radius: int,
+    settings: RefinedSettings,
+) -> NDArray[np.bool_]:
+    """Returns pixels near the silhouette, perhaps background, whose colours are far commoner in the silhouette than around it."""
+    near = _grown(mask, 7 * radius)
+    own = _counted(frame, ~_grown(~mask, 1))
+    other = _counted(frame, near & ~_grown(mask, 2))
+    odds = np.clip(_log_shares(own) - _log_shares(other), -4, 4)
+    score, bright = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.float32)
+    kernels.look_up(frame, odds, _COLOUR_SHIFT, score)
+    kernels.brightness(frame, background.mean, background.inverse_noise, gain, bright)
+    window = (2 * radius + 1, 2 * radius + 1)
+    score, bright = cv2.blur(score, window), cv2.blur(bright, window)
+    # Differs a little, as a shadow would; or lies in a narrow gap of the silhouette, where a camouflaged spot may be.
+    doubtful = (np.square(pooled[..., :3]).sum(axis=2) > (0.5 * settings.chroma * scale) ** 2) | (np.abs(bright) > 3 * scale)
+    doubtful |= ~_grown(~_grown(mask, 4 * radius), 4 * radius)
+    return near & doubtful & (score > settings.colours)
+
+
+def _counted(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Histogram of colours, smoothed over neighbouring bins."""
+    bins = 256 >> _COLOUR_SHIFT
+    counts = np.zeros((bins, bins, bins), np.float32)
+    kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
+    for axis in range(3):
+        padded = np.moveaxis(np.pad(counts, [(1, 1) if axis == k else (0, 0) for k in range(3)], mode="edge"), axis, 0)
+        counts = np.moveaxis(0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:], 0, axis)
+    return np.ascontiguousarray(counts)
+
+
+def _log_shares(counts: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(np.log((counts + 0.5) / (float(counts.sum()) + 0.5 * counts.size)), np.float32)
+
+
+def _sharpen(
+    frame: NDArray[np.uint8],
+    background: Background,
+    gain: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    radius: int,
+    settings: RefinedSettings,
+) -> NDArray[np.bool_]:
+    """Moves the edges, at most `radius` pixels, to where person and background share a pixel half and half."""
+    grown, shrunk = _grown(mask, radius), ~_grown(~mask, radius)
+    gap = max(1, radius // 2)  # pixels at the edge that are mixed and teach neither colour
+    inside, outside = ~_grown(~mask, gap), ~_grown(mask, gap)
+    moved = mask.copy()
+    contrast = np.float32(settings.contrast)
+    kernels.sharpen(frame, background.mean, gain, grown & ~shrunk, inside, outside, 2 * radius, contrast, moved)
+    return moved
+
+
+def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * pixels + 1, 2 * pixels + 1))
+    return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
+
+
+def _tidy(mask: NDArray[np.bool_], settings: RefinedSettings, region: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    area, hole = round(settings.min_area_share * mask.size), round(settings.max_hole_share * mask.size)
+    return clean(mask, min_area_px=area, min_share=settings.min_body_share, max_hole_px=hole, region=region)
+
+
+def _window(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """The rows and columns that hold the mask and a margin."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return (
+        slice(max(int(rows[0]) - margin, 0), min(int(rows[-1]) + margin + 1, mask.shape[0])),
+        slice(max(int(columns[0]) - margin, 0), min(int(columns[-1]) + margin + 1, mask.shape[1])),
+    )

@@ -1,0 +1,155 @@
+"""From a frame's residuals to a silhouette with sharp edges. Plain arrays only; the door is `silhouette_core.image.foreground`."""
+
+import numpy as np
+
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+
+@kernel
+def _split(frame, mean, inverse_noise, gain, row, column):
+    """Splits a pixel's colour into a multiple of the background's colour and the rest.
+
+    Returns the rest's three components over the noise, their length, the multiple, and the background's length over the noise.
+    """
+    scale = inverse_noise[row, column]
+    background_0 = mean[row, column, 0] * gain[0]
+    background_1 = mean[row, column, 1] * gain[1]
+    background_2 = mean[row, column, 2] * gain[2]
+    colour_0 = np.float32(frame[row, column, 0])
+    colour_1 = np.float32(frame[row, column, 1])
+    colour_2 = np.float32(frame[row, column, 2])
+    square = background_0 * background_0 + background_1 * background_1 + background_2 * background_2
+    square = max(square, np.float32(1.0))
+    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) / square
+    rest_0 = (colour_0 - ratio * background_0) * scale
+    rest_1 = (colour_1 - ratio * background_1) * scale
+    rest_2 = (colour_2 - ratio * background_2) * scale
+    length = np.sqrt(rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2)
+    return rest_0, rest_1, rest_2, length, ratio, np.sqrt(square) * scale
+
+
+@parallel_kernel
+def sampled_chroma(frame, mean, inverse_noise, gain, clip, radius, step, out):
+    """Length of the pooled chromatic rest at every step-th pixel, (H', W') float32."""
+    height, width = frame.shape[0], frame.shape[1]
+    for k in prange(out.shape[0]):
+        for j in range(out.shape[1]):
+            sum_0 = sum_1 = sum_2 = np.float32(0.0)
+            count = 0
+            for row in range(max(k * step - radius, 0), min(k * step + radius + 1, height)):
+                for column in range(max(j * step - radius, 0), min(j * step + radius + 1, width)):
+                    rest_0, rest_1, rest_2, length, _, _ = _split(frame, mean, inverse_noise, gain, row, column)
+                    kept = min(np.float32(1.0), clip / max(length, np.float32(1e-6)))
+                    sum_0 += rest_0 * kept
+                    sum_1 += rest_1 * kept
+                    sum_2 += rest_2 * kept
+                    count += 1
+            out[k, j] = np.sqrt(sum_0 * sum_0 + sum_1 * sum_1 + sum_2 * sum_2) / count
+
+
+@parallel_kernel
+def evidence(frame, mean, inverse_noise, gain, clip, shadow, highlight, beyond_limit, parts, strong):
+    """What is to be pooled, and the pixels that need no pooling.
+
+    Fills parts (H, W, 4) float32, the chromatic rest cut to length clip and the brightness beyond [shadow, highlight] cut to twice
+    its limit; strong (H, W) bool.
+    """
+    height, width = strong.shape
+    for row in prange(height):
+        for column in range(width):
+            rest_0, rest_1, rest_2, length, ratio, background = _split(frame, mean, inverse_noise, gain, row, column)
+            kept = min(np.float32(1.0), clip / max(length, np.float32(1e-6)))
+            beyond = max(max(shadow - ratio, ratio - highlight), np.float32(0.0)) * background
+            parts[row, column, 0] = rest_0 * kept
+            parts[row, column, 1] = rest_1 * kept
+            parts[row, column, 2] = rest_2 * kept
+            parts[row, column, 3] = min(beyond, np.float32(2.0) * beyond_limit)
+            strong[row, column] = length > clip or beyond > np.float32(1.5) * beyond_limit
+
+
+@parallel_kernel
+def decide(pooled, strong, chroma_limit, beyond_limit, mask):
+    """mask (H, W) bool: strong, or pooled evidence over its limit."""
+    height, width = mask.shape
+    square = chroma_limit * chroma_limit
+    for row in prange(height):
+        for column in range(width):
+            part_0 = pooled[row, column, 0]
+            part_1 = pooled[row, column, 1]
+            part_2 = pooled[row, column, 2]
+            chroma = part_0 * part_0 + part_1 * part_1 + part_2 * part_2
+            mask[row, column] = strong[row, column] or chroma > square or pooled[row, column, 3] > beyond_limit
+
+
+@parallel_kernel
+def brightness(frame, mean, inverse_noise, gain, out):
+    """Signed difference along the background's colour over the noise, (H, W) float32."""
+    height, width = out.shape
+    for row in prange(height):
+        for column in range(width):
+            _, _, _, _, ratio, background = _split(frame, mean, inverse_noise, gain, row, column)
+            out[row, column] = (ratio - np.float32(1.0)) * background
+
+
+@kernel
+def count_colours(frame, where, shift, counts):
+    """Adds the pixels of where (H, W) bool to counts (n, n, n) float32, n = 256 >> shift."""
+    for row in range(where.shape[0]):
+        for column in range(where.shape[1]):
+            if where[row, column]:
+                counts[frame[row, column, 0] >> shift, frame[row, column, 1] >> shift, frame[row, column, 2] >> shift] += np.float32(1.0)
+
+
+@parallel_kernel
+def look_up(frame, table, shift, out):
+    """out (H, W) float32: the table's entry for each pixel's colour."""
+    height, width = out.shape
+    for row in prange(height):
+        for column in range(width):
+            out[row, column] = table[frame[row, column, 0] >> shift, frame[row, column, 1] >> shift, frame[row, column, 2] >> shift]
+
+
+@parallel_kernel
+def sharpen(frame, mean, gain, band, inside, outside, reach, least_contrast, mask):
+    """Sets mask in the band to where more than half of a pixel's colour is the person's.
+
+    The person's colour is the mean of the window's inside pixels. The background's is the model's, times what light and shadow make
+    of it on the window's outside pixels. Pixels with too few of either, or too little contrast, keep their label.
+    """
+    height, width = mask.shape
+    stride = max(1, reach // 4)
+    for row in prange(height):
+        person = np.empty(3, np.float32)
+        seen = np.empty(3, np.float32)
+        empty = np.empty(3, np.float32)
+        for column in range(width):
+            if not band[row, column]:
+                continue
+            person[:] = 0
+            seen[:] = 0
+            empty[:] = 0
+            count_inside = 0
+            count_outside = 0
+            for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
+                for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
+                    if inside[y, x]:
+                        count_inside += 1
+                        for channel in range(3):
+                            person[channel] += np.float32(frame[y, x, channel])
+                    elif outside[y, x]:
+                        count_outside += 1
+                        for channel in range(3):
+                            seen[channel] += np.float32(frame[y, x, channel])
+                            empty[channel] += mean[y, x, channel]
+            if count_inside < 3 or count_outside < 3:
+                continue
+            share = np.float32(0.0)
+            contrast = np.float32(0.0)
+            for channel in range(3):
+                light = min(max(seen[channel] / max(empty[channel] * gain[channel], np.float32(1e-3)), np.float32(0.2)), np.float32(2.0))
+                background = mean[row, column, channel] * gain[channel] * light
+                step = person[channel] / count_inside - background
+                share += (np.float32(frame[row, column, channel]) - background) * step
+                contrast += step * step
+            if contrast > least_contrast * least_contrast:
+                mask[row, column] = share > np.float32(0.5) * contrast
