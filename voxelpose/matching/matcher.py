@@ -88,6 +88,7 @@ class _State:
     lump: Lump
     pose: Pose
     settings: MatchSettings
+    taken: np.ndarray
     score: float = 0.0
     covered: int = 0
     groups: list[tuple[str, ...]] = field(default_factory=list)
@@ -106,7 +107,8 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
     Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for empty space, the exact joint search, the
     look-ahead; the torso's voxels are taken before the limbs are matched.
     """
-    state = _State(solid, Lump(grid, occupancy), start, settings or MatchSettings())
+    lump = Lump(grid, occupancy)
+    state = _State(solid, lump, start, settings or MatchSettings(), np.zeros(lump.words, np.uint64))
     bits, cost = _cover(state, TORSO, start.angles_rad[None])
     _decide(state, [TORSO], [bits[0]], start.angles_rad, float(cost[0]))
     decided = {TORSO.name}
@@ -118,10 +120,12 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
         groups = interference_groups(candidates) if state.settings.interference else [[c] for c in candidates]
         # All groups of one level are judged on the voxels that the levels before left: breadth first.
         found = [(group, *best_together([c.bits for c in group], [c.cost for c in group])) for group in groups]
+        before = state.pose.angles_rad
         for group, choice, _ in found:
             angles = state.pose.angles_rad.copy()
             for candidate, k in zip(group, choice, strict=True):
-                changed = candidate.angles_rad[k] != state.pose.angles_rad
+                # Against the angles that the candidates were sampled from: what other groups have decided since then stays.
+                changed = candidate.angles_rad[k] != before
                 angles[changed] = candidate.angles_rad[k][changed]
             cost = sum(float(c.own_cost[k]) for c, k in zip(group, choice, strict=True))
             _decide(state, [c.limb for c in group], [c.bits[k] for c, k in zip(group, choice, strict=True)], angles, cost)
@@ -175,7 +179,9 @@ def _cover(state: _State, limb: Limb, angles: np.ndarray) -> tuple[np.ndarray, n
 
 def _decide(state: _State, limbs: list[Limb], bits: list[np.ndarray], angles: np.ndarray, cost: float) -> None:
     union = np.bitwise_or.reduce(bits)
-    explained = int(np.bitwise_count(union).sum())
+    # Without interference two groups of one level may claim the same voxel; it counts once.
+    explained = int(np.bitwise_count(union & ~state.taken).sum())
+    state.taken |= union
     state.pose = Pose(state.pose.root_m, state.pose.root_rotation, angles)
     state.lump.take(union)
     state.score += explained - cost
