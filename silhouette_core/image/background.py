@@ -55,7 +55,7 @@ class BackgroundModel:
         self.settings = settings or BackgroundSettings()
         self.mean: NDArray[np.float32] = np.ascontiguousarray(learnt.mean, np.float32)
         noise = np.maximum(np.sqrt(learnt.variance.mean(axis=2)), self.settings.noise)
-        self._background = Background(self.mean, np.ascontiguousarray(1 / noise, np.float32))
+        self._background = Background.from_noise(self.mean, noise)
         # Noise of the raw channels turns a colour of length L by noise / L: dark pixels have no sure direction.
         length = np.maximum(np.linalg.norm(learnt.mean, axis=2, keepdims=True), 1.0)
         variance = np.maximum(learnt.unit_variance, (self.settings.noise / length) ** 2)

@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+from silhouette_core.image.kernels import cleanup as kernels
+
 
 def clean(
     mask: np.ndarray, *, min_area_px: int = 0, min_share: float = 0.0, max_hole_px: int = 0, region: np.ndarray | None = None
@@ -38,15 +40,12 @@ def clean(
 
 
 def _large_components(mask: np.ndarray, min_area_px: int, min_share: float) -> np.ndarray:
-    labels, stats = _components(mask, connectivity=8)
-    area = stats[:, cv2.CC_STAT_AREA]
-    least = max(min_area_px, min_share * area[1:].max(initial=0))
-    kept = np.zeros_like(mask)
-    for label in range(1, len(stats)):
-        if area[label] >= least:
-            left, top, width, height = stats[label, :4]
-            place = slice(top, top + height), slice(left, left + width)
-            kept[place] |= labels[place] == label
+    # Areas are counted here: OpenCV's own statistics take ten times as long as its labels.
+    count, labels = cv2.connectedComponents(mask.view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
+    area = np.zeros(count, np.int64)
+    kernels.count_labels(labels, area)
+    kept = np.empty_like(mask)
+    kernels.select_labels(labels, area >= max(1, min_area_px, min_share * area[1:].max(initial=0)), kept)
     return kept
 
 
@@ -56,16 +55,14 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
         return
     # One pixel around the silhouette is enough to tell a hole, which does not reach it, from the surroundings, which do.
     inner = mask[max(rows[0] - 1, 0) : rows[-1] + 2, max(columns[0] - 1, 0) : columns[-1] + 2]
-    labels, stats = _components(~inner, connectivity=4)
-    for label in range(1, len(stats)):
-        left, top, width, height, area = stats[label]
-        at_edge = left == 0 or top == 0 or left + width == inner.shape[1] or top + height == inner.shape[0]
-        if area <= max_hole_px and not at_edge:
-            place = slice(top, top + height), slice(left, left + width)
-            inner[place] |= labels[place] == label
-
-
-def _components(mask: np.ndarray, connectivity: int) -> tuple[np.ndarray, np.ndarray]:
-    """Returns labels (H, W) int32 and a row of left, top, width, height, area per label; label 0 is where mask is not."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=connectivity, ltype=cv2.CV_32S)
-    return np.asarray(labels), np.asarray(stats)
+    count, labels = cv2.connectedComponents((~inner).view(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    area = np.zeros(count, np.int64)
+    kernels.count_labels(labels, area)
+    small = area <= max_hole_px
+    table = np.asarray(labels, np.int32)
+    for edge in (table[0], table[-1], table[:, 0], table[:, -1]):
+        small[edge] = False
+    small[0] = True  # the silhouette itself
+    filled = np.empty_like(inner)
+    kernels.select_labels(labels, small, filled)
+    inner[:] = filled

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.kernels import foreground as kernels
 
-_GRID = 8  # px between the pixels from which gain and noise are estimated
+_GRID = 12  # px between the pixels from which gain and noise are estimated
 _COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
+_UNIT = 1000  # integer steps of the pooled evidence in one noise
 _USUAL_CHROMA = 0.7  # pooled chromatic rest of an empty scene whose noise is known
 
 
@@ -57,10 +58,26 @@ class RefinedSettings:
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """The empty scene: mean (H, W, 3) float32, BGR of 255, and inverse_noise (H, W) float32."""
+    """The empty scene.
+
+    Attributes:
+        mean: (H, W, 3) float32, BGR of 255.
+        tools: (H, W, 3) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
+    """
 
     mean: NDArray[np.float32]
-    inverse_noise: NDArray[np.float32]
+    tools: NDArray[np.float32]
+
+    @classmethod
+    def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":
+        """Prepares what every frame needs from the mean and each pixel's standard deviation, (H, W), of 255."""
+        square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
+        tools = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise], axis=2)
+        return cls(mean, np.ascontiguousarray(tools, np.float32))
+
+    def part(self, window: tuple[slice, slice]) -> "Background":
+        """Returns the part in a window of rows and columns."""
+        return Background(self.mean[window], self.tools[window])
 
 
 def refined_mask(
@@ -74,13 +91,12 @@ def refined_mask(
     if not mask.any():
         return mask
     window = _window(mask, margin=8 * radius)
+    full, part = np.zeros(mask.shape, np.bool_), background.part(window)
     frame, mask, pooled = frame[window], mask[window], pooled[window]
-    local = Background(background.mean[window], background.inverse_noise[window])
-    full = np.zeros(background.mean.shape[:2], np.bool_)
-    mask = _sharpen(frame, local, gain, mask, radius, settings)
-    mask |= _like_the_person(frame, local, gain, mask, pooled, scale, radius, settings)
+    mask = _sharpen(frame, part, gain, mask, radius, settings)
+    mask |= _like_the_person(frame, part, gain, mask, pooled, scale, radius, settings)
     for _ in range(2):
-        mask = _sharpen(frame, local, gain, mask, radius, settings)
+        mask = _sharpen(frame, part, gain, mask, radius, settings)
     full[window] = mask
     return _tidy(full, settings, region)
 
@@ -98,20 +114,19 @@ def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.flo
 
 def _detect(
     frame: NDArray[np.uint8], background: Background, gain: NDArray[np.float32], radius: int, settings: RefinedSettings
-) -> tuple[NDArray[np.bool_], NDArray[np.float32], float]:
-    """Returns mask (H, W), pooled evidence (H, W, 4) and the frame's noise as a multiple of the model's, at least 1."""
+) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
+    """Returns mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and that noise over the model's, at least 1."""
     height, width = frame.shape[:2]
-    arrays = frame, background.mean, background.inverse_noise, gain
+    arrays = frame, background.mean, background.tools, 1 / gain
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
     kernels.sampled_chroma(*arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
     scale = max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
-    parts, strong = np.empty((height, width, 4), np.float32), np.empty((height, width), np.bool_)
-    beyond = np.float32(settings.brightness * scale)
-    clip = np.float32(settings.chroma_pixel * scale)
-    kernels.evidence(*arrays, clip, np.float32(settings.shadow), np.float32(settings.highlight), beyond, parts, strong)
-    pooled = np.asarray(cv2.blur(parts, (2 * radius + 1, 2 * radius + 1)), np.float32)
+    parts, strong = np.empty((height, width, 4), np.int16), np.empty((height, width), np.bool_)
+    unit, clip, beyond = (np.float32(value) for value in (_UNIT / scale, settings.chroma_pixel * scale, settings.brightness * scale))
+    kernels.evidence(*arrays, unit, clip, np.float32(settings.shadow), np.float32(settings.highlight), beyond, parts, strong)
+    pooled = np.asarray(cv2.blur(parts, (2 * radius + 1, 2 * radius + 1)), np.int16)
     mask = np.empty((height, width), np.bool_)
-    kernels.decide(pooled, strong, np.float32(settings.chroma * scale), beyond, mask)
+    kernels.decide(pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask)
     return mask, pooled, scale
 
 
@@ -120,40 +135,33 @@ def _like_the_person(
     background: Background,
     gain: NDArray[np.float32],
     mask: NDArray[np.bool_],
-    pooled: NDArray[np.float32],
+    pooled: NDArray[np.int16],
     scale: float,
     radius: int,
     settings: RefinedSettings,
 ) -> NDArray[np.bool_]:
     """Returns pixels near the silhouette, perhaps background, whose colours are far commoner in the silhouette than around it."""
-    near = _grown(mask, 7 * radius)
-    own = _counted(frame, ~_grown(~mask, 1))
-    other = _counted(frame, near & ~_grown(mask, 2))
-    odds = np.clip(_log_shares(own) - _log_shares(other), -4, 4)
+    near = _grown(mask, 7 * radius, cv2.MORPH_RECT)
+    odds = np.clip(_log_shares(frame, ~_grown(~mask, 1)) - _log_shares(frame, near & ~_grown(mask, 2)), -4, 4)
     score, bright = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.float32)
     kernels.look_up(frame, odds, _COLOUR_SHIFT, score)
-    kernels.brightness(frame, background.mean, background.inverse_noise, gain, bright)
+    kernels.brightness(frame, background.mean, background.tools, 1 / gain, bright)
     window = (2 * radius + 1, 2 * radius + 1)
     score, bright = cv2.blur(score, window), cv2.blur(bright, window)
     # Differs a little, as a shadow would; or lies in a narrow gap of the silhouette, where a camouflaged spot may be.
-    doubtful = (np.square(pooled[..., :3]).sum(axis=2) > (0.5 * settings.chroma * scale) ** 2) | (np.abs(bright) > 3 * scale)
-    doubtful |= ~_grown(~_grown(mask, 4 * radius), 4 * radius)
+    doubtful = np.empty(mask.shape, np.bool_)
+    kernels.doubt(pooled, bright, round(0.5 * settings.chroma * _UNIT), np.float32(3 * scale), doubtful)
+    doubtful |= ~_grown(~_grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)
     return near & doubtful & (score > settings.colours)
 
 
-def _counted(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Histogram of colours, smoothed over neighbouring bins."""
+def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Logarithm of each colour's share among the pixels of a mask, (16, 16, 16)."""
     bins = 256 >> _COLOUR_SHIFT
-    counts = np.zeros((bins, bins, bins), np.float32)
+    counts, shares = np.zeros((bins, bins, bins), np.float32), np.empty((bins, bins, bins), np.float32)
     kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
-    for axis in range(3):
-        padded = np.moveaxis(np.pad(counts, [(1, 1) if axis == k else (0, 0) for k in range(3)], mode="edge"), axis, 0)
-        counts = np.moveaxis(0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:], 0, axis)
-    return np.ascontiguousarray(counts)
-
-
-def _log_shares(counts: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(np.log((counts + 0.5) / (float(counts.sum()) + 0.5 * counts.size)), np.float32)
+    kernels.log_shares(counts, shares)
+    return shares
 
 
 def _sharpen(
@@ -169,13 +177,14 @@ def _sharpen(
     gap = max(1, radius // 2)  # pixels at the edge that are mixed and teach neither colour
     inside, outside = ~_grown(~mask, gap), ~_grown(mask, gap)
     moved = mask.copy()
+    light = 0.2 * gain, 2 * gain  # what shadows and reflections may make of the background, at most
     contrast = np.float32(settings.contrast)
-    kernels.sharpen(frame, background.mean, gain, grown & ~shrunk, inside, outside, 2 * radius, contrast, moved)
+    kernels.sharpen(frame, background.mean, *light, grown & ~shrunk, inside, outside, 2 * radius, contrast, moved)
     return moved
 
 
-def _grown(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * pixels + 1, 2 * pixels + 1))
+def _grown(mask: NDArray[np.bool_], pixels: int, shape: int = cv2.MORPH_ELLIPSE) -> NDArray[np.bool_]:
+    disc = cv2.getStructuringElement(shape, (2 * pixels + 1, 2 * pixels + 1))
     return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
 
 

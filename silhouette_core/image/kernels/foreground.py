@@ -6,30 +6,28 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
 @kernel
-def _split(frame, mean, inverse_noise, gain, row, column):
-    """Splits a pixel's colour into a multiple of the background's colour and the rest.
+def _split(frame, mean, tools, gain, row, column):
+    """Splits a pixel's colour, its channels' gain undone, into a multiple of the background's colour and the rest.
 
-    Returns the rest's three components over the noise, their length, the multiple, and the background's length over the noise.
+    tools (H, W, 3) holds 1 / |background|^2, 1 / noise and |background| / noise. Returns the rest's three components, in noise, and
+    the multiple.
     """
-    scale = inverse_noise[row, column]
-    background_0 = mean[row, column, 0] * gain[0]
-    background_1 = mean[row, column, 1] * gain[1]
-    background_2 = mean[row, column, 2] * gain[2]
-    colour_0 = np.float32(frame[row, column, 0])
-    colour_1 = np.float32(frame[row, column, 1])
-    colour_2 = np.float32(frame[row, column, 2])
-    square = background_0 * background_0 + background_1 * background_1 + background_2 * background_2
-    square = max(square, np.float32(1.0))
-    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) / square
+    background_0 = mean[row, column, 0]
+    background_1 = mean[row, column, 1]
+    background_2 = mean[row, column, 2]
+    colour_0 = np.float32(frame[row, column, 0]) * gain[0]
+    colour_1 = np.float32(frame[row, column, 1]) * gain[1]
+    colour_2 = np.float32(frame[row, column, 2]) * gain[2]
+    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * tools[row, column, 0]
+    scale = tools[row, column, 1]
     rest_0 = (colour_0 - ratio * background_0) * scale
     rest_1 = (colour_1 - ratio * background_1) * scale
     rest_2 = (colour_2 - ratio * background_2) * scale
-    length = np.sqrt(rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2)
-    return rest_0, rest_1, rest_2, length, ratio, np.sqrt(square) * scale
+    return rest_0, rest_1, rest_2, ratio
 
 
 @parallel_kernel
-def sampled_chroma(frame, mean, inverse_noise, gain, clip, radius, step, out):
+def sampled_chroma(frame, mean, tools, gain, clip, radius, step, out):
     """Length of the pooled chromatic rest at every step-th pixel, (H', W') float32."""
     height, width = frame.shape[0], frame.shape[1]
     for k in prange(out.shape[0]):
@@ -38,8 +36,11 @@ def sampled_chroma(frame, mean, inverse_noise, gain, clip, radius, step, out):
             count = 0
             for row in range(max(k * step - radius, 0), min(k * step + radius + 1, height)):
                 for column in range(max(j * step - radius, 0), min(j * step + radius + 1, width)):
-                    rest_0, rest_1, rest_2, length, _, _ = _split(frame, mean, inverse_noise, gain, row, column)
-                    kept = min(np.float32(1.0), clip / max(length, np.float32(1e-6)))
+                    rest_0, rest_1, rest_2, _ = _split(frame, mean, tools, gain, row, column)
+                    square = rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2
+                    kept = np.float32(1.0)
+                    if square > clip * clip:
+                        kept = clip / np.sqrt(square)
                     sum_0 += rest_0 * kept
                     sum_1 += rest_1 * kept
                     sum_2 += rest_2 * kept
@@ -48,47 +49,64 @@ def sampled_chroma(frame, mean, inverse_noise, gain, clip, radius, step, out):
 
 
 @parallel_kernel
-def evidence(frame, mean, inverse_noise, gain, clip, shadow, highlight, beyond_limit, parts, strong):
+def evidence(frame, mean, tools, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
     """What is to be pooled, and the pixels that need no pooling.
 
-    Fills parts (H, W, 4) float32, the chromatic rest cut to length clip and the brightness beyond [shadow, highlight] cut to twice
-    its limit; strong (H, W) bool.
+    Fills parts (H, W, 4) int16, in 1 / unit of the noise: the chromatic rest cut to length clip, and the brightness beyond
+    [shadow, highlight] cut to twice its limit. Fills strong (H, W) bool.
     """
     height, width = strong.shape
     for row in prange(height):
         for column in range(width):
-            rest_0, rest_1, rest_2, length, ratio, background = _split(frame, mean, inverse_noise, gain, row, column)
-            kept = min(np.float32(1.0), clip / max(length, np.float32(1e-6)))
-            beyond = max(max(shadow - ratio, ratio - highlight), np.float32(0.0)) * background
-            parts[row, column, 0] = rest_0 * kept
-            parts[row, column, 1] = rest_1 * kept
-            parts[row, column, 2] = rest_2 * kept
-            parts[row, column, 3] = min(beyond, np.float32(2.0) * beyond_limit)
-            strong[row, column] = length > clip or beyond > np.float32(1.5) * beyond_limit
+            rest_0, rest_1, rest_2, ratio = _split(frame, mean, tools, gain, row, column)
+            square = rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2
+            beyond = max(max(shadow - ratio, ratio - highlight), np.float32(0.0)) * tools[row, column, 2]
+            strong[row, column] = (square > clip * clip) | (beyond > np.float32(1.5) * beyond_limit)
+            kept = unit
+            if square > clip * clip:
+                kept = unit * clip / np.sqrt(square)
+            parts[row, column, 0] = np.int16(rest_0 * kept)
+            parts[row, column, 1] = np.int16(rest_1 * kept)
+            parts[row, column, 2] = np.int16(rest_2 * kept)
+            parts[row, column, 3] = np.int16(min(beyond, np.float32(2.0) * beyond_limit) * unit)
+
+
+@kernel
+def _chroma_square(pooled, row, column):
+    part_0 = np.int32(pooled[row, column, 0])
+    part_1 = np.int32(pooled[row, column, 1])
+    part_2 = np.int32(pooled[row, column, 2])
+    return part_0 * part_0 + part_1 * part_1 + part_2 * part_2
 
 
 @parallel_kernel
 def decide(pooled, strong, chroma_limit, beyond_limit, mask):
-    """mask (H, W) bool: strong, or pooled evidence over its limit."""
+    """mask (H, W) bool: strong, or pooled evidence (H, W, 4) int16 over its limit."""
     height, width = mask.shape
-    square = chroma_limit * chroma_limit
     for row in prange(height):
         for column in range(width):
-            part_0 = pooled[row, column, 0]
-            part_1 = pooled[row, column, 1]
-            part_2 = pooled[row, column, 2]
-            chroma = part_0 * part_0 + part_1 * part_1 + part_2 * part_2
-            mask[row, column] = strong[row, column] or chroma > square or pooled[row, column, 3] > beyond_limit
+            unlike = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
+            mask[row, column] = strong[row, column] | unlike | (pooled[row, column, 3] > beyond_limit)
 
 
 @parallel_kernel
-def brightness(frame, mean, inverse_noise, gain, out):
-    """Signed difference along the background's colour over the noise, (H, W) float32."""
+def doubt(pooled, bright, chroma_limit, bright_limit, mask):
+    """mask (H, W) bool: pooled chroma (of int16) or brightness (H, W) float32 over a limit."""
+    height, width = mask.shape
+    for row in prange(height):
+        for column in range(width):
+            unlike = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
+            mask[row, column] = unlike | (abs(bright[row, column]) > bright_limit)
+
+
+@parallel_kernel
+def brightness(frame, mean, tools, gain, out):
+    """Signed difference along the background's colour, in noise, (H, W) float32."""
     height, width = out.shape
     for row in prange(height):
         for column in range(width):
-            _, _, _, _, ratio, background = _split(frame, mean, inverse_noise, gain, row, column)
-            out[row, column] = (ratio - np.float32(1.0)) * background
+            _, _, _, ratio = _split(frame, mean, tools, gain, row, column)
+            out[row, column] = (ratio - np.float32(1.0)) * tools[row, column, 2]
 
 
 @kernel
@@ -98,6 +116,33 @@ def count_colours(frame, where, shift, counts):
         for column in range(where.shape[1]):
             if where[row, column]:
                 counts[frame[row, column, 0] >> shift, frame[row, column, 1] >> shift, frame[row, column, 2] >> shift] += np.float32(1.0)
+
+
+@kernel
+def log_shares(counts, out):
+    """Logarithm of each colour's share, out (n, n, n) float32, after counts have spread to the 26 neighbouring colours."""
+    bins = counts.shape[0]
+    total = np.float64(0.0)
+    for blue in range(bins):
+        for green in range(bins):
+            for red in range(bins):
+                total += counts[blue, green, red]
+                near = np.float32(0.0)
+                for b in range(-1, 2):
+                    for g in range(-1, 2):
+                        for r in range(-1, 2):
+                            weight = np.float32(2 - abs(b)) * np.float32(2 - abs(g)) * np.float32(2 - abs(r)) / np.float32(64.0)
+                            y = min(max(blue + b, 0), bins - 1)
+                            x = min(max(green + g, 0), bins - 1)
+                            z = min(max(red + r, 0), bins - 1)
+                            near += weight * counts[y, x, z]
+                out[blue, green, red] = near
+    floor = np.float32(0.5)
+    whole = np.float32(total) + floor * np.float32(bins * bins * bins)
+    for blue in range(bins):
+        for green in range(bins):
+            for red in range(bins):
+                out[blue, green, red] = np.log((out[blue, green, red] + floor) / whole)
 
 
 @parallel_kernel
@@ -110,7 +155,7 @@ def look_up(frame, table, shift, out):
 
 
 @parallel_kernel
-def sharpen(frame, mean, gain, band, inside, outside, reach, least_contrast, mask):
+def sharpen(frame, mean, least_light, most_light, band, inside, outside, reach, least_contrast, mask):
     """Sets mask in the band to where more than half of a pixel's colour is the person's.
 
     The person's colour is the mean of the window's inside pixels. The background's is the model's, times what light and shadow make
@@ -131,7 +176,9 @@ def sharpen(frame, mean, gain, band, inside, outside, reach, least_contrast, mas
             count_inside = 0
             count_outside = 0
             for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
-                for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
+                # A chessboard of samples: neighbours tell nearly the same.
+                first = max(column - reach, 0) + (y & 1) * stride
+                for x in range(first, min(column + reach + 1, width), 2 * stride):
                     if inside[y, x]:
                         count_inside += 1
                         for channel in range(3):
@@ -146,8 +193,8 @@ def sharpen(frame, mean, gain, band, inside, outside, reach, least_contrast, mas
             share = np.float32(0.0)
             contrast = np.float32(0.0)
             for channel in range(3):
-                light = min(max(seen[channel] / max(empty[channel] * gain[channel], np.float32(1e-3)), np.float32(0.2)), np.float32(2.0))
-                background = mean[row, column, channel] * gain[channel] * light
+                light = min(max(seen[channel] / max(empty[channel], np.float32(1e-3)), least_light[channel]), most_light[channel])
+                background = mean[row, column, channel] * light
                 step = person[channel] / count_inside - background
                 share += (np.float32(frame[row, column, channel]) - background) * step
                 contrast += step * step
