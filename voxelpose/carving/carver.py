@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels import blocks
-from voxelpose.carving.views import Masks, mask_list, pack_masks, pack_rig, whole_leaves
+from voxelpose.carving.views import Masks, block_order, mask_list, pack_masks, pack_rig
 
 
 @dataclass(frozen=True)
@@ -72,5 +72,6 @@ def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
     frames, sums, pixels = pack_masks(mask_list(rig, masks))
     rows, kinds, bounds = pack_rig(rig)
     occupancy = np.zeros(grid.shape, dtype=np.bool_)
-    blocks.carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule.packed(), whole_leaves(grid), occupancy)
+    axes, order = grid.axes(blocks.LARGEST), block_order(grid)
+    blocks.carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule.packed(), axes, order, occupancy)
     return occupancy

@@ -69,10 +69,15 @@ class VoxelGrid:
         """(3,) float64: edges of the box, m."""
         return np.array(self.shape) * self.voxel_size_m
 
-    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the world coordinates of the voxel centres along x (nx,), y (ny,) and z (nz,), float64, m."""
+    def axes(self, multiple: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Returns the world coordinates of the voxel centres along x (nx,), y (ny,) and z (nz,), float64, m.
+
+        Args:
+            multiple: Continues each beyond the grid to a multiple of so many voxels.
+        """
         # From the lattice and not from the origin, so that the same voxel has the same bits in every grid.
-        x, y, z = ((first + np.arange(n) + 0.5) * self.voxel_size_m for first, n in zip(self.lattice, self.shape, strict=True))
+        counts = (-(-n // multiple) * multiple for n in self.shape)
+        x, y, z = ((first + np.arange(n) + 0.5) * self.voxel_size_m for first, n in zip(self.lattice, counts, strict=True))
         return x, y, z
 
     def centres(self, indices: ArrayLike) -> NDArray[np.float64]:

@@ -77,28 +77,31 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
 
 
 def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
-    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only the box around the foreground is kept."""
+    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only what is around the foreground is kept."""
     frames = np.zeros((len(masks), 8), dtype=np.int64)
     pixel_count, sum_count = 3, 0
     for frame, mask in zip(frames, masks, strict=True):
         left, top, wide, high = blocks.foreground_box(mask)
-        frame[:] = mask.shape[1], mask.shape[0], left, top, wide, high, pixel_count, sum_count
-        pixel_count += wide * high
-        sum_count += (wide + 1) * (high + 1)
-    pixels, sums = np.empty(pixel_count, dtype=np.uint8), np.zeros(sum_count, dtype=np.int32)
+        # One pixel more on every side, even beyond the image: the rim is empty, and no crop is.
+        frame[:] = mask.shape[1], mask.shape[0], left - 1, top - 1, wide + 2, high + 2, pixel_count, sum_count
+        pixel_count += (wide + 2) * (high + 2)
+        sum_count += (wide + 3) * (high + 3)
+    pixels, sums = np.zeros(pixel_count, dtype=np.uint8), np.zeros(sum_count, dtype=np.int32)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
     for (_, _, left, top, wide, high, pixel, total), mask in zip(frames.tolist(), masks, strict=True):
-        if wide:
-            part = mask[top : top + high, left : left + wide]
-            pixels[pixel : pixel + wide * high].reshape(high, wide)[:] = part
-            cv2.integral(part, sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1))
+        crop = pixels[pixel : pixel + wide * high].reshape(high, wide)
+        crop[1:-1, 1:-1] = mask[top + 1 : top + high - 1, left + 1 : left + wide - 1]
+        cv2.integral(crop, sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1))
     return frames, sums, pixels
 
 
-def whole_leaves(grid: VoxelGrid) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the grid's axes, each continued to whole leaves by repeating its last centre."""
-    x, y, z = (np.append(axis, np.full(-len(axis) % blocks.LEAF, axis[-1])) for axis in grid.axes())
-    return x, y, z
+def block_order(grid: VoxelGrid) -> NDArray[np.int64]:
+    """Returns an order of the largest blocks, as in `blocks.carve_blocks`.
+
+    Neighbours cost alike; multiples of the golden section, sorted, deal them out over the whole run, and so over the threads.
+    """
+    count = int(np.prod([-(-n // blocks.LARGEST) for n in grid.shape]))
+    return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
 
 
 def _make_view(camera: Camera) -> _View:

@@ -1,6 +1,7 @@
 """Carving from large blocks to small ones; see `voxelpose.carving.carver.carve` for the rule and `..reference` for its plain form.
 
-A camera is a row of float64 (layout: `..views`), a set of cameras a bit mask, and a block is known by its lowest voxel.
+A camera is a row of float64 (layout: `..views`), a set of cameras a bit mask, and a block is known by its lowest voxel. A mixed block
+is taken apart into eight, and each camera is asked for all eight at once, without branches.
 """
 
 import math
@@ -9,10 +10,10 @@ import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
 
-TOP, LEAF = 16, 4  # edges of the largest and the smallest blocks, voxels
+LARGEST, LEAF = 32, 4  # edges of blocks, voxels
 _LEAF_VOXELS = LEAF**3
-_CHUNKS = 128  # of the parallel loop; a fixed number, so that nothing depends on how many threads there are
-_DEEPEST = 64  # blocks that may wait at once while one of TOP is taken apart
+_CHUNKS = 64  # of the parallel loop; a fixed number, so that nothing depends on how many threads there are
+_DEEPEST = 32  # blocks that may wait at once while one of the largest is taken apart
 
 PINHOLE, RATIONAL, FISHEYE = 0, 1, 2
 
@@ -24,16 +25,13 @@ TILT = 29  # nine numbers, row by row
 FIELD_SQUARED, SEEN_RADIUS, REACH = 38, 39, 40
 COLUMNS = 41
 
-# Columns of a camera's frame: its image, the box of its foreground, and where that box's pixels and sums start.
+# Columns of a camera's frame: its image; the crop, which is the box of its foreground and one pixel around; where that starts.
 WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS = 0, 1, 2, 3, 4, 5, 6, 7
 
-# What one camera says of a voxel, or of all voxels of a block. BLIND is also what its voxels add to the votes of a leaf: there the
-# cameras that agree are counted below it and those that do not see above it.
-OBJECTS, AGREES, UNCLEAR, BLIND = 0, 1, 2, 64
+# What one camera says of a voxel, or of all voxels of a block. UNCLEAR: they differ, but it sees all of them. CUT: it may not see
+# some. BLIND is also what a voxel adds to the votes of a leaf: cameras that agree are counted below it, those that do not see above.
+OBJECTS, AGREES, UNCLEAR, CUT, BLIND = 0, 1, 2, 3, 64
 _BLIND_BITS = 6
-
-# What all cameras say of a block.
-_EMPTY, _FULL, _MIXED = 0, 1, 2
 
 _NEAR_M = 1e-3  # a block must be in front of the camera by this for its image to be bounded
 _PAD_PX = 1e-3  # rounding of the block's image, many times over
@@ -66,121 +64,112 @@ def bend(rows, c, kind, x, y):
 
 
 @kernel
-def _image_box(rows, kinds, bounds, c, middle, half):
-    """Bounds the image of a box of points given by its middle and half its edges.
+def _pinhole_boxes(rows, c, middles, half, seen, boxes):
+    """Bounds the images of eight boxes of points, given by their middles (3, 8) and half their edge.
 
-    Returns UNCLEAR or BLIND, or AGREES with the middle's pixel and how far from it, along the two axes, the image may reach.
+    Fills seen (8,): BLIND or CUT, or AGREES where boxes (4, 8) holds left, right, top and bottom, px, and all points project in between.
     """
-    x, y, z = middle
-    w = rows[c, 8] * x + rows[c, 9] * y + rows[c, 10] * z + rows[c, 11]
-    depth = abs(rows[c, 8]) * half[0] + abs(rows[c, 9]) * half[1] + abs(rows[c, 10]) * half[2]
-    if w + depth < -_DEPTH_ERROR_M:
-        return BLIND, 0.0, 0.0, 0.0, 0.0
-    if w - depth < _NEAR_M:
-        return UNCLEAR, 0.0, 0.0, 0.0, 0.0
-    u = (rows[c, 0] * x + rows[c, 1] * y + rows[c, 2] * z + rows[c, 3]) / w
-    v = (rows[c, 4] * x + rows[c, 5] * y + rows[c, 6] * z + rows[c, 7]) / w
-    # U / W - u = (U - u W) / W: the numerator is affine and zero in the middle, the denominator is at least w - depth.
-    nearest = 1.0 / (w - depth)
-    du = (
-        abs(rows[c, 0] - u * rows[c, 8]) * half[0]
-        + abs(rows[c, 1] - u * rows[c, 9]) * half[1]
-        + abs(rows[c, 2] - u * rows[c, 10]) * half[2]
-    ) * nearest
-    dv = (
-        abs(rows[c, 4] - v * rows[c, 8]) * half[0]
-        + abs(rows[c, 5] - v * rows[c, 9]) * half[1]
-        + abs(rows[c, 6] - v * rows[c, 10]) * half[2]
-    ) * nearest
-    if kinds[c] == PINHOLE:
-        return AGREES, u, v, du, dv
-    x_near, y_near = max(0.0, abs(u) - du), max(0.0, abs(v) - dv)
-    if math.sqrt(x_near * x_near + y_near * y_near) > rows[c, SEEN_RADIUS]:
-        return BLIND, 0.0, 0.0, 0.0, 0.0
-    x_far, y_far = abs(u) + du, abs(v) + dv
-    farthest = math.sqrt(x_far * x_far + y_far * y_far)
-    if farthest >= rows[c, REACH]:
-        return UNCLEAR, 0.0, 0.0, 0.0, 0.0
-    # Mean value theorem: over a disc where |J| <= steep and |J - 1| <= change, a point moves from the middle's image by no more.
-    place = min(bounds.shape[2] - 1, int(farthest / rows[c, REACH] * bounds.shape[2]))
-    steep, change = bounds[c, 0, place], bounds[c, 1, place]
-    reach = math.sqrt(du * du + dv * dv)
-    a, b = bend(rows, c, kinds[c], u, v)
-    da, db = min(du + change * reach, steep * reach), min(dv + change * reach, steep * reach)
-    u = rows[c, FX] * a + rows[c, SKEW] * b + rows[c, CX]
-    v = rows[c, FY] * b + rows[c, CY]
-    return AGREES, u, v, rows[c, FX] * da + abs(rows[c, SKEW]) * db, rows[c, FY] * db
-
-
-@kernel
-def _look_at_block(rows, kinds, bounds, frames, sums, c, middle, half):
-    """Says what a camera makes of all points of a box: OBJECTS, AGREES, BLIND, or UNCLEAR where they may differ."""
-    seen, u, v, du, dv = _image_box(rows, kinds, bounds, c, middle, half)
-    if seen != AGREES:
-        return seen
-    left, right = u - du + (0.5 - _PAD_PX), u + du + (0.5 + _PAD_PX)
-    top, bottom = v - dv + (0.5 - _PAD_PX), v + dv + (0.5 + _PAD_PX)
-    width, height = frames[c, WIDTH], frames[c, HEIGHT]
-    if right < 0.0 or bottom < 0.0 or left >= width or top >= height:
-        return BLIND
-    if left < 0.0 or top < 0.0 or right >= width or bottom >= height:
-        return UNCLEAR
-    first_column, last_column = int(left) - frames[c, LEFT], int(right) + 1 - frames[c, LEFT]
-    first_line, last_line = int(top) - frames[c, UPPER], int(bottom) + 1 - frames[c, UPPER]
-    west, east = max(0, first_column), min(frames[c, WIDE], last_column)
-    north, south = max(0, first_line), min(frames[c, HIGH], last_line)
-    if west >= east or north >= south:
-        return OBJECTS
-    wide = frames[c, WIDE] + 1
-    upper, lower = frames[c, SUMS] + north * wide, frames[c, SUMS] + south * wide
-    inside = (sums[lower + east] - sums[lower + west]) - (sums[upper + east] - sums[upper + west])
-    if inside == 0:
-        return OBJECTS
-    if inside == (last_column - first_column) * (last_line - first_line):
-        return AGREES
-    return UNCLEAR
-
-
-@kernel
-def _leaf_points(axes, block, points):
-    """Fills points (3, LEAF^3) with the centres of a leaf's voxels, z running fastest."""
-    xs, ys, zs = axes
-    i0, j0, k0 = block
-    for i in range(LEAF):
-        for j in range(LEAF):
-            for k in range(LEAF):
-                n = (i * LEAF + j) * LEAF + k
-                points[0, n], points[1, n], points[2, n] = xs[i0 + i], ys[j0 + j], zs[k0 + k]
-
-
-@kernel
-def _pinhole_places(rows, frames, c, points, places):
-    """Finds the pixels of a leaf's voxels: places (LEAF^3,) uint32 in `pixels`, where 0 holds OBJECTS and 2 holds BLIND."""
     u_x, u_y, u_z, u_1 = rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3]
     v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
     w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
-    width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
-    left, upper, wide, high = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER]), np.int32(frames[c, WIDE]), np.int32(frames[c, HIGH])
-    first = np.int32(frames[c, PIXELS])
-    # Without a branch, so that it is done for several voxels at once.
-    for n in range(_LEAF_VOXELS):
-        x, y, z = points[0, n], points[1, n], points[2, n]
-        w = ((w_x * x + w_y * y) + w_1) + w_z * z
+    depth = (abs(w_x) + abs(w_y) + abs(w_z)) * half
+    for n in range(8):
+        x, y, z = middles[0, n], middles[1, n], middles[2, n]
+        w = w_x * x + w_y * y + w_z * z + w_1
+        before = w - depth >= _NEAR_M
+        w = w if before else 1.0
         inverse = 1.0 / w
-        u = (((u_x * x + u_y * y) + u_1) + u_z * z) * inverse + 0.5
-        v = (((v_x * x + v_y * y) + v_1) + v_z * z) * inverse + 0.5
-        sees = (w > 0.0) & (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height)
-        # Inside the image these are not negative, so that truncation rounds down: the nearest pixel centre, ties upward.
-        u, v = u if sees else 0.0, v if sees else 0.0
-        column, line = np.int32(u) - left, np.int32(v) - upper
-        known = (column >= 0) & (line >= 0) & (column < wide) & (line < high)
-        place = first + line * wide + column if known else np.int32(0)
-        places[n] = place if sees else np.int32(2)
+        u = (u_x * x + u_y * y + u_z * z + u_1) * inverse
+        v = (v_x * x + v_y * y + v_z * z + v_1) * inverse
+        # U / W - u = (U - u W) / W: the numerator is affine and zero in the middle, the denominator is at least w - depth.
+        nearest = half / (w - depth) if before else 0.0
+        du = (abs(u_x - u * w_x) + abs(u_y - u * w_y) + abs(u_z - u * w_z)) * nearest
+        dv = (abs(v_x - v * w_x) + abs(v_y - v * w_y) + abs(v_z - v * w_z)) * nearest
+        boxes[0, n], boxes[1, n], boxes[2, n], boxes[3, n] = u - du, u + du, v - dv, v + dv
+        seen[n] = AGREES if before else CUT
+    for n in range(8):
+        if seen[n] == CUT and w_x * middles[0, n] + w_y * middles[1, n] + w_z * middles[2, n] + w_1 + depth < -_DEPTH_ERROR_M:
+            seen[n] = BLIND
 
 
 @kernel
-def _lens_places(rows, kinds, frames, c, points, places):
-    """Does what `_pinhole_places` does for a camera with a lens."""
+def _lens_boxes(rows, kinds, bounds, c, seen, boxes):
+    """Turns boxes of ideal coordinates, as `_pinhole_boxes` fills them for a camera that is no more than [R | t], into pixels."""
+    for n in range(8):
+        if seen[n] != AGREES:
+            continue
+        left, right, top, bottom = boxes[0, n], boxes[1, n], boxes[2, n], boxes[3, n]
+        x_near, y_near = max(0.0, max(left, -right)), max(0.0, max(top, -bottom))
+        if math.sqrt(x_near * x_near + y_near * y_near) > rows[c, SEEN_RADIUS]:
+            seen[n] = BLIND
+            continue
+        x_far, y_far = max(-left, right), max(-top, bottom)
+        farthest = math.sqrt(x_far * x_far + y_far * y_far)
+        if farthest >= rows[c, REACH]:
+            seen[n] = CUT
+            continue
+        # Mean value theorem: over a disc where |J| <= steep and |J - 1| <= change, a point's image is no farther from the middle's.
+        bins = bounds.shape[2]
+        place = min(bins - 1, int(farthest / rows[c, REACH] * bins))
+        steep, change = bounds[c, 0, place], bounds[c, 1, place]
+        dx, dy = 0.5 * (right - left), 0.5 * (bottom - top)
+        reach = math.sqrt(dx * dx + dy * dy)
+        a, b = bend(rows, c, kinds[c], 0.5 * (left + right), 0.5 * (top + bottom))
+        da, db = min(dx + change * reach, steep * reach), min(dy + change * reach, steep * reach)
+        u, v = rows[c, FX] * a + rows[c, SKEW] * b + rows[c, CX], rows[c, FY] * b + rows[c, CY]
+        du, dv = rows[c, FX] * da + abs(rows[c, SKEW]) * db, rows[c, FY] * db
+        boxes[0, n], boxes[1, n], boxes[2, n], boxes[3, n] = u - du, u + du, v - dv, v + dv
+
+
+@kernel
+def _judge(frames, sums, c, seen, boxes):
+    """Replaces AGREES in seen (8,) by what the camera says of all points whose pixels lie in the boxes (4, 8)."""
+    width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
+    wide, high, first = np.int32(frames[c, WIDE]), np.int32(frames[c, HIGH]), frames[c, SUMS]
+    left_crop, upper_crop = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER])
+    line = frames[c, WIDE] + 1
+    for n in range(8):
+        left, right = boxes[0, n] + (0.5 - _PAD_PX), boxes[1, n] + (0.5 + _PAD_PX)
+        top, bottom = boxes[2, n] + (0.5 - _PAD_PX), boxes[3, n] + (0.5 + _PAD_PX)
+        outside = (right < 0.0) | (bottom < 0.0) | (left >= width) | (top >= height)
+        whole = (left >= 0.0) & (top >= 0.0) & (right < width) & (bottom < height)
+        # Inside the image these are not negative, so that truncation rounds down; elsewhere they do not count.
+        west = np.int32(left if whole else 0.0) - left_crop
+        east = np.int32(right if whole else 0.0) + np.int32(1) - left_crop
+        north = np.int32(top if whole else 0.0) - upper_crop
+        south = np.int32(bottom if whole else 0.0) + np.int32(1) - upper_crop
+        area = (east - west) * (south - north)
+        west, east = min(max(west, np.int32(0)), wide), min(max(east, np.int32(0)), wide)
+        north, south = min(max(north, np.int32(0)), high), min(max(south, np.int32(0)), high)
+        upper, lower = first + north * line, first + south * line
+        inside = (sums[lower + east] - sums[lower + west]) - (sums[upper + east] - sums[upper + west])
+        verdict = OBJECTS if inside == 0 else (AGREES if inside == area else UNCLEAR)
+        verdict = verdict if whole else (BLIND if outside else CUT)
+        seen[n] = verdict if seen[n] == AGREES else seen[n]
+
+
+@kernel
+def _whole_places(rows, frames, c, points, places):
+    """Finds the pixels of a leaf's voxels, all of which a pinhole camera sees: places (LEAF^3,) uint32 in `pixels`."""
+    u_x, u_y, u_z, u_1 = rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3]
+    v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
+    w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
+    left, upper, wide = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER]), np.int32(frames[c, WIDE])
+    right, lower = left + wide - np.int32(1), upper + np.int32(frames[c, HIGH]) - np.int32(1)
+    first = np.int32(frames[c, PIXELS])
+    for n in range(_LEAF_VOXELS):
+        x, y, z = points[0, n], points[1, n], points[2, n]
+        inverse = 1.0 / (((w_x * x + w_y * y) + w_1) + w_z * z)
+        u = (((u_x * x + u_y * y) + u_1) + u_z * z) * inverse + 0.5
+        v = (((v_x * x + v_y * y) + v_1) + v_z * z) * inverse + 0.5
+        # Not negative, so that truncation rounds down: the nearest pixel centre, ties upward. Beyond the crop is its empty rim.
+        column, line = min(max(np.int32(u), left), right), min(max(np.int32(v), upper), lower)
+        places[n] = first + (line - upper) * wide + (column - left)
+
+
+@kernel
+def _places(rows, kinds, frames, c, points, places):
+    """Does the same for any camera and any voxels; a place is 0, which holds OBJECTS, beyond the crop, and 2, BLIND, if not seen."""
     width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     for n in range(_LEAF_VOXELS):
         x, y, z = points[0, n], points[1, n], points[2, n]
@@ -191,10 +180,12 @@ def _lens_places(rows, kinds, frames, c, points, places):
         inverse = 1.0 / w
         u = (((rows[c, 0] * x + rows[c, 1] * y) + rows[c, 3]) + rows[c, 2] * z) * inverse
         v = (((rows[c, 4] * x + rows[c, 5] * y) + rows[c, 7]) + rows[c, 6] * z) * inverse
-        if u * u + v * v > rows[c, FIELD_SQUARED]:
-            continue
-        a, b = bend(rows, c, kinds[c], u, v)
-        u, v = (rows[c, FX] * a + rows[c, SKEW] * b) + rows[c, CX] + 0.5, rows[c, FY] * b + rows[c, CY] + 0.5
+        if kinds[c] != PINHOLE:
+            if u * u + v * v > rows[c, FIELD_SQUARED]:
+                continue
+            a, b = bend(rows, c, kinds[c], u, v)
+            u, v = (rows[c, FX] * a + rows[c, SKEW] * b) + rows[c, CX], rows[c, FY] * b + rows[c, CY]
+        u, v = u + 0.5, v + 0.5
         if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
             continue
         column, line = int(u) - frames[c, LEFT], int(v) - frames[c, UPPER]
@@ -203,22 +194,24 @@ def _lens_places(rows, kinds, frames, c, points, places):
 
 
 @kernel
-def _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, block, occupancy, places, votes, points):
+def _carve_leaf(rows, kinds, frames, pixels, rule, axes, occupancy, block, state, places, votes, points):
     """Decides a leaf voxel by voxel."""
     tolerance, least, outside = rule
-    cameras, agreeing, objecting = state
+    xs, ys, zs = axes
     i0, j0, k0 = block
-    _leaf_points(axes, block, points)
-    votes[:] = 0
+    unclear, cut, agreeing, objecting = state
+    for n in range(_LEAF_VOXELS):
+        points[0, n], points[1, n], points[2, n] = xs[i0 + n // (LEAF * LEAF)], ys[j0 + n // LEAF % LEAF], zs[k0 + n % LEAF]
+        votes[n] = 0
     asked = 0
-    for camera in range(len(kinds)):
-        if not (cameras >> camera) & 1:
+    for c in range(len(kinds)):
+        if not (unclear >> c) & 1:
             continue
         asked += 1
-        if kinds[camera] == PINHOLE:
-            _pinhole_places(rows, frames, camera, points, places)
+        if kinds[c] == PINHOLE and not (cut >> c) & 1:
+            _whole_places(rows, frames, c, points, places)
         else:
-            _lens_places(rows, kinds, frames, camera, points, places)
+            _places(rows, kinds, frames, c, points, places)
         for n in range(_LEAF_VOXELS):
             votes[n] += pixels[places[n]]
     enough_agree = least - agreeing
@@ -233,94 +226,114 @@ def _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, block, occupancy
 
 
 @kernel
-def _decide(rows, kinds, bounds, frames, sums, rule, axes, state, block, ends):
-    """Asks the cameras that have yet to speak of a block; returns what they say, and what is known now."""
-    tolerance, least, outside = rule
-    xs, ys, zs = axes
-    (i0, j0, k0), (i1, j1, k1) = block, ends
-    middle = (0.5 * (xs[i0] + xs[i1 - 1]), 0.5 * (ys[j0] + ys[j1 - 1]), 0.5 * (zs[k0] + zs[k1 - 1]))
-    half = (0.5 * (xs[i1 - 1] - xs[i0]), 0.5 * (ys[j1 - 1] - ys[j0]), 0.5 * (zs[k1 - 1] - zs[k0]))
-    cameras, agreeing, objecting = state
-    asked = cameras
-    unclear = 0
-    for camera in range(len(kinds)):
-        if not (asked >> camera) & 1:
+def _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, boxes, states):
+    """Asks the cameras that have yet to speak of a block for its eight children: fills states (4, 8)."""
+    tolerance, _, outside = rule
+    states[0] = 0
+    states[1] = 0
+    states[2] = parent[2]
+    states[3] = parent[3]
+    for c in range(len(kinds)):
+        if not (parent[0] >> c) & 1:
             continue
-        verdict = _look_at_block(rows, kinds, bounds, frames, sums, camera, middle, half)
-        if verdict == BLIND:
-            verdict = outside
-        if verdict == UNCLEAR:
-            unclear += 1
-        else:
-            cameras ^= np.int64(1) << camera
-            agreeing += verdict == AGREES
-            objecting += verdict == OBJECTS
-            if objecting > tolerance:
-                break
-    state = (cameras, agreeing, objecting)
-    if objecting > tolerance or agreeing + unclear < least:
-        return _EMPTY, state
-    if objecting + unclear <= tolerance and agreeing >= least:
-        return _FULL, state
-    return _MIXED, state
+        _pinhole_boxes(rows, c, middles, half, seen, boxes)
+        if kinds[c] != PINHOLE:
+            _lens_boxes(rows, kinds, bounds, c, seen, boxes)
+        _judge(frames, sums, c, seen, boxes)
+        this = np.int64(1) << c
+        alive = 0
+        for n in range(8):
+            verdict = outside if seen[n] == BLIND else seen[n]
+            states[0, n] |= this if (verdict == UNCLEAR) | (verdict == CUT) else 0
+            states[1, n] |= this if verdict == CUT else 0
+            states[2, n] += verdict == AGREES
+            states[3, n] += verdict == OBJECTS
+            alive += states[3, n] <= tolerance
+        if not alive:
+            break
 
 
 @kernel
-def _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, top, stack, places, votes, points):
-    """Takes one of the largest blocks apart, as far as it is mixed. `stack` (_DEEPEST, 7) int64 is scratch: block, size, state."""
+def _count(cameras):
+    """Counts a set of cameras."""
+    count = 0
+    while cameras:
+        cameras &= cameras - 1
+        count += 1
+    return count
+
+
+@kernel
+def _carve_largest(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, largest, scratch):
+    """Takes one of the largest blocks apart, as far as it is mixed."""
+    tolerance, least, _ = rule
+    stack, middles, seen, boxes, states, places, votes, points = scratch
+    xs, ys, zs = axes
     nx, ny, nz = occupancy.shape
-    stack[0] = top
+    stack[0] = largest
     waiting = 1
     while waiting:
         waiting -= 1
-        i0, j0, k0, size = stack[waiting, 0], stack[waiting, 1], stack[waiting, 2], stack[waiting, 3]
-        i1, j1, k1 = min(i0 + size, nx), min(j0 + size, ny), min(k0 + size, nz)
-        state = (stack[waiting, 4], stack[waiting, 5], stack[waiting, 6])
-        found, state = _decide(rows, kinds, bounds, frames, sums, rule, axes, state, (i0, j0, k0), (i1, j1, k1))
-        if found == _FULL:
-            for i in range(i0, i1):
-                for j in range(j0, j1):
-                    for k in range(k0, k1):
-                        occupancy[i, j, k] = True
-        elif found == _MIXED and size == LEAF:
-            _carve_leaf(rows, kinds, frames, pixels, rule, axes, state, (i0, j0, k0), occupancy, places, votes, points)
-        elif found == _MIXED:
-            half = size // 2
-            for i in range(i0, i1, half):
-                for j in range(j0, j1, half):
-                    for k in range(k0, k1, half):
-                        child = stack[waiting]
-                        child[0], child[1], child[2], child[3] = i, j, k, half
-                        child[4], child[5], child[6] = state
-                        waiting += 1
+        i0, j0, k0, edge = stack[waiting, 0], stack[waiting, 1], stack[waiting, 2], stack[waiting, 3] // 2
+        parent = (stack[waiting, 4], stack[waiting, 5], stack[waiting, 6], stack[waiting, 7])
+        half = 0.5 * (xs[i0 + edge - 1] - xs[i0])
+        for n in range(8):
+            i, j, k = i0 + (n >> 2) * edge, j0 + (n >> 1 & 1) * edge, k0 + (n & 1) * edge
+            middles[0, n], middles[1, n], middles[2, n] = xs[i] + half, ys[j] + half, zs[k] + half
+        _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, boxes, states)
+        for n in range(8):
+            i, j, k = i0 + (n >> 2) * edge, j0 + (n >> 1 & 1) * edge, k0 + (n & 1) * edge
+            unclear, cut, agreeing, objecting = states[0, n], states[1, n], states[2, n], states[3, n]
+            if i >= nx or j >= ny or k >= nz or objecting > tolerance:
+                continue
+            undecided = _count(unclear)
+            if agreeing + undecided < least:
+                continue
+            if agreeing >= least and objecting + undecided <= tolerance:
+                occupancy[i : i + edge, j : j + edge, k : k + edge] = True
+            elif edge == LEAF:
+                state = (unclear, cut, agreeing, objecting)
+                _carve_leaf(rows, kinds, frames, pixels, rule, axes, occupancy, (i, j, k), state, places, votes, points)
+            else:
+                child = stack[waiting]
+                child[0], child[1], child[2], child[3] = i, j, k, edge
+                child[4], child[5], child[6], child[7] = unclear, cut, agreeing, objecting
+                waiting += 1
 
 
 @parallel_kernel
-def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy):
+def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, occupancy):
     """Carves.
 
     Args:
         rows: (C, COLUMNS) float64, cameras.
         kinds: (C,) int64, PINHOLE, RATIONAL or FISHEYE.
         bounds: (C, 2, bins) float64, how much a lens stretches, and how far it is from no lens, up to a radius.
-        frames: (C, 8) int64, images and the boxes of their foreground.
-        sums: (S,) int32, summed-area tables of all boxes, (HIGH + 1) * (WIDE + 1) each.
-        pixels: (P,) uint8, OBJECTS or AGREES; the first three are OBJECTS, AGREES and BLIND, then come all boxes.
+        frames: (C, 8) int64, images and crops.
+        sums: (S,) int32, summed-area tables of all crops, (HIGH + 1) * (WIDE + 1) each.
+        pixels: (P,) uint8, OBJECTS or AGREES; the first three are OBJECTS, AGREES and BLIND, then come all crops.
         rule: most cameras that may object, least that must agree, what a camera says that does not see.
-        axes: centres of the voxels along x, y and z, float64, m, continued to a multiple of LEAF.
+        axes: centres of the voxels along x, y and z, float64, m, continued to a multiple of LARGEST.
+        order: (N,) int64, the order in which the N largest blocks are carved.
         occupancy: (nx, ny, nz) bool, all False, written: each block its own voxels.
     """
-    ny, nz = (occupancy.shape[1] + TOP - 1) // TOP, (occupancy.shape[2] + TOP - 1) // TOP
-    count = (occupancy.shape[0] + TOP - 1) // TOP * ny * nz
+    ny, nz = len(axes[1]) // LARGEST, len(axes[2]) // LARGEST
     for chunk in prange(_CHUNKS):
-        stack = np.empty((_DEEPEST, 7), np.int64)
-        places, votes = np.empty(_LEAF_VOXELS, np.uint32), np.empty(_LEAF_VOXELS, np.int32)
-        points = np.empty((3, _LEAF_VOXELS))
-        # Neighbours cost alike: they are dealt out over the chunks.
-        for n in range(chunk, count, _CHUNKS):
-            block = (n // (ny * nz) * TOP, n // nz % ny * TOP, n % nz * TOP)
-            top = (block[0], block[1], block[2], TOP, (np.int64(1) << len(rows)) - 1, 0, 0)
-            _carve_top(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, top, stack, places, votes, points)
+        scratch = (
+            np.empty((_DEEPEST, 8), np.int64),
+            np.empty((3, 8)),
+            np.empty(8, np.int64),
+            np.empty((4, 8)),
+            np.empty((4, 8), np.int64),
+            np.empty(_LEAF_VOXELS, np.uint32),
+            np.empty(_LEAF_VOXELS, np.int32),
+            np.empty((3, _LEAF_VOXELS)),
+        )
+        for t in range(chunk * len(order) // _CHUNKS, (chunk + 1) * len(order) // _CHUNKS):
+            n = order[t]
+            everyone = (np.int64(1) << len(rows)) - 1
+            largest = (n // (ny * nz) * LARGEST, n // nz % ny * LARGEST, n % nz * LARGEST, LARGEST, everyone, 0, 0, 0)
+            _carve_largest(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, largest, scratch)
 
 
 @kernel
