@@ -28,7 +28,7 @@ from voxelpose.matching.quality import assess
 from voxelpose.matching.sequence import MaskStore, Watcher
 from voxelpose.matching.smoothing import smooth, smooth_quaternions
 from voxelpose.matching.tracking import Track, TrackSettings
-from voxelpose.silhouettes import Silhouettes
+from voxelpose.silhouettes import Silhouettes, working_scale
 
 _LONG_SIDE_PX = 960  # larger pictures are fitted at this size: contours are finer there than clothes are
 _VOXEL_M = 0.025
@@ -110,7 +110,7 @@ class _Lens:
 
     Attributes:
         pinhole: camera without distortion, at most `_LONG_SIDE_PX` long.
-        maps: for cv2.remap; None where the picture is that of the pinhole already.
+        maps: for cv2.remap, from the recorded picture at working size; None where that is the pinhole's already.
     """
 
     pinhole: Camera
@@ -118,10 +118,11 @@ class _Lens:
 
     @classmethod
     def of(cls, camera: Camera) -> _Lens:
-        scale = min(1.0, _LONG_SIDE_PX / max(camera.size))
-        if scale == 1.0 and camera.is_pinhole:
-            return cls(camera, None)
-        return cls(camera.pinhole(scale), camera.pinhole_maps(scale))
+        scale = working_scale(camera, _LONG_SIDE_PX)
+        if camera.is_pinhole:
+            return cls(camera.pinhole(scale), None)
+        map_x, map_y = ((m + np.float32(0.5)) * np.float32(scale) - np.float32(0.5) for m in camera.pinhole_maps(scale))
+        return cls(camera.pinhole(scale), (map_x, map_y))
 
     def straighten(self, mask: np.ndarray) -> np.ndarray:
         if self.maps is None:
@@ -134,7 +135,7 @@ def _store_silhouettes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fills the store; returns frame numbers (T,) and times (T,) s."""
     reporter.stage("background")
-    silhouettes = Silhouettes(source, settings.background)
+    silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
     if silhouettes.without_background:
         reporter.note(f"no picture of the empty view for {', '.join(silhouettes.without_background)}: the temporal median stands in for it")
     reporter.stage("silhouettes", source.frame_count)

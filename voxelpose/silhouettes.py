@@ -1,12 +1,14 @@
 """Silhouettes of a recording's frames."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.camera import Camera
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
 from voxelpose.footage import Frame
@@ -22,18 +24,20 @@ class Silhouettes:
         without_background: Cameras whose background is the temporal median of the recording, for want of an empty view.
     """
 
-    def __init__(self, source: FrameSource, method: Literal["paper", "refined"] = "refined") -> None:
+    def __init__(self, source: FrameSource, method: Literal["paper", "refined"] = "refined", long_side_px: int | None = None) -> None:
         """Learns the backgrounds of a recording.
 
         Args:
             source: The recording.
             method: See `BackgroundSettings`.
+            long_side_px: Larger pictures are scaled down to this before anything else, and their silhouettes are of that size.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image.
         """
+        self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
         self._given = source.silhouettes_given
-        self._regions = source.regions()
+        self._regions = {name: self._scaled(name, region.astype(np.uint8)) > 0 for name, region in source.regions().items()}
         self._models: dict[str, BackgroundModel] = {}
         self.without_background: tuple[str, ...] = ()
         if self._given:
@@ -42,9 +46,9 @@ class Silhouettes:
         settings = BackgroundSettings(method=method)
         self.without_background = tuple(name for name in source.rig.names if name not in backgrounds)
         for name, frames in backgrounds.items():
-            self._models[name] = BackgroundModel.from_frames(islice(frames, _BACKGROUND_FRAMES), settings)
+            self._models[name] = BackgroundModel.from_frames(self._all_scaled(name, islice(frames, _BACKGROUND_FRAMES)), settings)
         if self.without_background:
-            for name, frames in _samples(source, self.without_background).items():
+            for name, frames in self._samples(source).items():
                 self._models[name] = BackgroundModel.from_median(frames, settings)
 
     def of(self, frames: Mapping[str, Frame]) -> dict[str, NDArray[np.bool_]]:
@@ -53,18 +57,36 @@ class Silhouettes:
 
     def _one(self, name: str, frame: Frame) -> NDArray[np.bool_]:
         region = self._regions.get(name)
+        frame = self._scaled(name, frame)
         if not self._given:
             return self._models[name].silhouette(frame, region)
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
+    def _scaled(self, name: str, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        if picture.shape[1::-1] == self._sizes[name]:
+            return picture
+        return cv2.resize(picture, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
-def _samples(source: FrameSource, names: tuple[str, ...]) -> dict[str, list[Frame]]:
-    """Takes frames evenly from the whole recording, few enough for memory."""
-    step = max(1, source.frame_count // _MEDIAN_FRAMES)
-    found: dict[str, list[Frame]] = {name: [] for name in names}
-    for k, (_, _, frames) in enumerate(source):
-        if k % step == 0:
-            for name in names:
-                found[name].append(frames[name])
-    return found
+    def _all_scaled(self, name: str, pictures: Iterable[Frame]) -> Iterator[Frame]:
+        return (self._scaled(name, picture) for picture in pictures)
+
+    def _samples(self, source: FrameSource) -> dict[str, list[Frame]]:
+        """Takes frames evenly from the whole recording, few enough for memory."""
+        step = max(1, source.frame_count // _MEDIAN_FRAMES)
+        found: dict[str, list[Frame]] = {name: [] for name in self.without_background}
+        for k, (_, _, frames) in enumerate(source):
+            if k % step == 0:
+                for name in found:
+                    found[name].append(self._scaled(name, frames[name]))
+        return found
+
+
+def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:
+    """Returns the (width, height) in px of a camera's pictures once they are at most `long_side_px` long."""
+    return camera.pinhole(working_scale(camera, long_side_px)).size
+
+
+def working_scale(camera: Camera, long_side_px: int | None) -> float:
+    """Returns the factor, at most 1, by which a camera's pictures are scaled."""
+    return 1.0 if long_side_px is None else min(1.0, long_side_px / max(camera.size))

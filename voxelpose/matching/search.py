@@ -9,11 +9,12 @@ import numpy as np
 from silhouette_core.body.model import BodyModel
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.agreement import silhouette_error
+from voxelpose.matching.limb_search import CHAINS, place_limb
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observation import Observation
 from voxelpose.matching.placement import find_torso
 from voxelpose.matching.pose import Pose
-from voxelpose.matching.refinement import RefineSettings, refine
+from voxelpose.matching.refinement import PosePrior, RefineSettings, refine
 from voxelpose.matching.solid import Solid
 from voxelpose.matching.surface import Surface
 
@@ -62,7 +63,19 @@ def find_pose(
     first.sort(key=lambda found: found.error)
     # With the torso now well placed the limbs are matched once more; where that is no better, the first answer stands.
     again = [_improve(body, observation, grid, occupancy, found.pose, settings) for found in first[:3]]
-    return sorted([*again, *first], key=lambda found: found.error)
+    ranked = sorted([*again, *first], key=lambda found: found.error)
+    return sorted([*(move_limbs(body, observation, found) for found in ranked[:2]), *ranked[2:]], key=lambda found: found.error)
+
+
+def move_limbs(body: Body, observation: Observation, found: Found, prior: PosePrior | None = None) -> Found:
+    """Looks for each arm and leg on the silhouettes, and keeps what lowers the error."""
+    for chain in CHAINS:
+        moved = place_limb(body.solid, observation, found.pose, chain)
+        pose = refine(body.surface, observation, moved, prior, _QUICK).pose
+        error = silhouette_error(body.model, pose, observation)
+        if error < 0.99 * found.error:
+            found = Found(pose, error)
+    return found
 
 
 def _improve(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -16,6 +16,8 @@ from voxelpose.matching.observation import Observation, PinholeViews
 
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
+_EXPLAINED = 0.04  # a camera is explained by the hull where less than this share of its silhouette is not
+_CRUMB = 0.03  # of the largest piece
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
 
 
@@ -102,12 +104,12 @@ class Watcher:
         piece = _piece(coarse, self._coarse, near_m)
         if piece is None:
             return None
-        masks = [self._belonging(c, mask, self._coarse.occupied_points(piece)) for c, mask in enumerate(masks)]
         inside = np.argwhere(piece)
         low = self._coarse.origin_m + inside.min(0) * self._coarse.voxel_size_m - _MARGIN_M
         high = self._coarse.origin_m + (inside.max(0) + 1) * self._coarse.voxel_size_m + _MARGIN_M
         grid = VoxelGrid.from_bounds(low, high, self.voxel_size_m)
-        occupancy = carve(self.views.rig, masks, grid, self.rule)
+        masks = self._belonging(masks, grid)
+        occupancy = carve(self.views.rig, self._widened(masks, grid), grid, self.rule)
         fine = _piece(occupancy, grid, near_m)
         if fine is None:
             return None
@@ -115,19 +117,46 @@ class Watcher:
         distance = float(np.median(np.linalg.norm(self.views.center_m - middle, axis=1)))
         return Sight(Observation.of(self.views, masks, distance), grid, fine)
 
-    def _belonging(self, c: int, mask: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Keeps the connected pieces of a silhouette into which some voxel of the body projects."""
-        count, labels = cv2.connectedComponents(mask.astype(np.uint8))
-        if count <= 2:
-            return mask
-        pixels, _ = self.views.rig.cameras[c].project(points)
-        pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
-        height, width = mask.shape
-        inside = ((pixels >= 0) & (pixels < (width, height))).all(1)
-        kept = np.zeros(count, bool)
-        kept[labels[pixels[inside, 1], pixels[inside, 0]]] = True
-        kept[0] = False
-        return kept[labels]
+    def _widened(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+        """Widens silhouettes by half a voxel: a voxel then stays where it touches the body, so that thin limbs are not lost between."""
+        middle = grid.origin_m + 0.5 * grid.size_m
+        wide = []
+        for c, mask in enumerate(masks):
+            depth = float(self.views.rotation[c, 2] @ middle + self.views.translation_m[c, 2])
+            reach = max(round(0.5 * grid.voxel_size_m * self.views.intrinsics[c, 0] / max(depth, 0.1)), 0)
+            wide.append(cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8)).astype(bool))
+        return wide
+
+    def _belonging(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+        """Keeps of each silhouette what the other cameras confirm: pixels into which a voxel near the body projects.
+
+        A limb that one camera misses leaves the hull, and all other cameras then show something that the hull does not explain. So
+        where at least two cameras are explained, the rest of the others' is false foreground; where not, one camera may object.
+        """
+        strict = self._confirmed(masks, grid, self.rule)
+        if len(masks) < 4:
+            return strict
+        tolerance = self.rule.tolerance + 1
+        patient = replace(self.rule, tolerance=tolerance, least_agreeing=min(self.rule.least_agreeing, len(masks) - tolerance))
+        loose = self._confirmed(masks, grid, patient)
+        missing = sorted(1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1) for a, b in zip(strict, loose, strict=True))
+        return strict if missing[1] < _EXPLAINED else loose
+
+    def _confirmed(self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule) -> list[np.ndarray]:
+        points = grid.occupied_points(_large_pieces(carve(self.views.rig, masks, grid, rule)))
+        kept = []
+        for c, mask in enumerate(masks):
+            pixels, depth = self.views.rig.cameras[c].project(points)
+            size_px = self.views.intrinsics[c, 0] * grid.voxel_size_m / max(float(np.nanmin(depth, initial=np.inf)), 0.1)
+            pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
+            height, width = mask.shape
+            pixels = pixels[((pixels >= 0) & (pixels < (width, height))).all(1)]
+            footprint = np.zeros(mask.shape, np.uint8)
+            footprint[pixels[:, 1], pixels[:, 0]] = 1
+            # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre misses at the edge.
+            reach = int(np.ceil(2 * size_px)) | 1
+            kept.append(mask & cv2.dilate(footprint, np.ones((reach, reach), np.uint8)).astype(bool))
+        return kept
 
 
 def _piece(occupancy: np.ndarray, grid: VoxelGrid, near_m: np.ndarray | None) -> np.ndarray | None:
@@ -143,3 +172,11 @@ def _piece(occupancy: np.ndarray, grid: VoxelGrid, near_m: np.ndarray | None) ->
         worth *= np.exp(-((np.linalg.norm(places - near_m, axis=1) / 1.0) ** 2))
     best = int(worth.argmax())
     return labels == best + 1 if sizes[best] >= _SMALLEST_M3 else None
+
+
+def _large_pieces(occupancy: np.ndarray) -> np.ndarray:
+    """Returns the connected pieces of a hull that are no crumbs: a gap in one silhouette may cut a limb off, noise is smaller."""
+    labels, _ = ndimage.label(occupancy, np.ones((3, 3, 3)))  # type: ignore[misc]
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    return (sizes >= _CRUMB * sizes.max(initial=1))[labels]
