@@ -2,14 +2,13 @@
 
 import csv
 import json
-import sys
 
 import numpy as np
 import pytest
 
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
-from tests.sources import install_standing, ring, write_recording
+from tests.sources import ring, write_recording
 from voxelpose.fitting import Output, fit
 from voxelpose.recording import Recording
 from voxelpose.results import Result
@@ -19,12 +18,8 @@ FILES += ["overlay_cam_1.mp4", "overlay_cam_2.mp4", "settings.toml", "summary.js
 
 
 @pytest.fixture
-def recording(tmp_path, monkeypatch):
-    (tmp_path / "site").mkdir()
-    install_standing(tmp_path / "site")
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
-    folder = write_recording(tmp_path / "walk", ring(2))
+def recording(desk):
+    folder = write_recording(desk / "walk", ring(2))
     (folder / "subject.toml").write_text('stature = 1.81\nsex = "female"\n')
     return Recording.open(folder)
 

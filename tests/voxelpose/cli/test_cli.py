@@ -9,20 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.sources import install_standing, ring, write_recording
+from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, run
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")
 
 
-@pytest.fixture
-def desk(tmp_path):
-    """A folder with a recording, and an estimator that a process started there finds."""
-    (tmp_path / "site").mkdir()
-    install_standing(tmp_path / "site")
-    write_recording(tmp_path / "walk", ring(2))
-    return tmp_path
+@pytest.fixture(autouse=True)
+def walk(desk):
+    """A recording on the desk."""
+    write_recording(desk / "walk", ring(2))
 
 
 def start(desk, *words, code="from voxelpose.cli import main; main()"):
@@ -102,9 +99,7 @@ def test_fit_writes_and_says_where(desk):
         (["sing"], "there is no command 'sing'"),
     ],
 )
-def test_a_users_mistake_is_one_line_and_code_2(desk, monkeypatch, capsys, words, line):
-    monkeypatch.chdir(desk)
-    monkeypatch.syspath_prepend(str(desk / "site"))
+def test_a_users_mistake_is_one_line_and_code_2(desk, capsys, words, line):
     assert run(words) == 2
     captured = capsys.readouterr()
     message = captured.err.splitlines()[-1]

@@ -1,25 +1,17 @@
 """voxelpose demo: what it leaves. The fit itself is tested elsewhere; here somebody stands about instead."""
 
 import json
-import sys
 
 import pytest
 
 from silhouette_core.estimator import load_estimator
-from tests.sources import install_standing
 from voxelpose import fitting
 from voxelpose.cli import run
 
 
-@pytest.fixture
-def desk(tmp_path, monkeypatch):
-    (tmp_path / "site").mkdir()
-    install_standing(tmp_path / "site")
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
+@pytest.fixture(autouse=True)
+def somebody_stands_about(monkeypatch):
     monkeypatch.setattr(fitting, "load_estimator", lambda name: load_estimator("standing"))
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_a_folder_worth_looking_at(desk, capsys):

@@ -9,33 +9,28 @@ import pytest
 from calib.files import write_rig
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics
-from tests.sources import install_standing, ring
+from tests.sources import ring
 from tests.takes import waving
 from voxelpose.cli import run
 
 
 @pytest.fixture
-def fitted(tmp_path, monkeypatch):
+def fitted(desk, monkeypatch):
     """A recording "walk" whose silhouettes are those of the standing estimator's poses, and its result "out"."""
     motion, rig = waving(3, 1.7), ring(3)
     rotation, origin = motion.parts()
     for camera in rig:
-        (tmp_path / "walk" / "masks" / camera.name).mkdir(parents=True)
+        (desk / "walk" / "masks" / camera.name).mkdir(parents=True)
         for row in range(3):
             surface = kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
             parts, _ = render_parts(surface, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)
             mask = np.where(parts > 0, 255, 0).astype(np.uint8)
-            cv2.imwrite(str(tmp_path / "walk" / "masks" / camera.name / f"{row}.png"), mask)
-    write_rig(rig, tmp_path / "walk" / "calibration.toml")
-    (tmp_path / "site").mkdir()
-    install_standing(tmp_path / "site")
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
-    monkeypatch.chdir(tmp_path)
+            cv2.imwrite(str(desk / "walk" / "masks" / camera.name / f"{row}.png"), mask)
+    write_rig(rig, desk / "walk" / "calibration.toml")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--fps", "25", "--no-pictures"]) == 0
-    return tmp_path
+    return desk
 
 
 def red_share(path) -> float:
