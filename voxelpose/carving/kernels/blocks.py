@@ -229,10 +229,8 @@ def _carve_leaf(rows, kinds, frames, pixels, rule, axes, occupancy, block, state
 def _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, boxes, states):
     """Asks the cameras that have yet to speak of a block for its eight children: fills states (4, 8)."""
     tolerance, _, outside = rule
-    states[0] = 0
-    states[1] = 0
-    states[2] = parent[2]
-    states[3] = parent[3]
+    for n in range(8):
+        states[0, n], states[1, n], states[2, n], states[3, n] = 0, 0, parent[2], parent[3]
     for c in range(len(kinds)):
         if not (parent[0] >> c) & 1:
             continue
@@ -254,6 +252,16 @@ def _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, b
 
 
 @kernel
+def _fill(occupancy, i0, j0, k0, edge):
+    """Sets a block."""
+    nx, ny, nz = occupancy.shape
+    for i in range(i0, min(i0 + edge, nx)):
+        for j in range(j0, min(j0 + edge, ny)):
+            for k in range(k0, min(k0 + edge, nz)):
+                occupancy[i, j, k] = True
+
+
+@kernel
 def _count(cameras):
     """Counts a set of cameras."""
     count = 0
@@ -270,7 +278,8 @@ def _carve_largest(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupa
     stack, middles, seen, boxes, states, places, votes, points = scratch
     xs, ys, zs = axes
     nx, ny, nz = occupancy.shape
-    stack[0] = largest
+    for column in range(8):
+        stack[0, column] = largest[column]
     waiting = 1
     while waiting:
         waiting -= 1
@@ -290,14 +299,13 @@ def _carve_largest(rows, kinds, bounds, frames, sums, pixels, rule, axes, occupa
             if agreeing + undecided < least:
                 continue
             if agreeing >= least and objecting + undecided <= tolerance:
-                occupancy[i : i + edge, j : j + edge, k : k + edge] = True
+                _fill(occupancy, i, j, k, edge)
             elif edge == LEAF:
                 state = (unclear, cut, agreeing, objecting)
                 _carve_leaf(rows, kinds, frames, pixels, rule, axes, occupancy, (i, j, k), state, places, votes, points)
             else:
-                child = stack[waiting]
-                child[0], child[1], child[2], child[3] = i, j, k, edge
-                child[4], child[5], child[6], child[7] = unclear, cut, agreeing, objecting
+                stack[waiting, 0], stack[waiting, 1], stack[waiting, 2], stack[waiting, 3] = i, j, k, edge
+                stack[waiting, 4], stack[waiting, 5], stack[waiting, 6], stack[waiting, 7] = unclear, cut, agreeing, objecting
                 waiting += 1
 
 
