@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Mapping
@@ -22,7 +21,7 @@ from voxelpose import __version__
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.joints import write_joints
 from voxelpose.recording import Recording
-from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter
+from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.view.overlay import draw_pictures
 
 
@@ -80,7 +79,7 @@ def fit(
             draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
         seconds = {"pictures": time.perf_counter() - pictures_s, "total": time.perf_counter() - started}
         summary = _summary(recording, estimate, estimator, seconds)
-        (folder / SUMMARY).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+        (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return Result.open(output.folder)
 
 
@@ -153,7 +152,7 @@ def _summary(recording: Recording, estimate: Estimate, estimator: str, seconds: 
             **{name: round(value, 3) for name, value in seconds.items()},
             "stages": {name: _spread(values, 4) | {"sum": round(float(np.sum(values)), 3)} for name, values in estimate.stage_s.items()},
         },
-        "facts": {name: _plain(value) for name, value in estimate.facts.items()},
+        "facts": dict(estimate.facts),
     }
 
 
@@ -177,14 +176,3 @@ def _spread(values: NDArray, digits: int) -> dict[str, float]:
         return {}
     numbers = {"min": np.nanmin(values), "median": np.nanmedian(values), "max": np.nanmax(values)}
     return {name: round(float(value), digits) for name, value in numbers.items()}
-
-
-def _plain(value: object) -> object:
-    """Turns NumPy's values into JSON's."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    return value

@@ -35,10 +35,8 @@ The first run compiles the fast code, which takes most of its time.
 
     def run(self) -> int:
         """Makes, fits, scores."""
-        from json import dumps
-
         from voxelpose.cli.progress import Progress
-        from voxelpose.results import Result, ResultWriter
+        from voxelpose.results import Result, ResultWriter, as_json
 
         if not 1 <= self.frames <= 600:
             raise InputError(f"--frames {self.frames} is impossible: give 1 to 600")
@@ -59,8 +57,8 @@ The first run compiles the fast code, which takes most of its time.
             truth = read_truth(folder / "recording" / "truth.json")
             score = score_motion(truth, read_joints(folder / "result" / "joints.csv", len(truth)))
             about = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
-            (folder / "summary.json").write_text(dumps(about, indent=1) + "\n", encoding="utf-8")
-            (folder / "score.json").write_text(dumps(asdict(score), indent=1) + "\n", encoding="utf-8")
+            (folder / "summary.json").write_text(as_json(about), encoding="utf-8")
+            (folder / "score.json").write_text(as_json(asdict(score)), encoding="utf-8")
         from voxelpose.cli.report import print_result, print_score
 
         print_result(Result.open(self.out / "result"))

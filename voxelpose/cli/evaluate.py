@@ -33,20 +33,16 @@ the 15 joints of joints.csv in world coordinates, one position per frame.
 
     def run(self) -> int:
         """Scores."""
-        from json import dumps
-
         from silhouette_core.body.joints import LANDMARK_NAMES
         from voxelpose.evaluation import read_joints, read_truth, score_motion
+        from voxelpose.results import as_json
 
         truth = read_truth(self.truth)
         path = self.result / "joints.csv" if self.result.is_dir() else self.result
         score = score_motion(truth, read_joints(path, len(truth), self.offset))
         if self.json:
-            numbers = {
-                name: round(value, 4) if value == value else None for name, value in asdict(score).items() if name != "joint_root_mm"
-            }
-            numbers["joint_root_mm"] = {name: round(mm, 1) for name, mm in zip(LANDMARK_NAMES, score.joint_root_mm, strict=False)}
-            print(dumps(numbers, indent=1))
+            joints = dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False))
+            print(as_json({**asdict(score), "joint_root_mm": joints}), end="")
             return 0
         from voxelpose.cli.report import print_score
 
