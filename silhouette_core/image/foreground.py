@@ -12,7 +12,7 @@ The paper's two tests stay (direction of colour, clear difference), with these a
    and the coarse colour of video.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -38,6 +38,7 @@ class RefinedSettings:
         shadow: darkest cast shadow, as a share of the background's brightness.
         highlight: brightest reflection, likewise.
         colours: least mean logarithm of the odds that a colour is the person's, where the background alone does not tell.
+        colours_gap: the same in narrow gaps of the silhouette.
         contrast: edges between colours closer than this (of 255) stay where they are.
         min_area_share: components smaller than this share of the image are dropped.
         min_body_share: components smaller than this share of the largest one are dropped.
@@ -50,6 +51,7 @@ class RefinedSettings:
     shadow: float = 0.5
     highlight: float = 1.1
     colours: float = 2.0
+    colours_gap: float = 0.5
     contrast: float = 10.0
     min_area_share: float = 3e-4
     min_body_share: float = 0.01
@@ -80,25 +82,44 @@ class Background:
         return Background(self.mean[window], self.tools[window])
 
 
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A frame, or a window of it, with what its silhouette depends on."""
+
+    frame: NDArray[np.uint8]
+    background: Background
+    gain: NDArray[np.float32]
+    radius: int
+    settings: RefinedSettings
+
+    @property
+    def arrays(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """What every kernel takes first: the gain is undone on the frame's side."""
+        return self.frame, self.background.mean, self.background.tools, np.asarray(1 / self.gain, np.float32)
+
+    def part(self, window: tuple[slice, slice]) -> "_View":
+        return replace(self, frame=self.frame[window], background=self.background.part(window))
+
+
 def refined_mask(
     frame: NDArray[np.uint8], background: Background, settings: RefinedSettings, region: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
     """Returns the silhouette (H, W) bool of a frame (H, W, 3) uint8; see the module's text."""
     radius = max(1, round(min(frame.shape[:2]) / 240))
-    gain = _gain(frame, background.mean)
-    mask, pooled, scale = _detect(frame, background, gain, radius, settings)
-    mask = _tidy(mask, settings, region)
-    if not mask.any():
-        return mask
-    window = _window(mask, margin=8 * radius)
-    full, part = np.zeros(mask.shape, np.bool_), background.part(window)
-    frame, mask, pooled = frame[window], mask[window], pooled[window]
-    mask = _sharpen(frame, part, gain, mask, radius, settings)
-    mask |= _like_the_person(frame, part, gain, mask, pooled, scale, radius, settings)
+    view = _View(frame, background, _gain(frame, background.mean), radius, settings)
+    found, pooled, scale = _detect(view)
+    found = _tidy(found, settings, region)
+    if not found.any():
+        return found
+    window = _window(found, margin=8 * radius)
+    view, mask = view.part(window), found[window]
+    mask = _sharpen(view, mask)
+    mask |= _like_the_person(view, mask, pooled[window], scale)
     for _ in range(2):
-        mask = _sharpen(frame, part, gain, mask, radius, settings)
-    full[window] = mask
-    return _tidy(full, settings, region)
+        mask = _sharpen(view, mask)
+    found[:] = False
+    found[window] = mask
+    return _tidy(found, settings, region)
 
 
 def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -112,47 +133,38 @@ def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.flo
     return np.clip(gain, 0.5, 2.0)
 
 
-def _detect(
-    frame: NDArray[np.uint8], background: Background, gain: NDArray[np.float32], radius: int, settings: RefinedSettings
-) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
+def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
     """Returns mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and that noise over the model's, at least 1."""
-    height, width = frame.shape[:2]
-    arrays = frame, background.mean, background.tools, 1 / gain
+    settings, radius = view.settings, view.radius
+    height, width = view.frame.shape[:2]
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
-    kernels.sampled_chroma(*arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
+    kernels.sampled_chroma(*view.arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
     scale = max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
     parts, strong = np.empty((height, width, 4), np.int16), np.empty((height, width), np.bool_)
     unit, clip, beyond = (np.float32(value) for value in (_UNIT / scale, settings.chroma_pixel * scale, settings.brightness * scale))
-    kernels.evidence(*arrays, unit, clip, np.float32(settings.shadow), np.float32(settings.highlight), beyond, parts, strong)
+    kernels.evidence(*view.arrays, unit, clip, np.float32(settings.shadow), np.float32(settings.highlight), beyond, parts, strong)
     pooled = np.asarray(cv2.blur(parts, (2 * radius + 1, 2 * radius + 1)), np.int16)
     mask = np.empty((height, width), np.bool_)
     kernels.decide(pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask)
     return mask, pooled, scale
 
 
-def _like_the_person(
-    frame: NDArray[np.uint8],
-    background: Background,
-    gain: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    pooled: NDArray[np.int16],
-    scale: float,
-    radius: int,
-    settings: RefinedSettings,
-) -> NDArray[np.bool_]:
-    """Returns pixels near the silhouette, perhaps background, whose colours are far commoner in the silhouette than around it."""
+def _like_the_person(view: _View, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float) -> NDArray[np.bool_]:
+    """Returns pixels near the silhouette, perhaps background, whose colours are commoner in the silhouette than around it."""
+    settings, radius = view.settings, view.radius
     near = _grown(mask, 7 * radius, cv2.MORPH_RECT)
-    odds = np.clip(_log_shares(frame, ~_grown(~mask, 1)) - _log_shares(frame, near & ~_grown(mask, 2)), -4, 4)
+    odds = _log_shares(view.frame, ~_grown(~mask, 1)) - _log_shares(view.frame, near & ~_grown(mask, 2))
     score, bright = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.float32)
-    kernels.look_up(frame, odds, _COLOUR_SHIFT, score)
-    kernels.brightness(frame, background.mean, background.tools, 1 / gain, bright)
+    kernels.look_up(view.frame, np.clip(odds, -4, 4), _COLOUR_SHIFT, score)
+    kernels.brightness(*view.arrays, bright)
     window = (2 * radius + 1, 2 * radius + 1)
     score, bright = cv2.blur(score, window), cv2.blur(bright, window)
-    # Differs a little, as a shadow would; or lies in a narrow gap of the silhouette, where a camouflaged spot may be.
+    # Differs a little, as a shadow would ...
     doubtful = np.empty(mask.shape, np.bool_)
     kernels.doubt(pooled, bright, round(0.5 * settings.chroma * _UNIT), np.float32(3 * scale), doubtful)
-    doubtful |= ~_grown(~_grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)
-    return near & doubtful & (score > settings.colours)
+    # ... or lies in a narrow gap of the silhouette, where clothes and background may be of one colour.
+    gap = ~_grown(~_grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)
+    return near & ((doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap)))
 
 
 def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -164,22 +176,16 @@ def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[n
     return shares
 
 
-def _sharpen(
-    frame: NDArray[np.uint8],
-    background: Background,
-    gain: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    radius: int,
-    settings: RefinedSettings,
-) -> NDArray[np.bool_]:
+def _sharpen(view: _View, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Moves the edges, at most `radius` pixels, to where person and background share a pixel half and half."""
+    radius = view.radius
     grown, shrunk = _grown(mask, radius), ~_grown(~mask, radius)
     gap = max(1, radius // 2)  # pixels at the edge that are mixed and teach neither colour
     inside, outside = ~_grown(~mask, gap), ~_grown(mask, gap)
     moved = mask.copy()
-    light = 0.2 * gain, 2 * gain  # what shadows and reflections may make of the background, at most
-    contrast = np.float32(settings.contrast)
-    kernels.sharpen(frame, background.mean, *light, grown & ~shrunk, inside, outside, 2 * radius, contrast, moved)
+    light = 0.2 * view.gain, 2 * view.gain  # what shadows and reflections may make of the background, at most
+    contrast = np.float32(view.settings.contrast)
+    kernels.sharpen(view.frame, view.background.mean, *light, grown & ~shrunk, inside, outside, 2 * radius, contrast, moved)
     return moved
 
 
