@@ -23,12 +23,13 @@ class CarveRule:
         tolerance: Most cameras that may object: k where a voxel stays when at least C - k of the C cameras that see it agree.
         outside: What a camera says of a voxel that it does not see (behind it, or outside its image): "keep" says nothing,
             "carve" objects.
-        least_agreeing: Fewest cameras that must agree, so that space which no camera sees is not taken for the body; 0 keeps it.
+        least_agreeing: Fewest cameras that must agree, so that what stands near one camera and out of sight of the others is not
+            taken for a body; 0 keeps even what no camera sees. None means three quarters of the cameras, less the tolerance.
     """
 
     tolerance: int = 0
     outside: Literal["keep", "carve"] = "keep"
-    least_agreeing: int = 1
+    least_agreeing: int | None = None
 
     def __post_init__(self) -> None:
         """Checks every value once."""
@@ -36,12 +37,13 @@ class CarveRule:
             raise ValueError(f"tolerance must be at least 0 cameras, got {self.tolerance}")
         if self.outside not in ("keep", "carve"):
             raise ValueError(f'outside must be "keep" or "carve", got {self.outside!r}')
-        if self.least_agreeing < 0:
+        if self.least_agreeing is not None and self.least_agreeing < 0:
             raise ValueError(f"least_agreeing must be at least 0 cameras, got {self.least_agreeing}")
 
-    def packed(self) -> tuple[int, int, int]:
-        """Returns the rule as `blocks.carve_blocks` takes it."""
-        return self.tolerance, self.least_agreeing, blocks.OBJECTS if self.outside == "carve" else blocks.BLIND
+    def packed(self, cameras: int) -> tuple[int, int, int]:
+        """Returns the rule for so many cameras as `blocks.carve_blocks` takes it."""
+        least = max(1, 3 * cameras // 4 - self.tolerance) if self.least_agreeing is None else self.least_agreeing
+        return self.tolerance, least, blocks.OBJECTS if self.outside == "carve" else blocks.BLIND
 
 
 def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None) -> NDArray[np.bool_]:
@@ -57,7 +59,7 @@ def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
         rig: C cameras.
         masks: Silhouettes, (h, w) bool each: by camera name, or in the order of the rig.
         grid: The volume.
-        rule: When a voxel stays; by default when every camera that sees it agrees.
+        rule: When a voxel stays; by default when every camera that sees it agrees, and three quarters do.
 
     Returns:
         (nx, ny, nz) bool, True where the voxel stays.
@@ -73,5 +75,5 @@ def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
     rows, kinds, bounds = pack_rig(rig)
     occupancy = np.zeros(grid.shape, dtype=np.bool_)
     axes, order = grid.axes(blocks.LARGEST), block_order(grid)
-    blocks.carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule.packed(), axes, order, occupancy)
+    blocks.carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule.packed(len(rig)), axes, order, occupancy)
     return occupancy

@@ -60,7 +60,7 @@ def look(row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: 
 
 def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None) -> NDArray[np.bool_]:
     """Carves as `voxelpose.carving.carver.carve` does; see there."""
-    tolerance, least, outside = (rule or CarveRule()).packed()
+    tolerance, least, outside = (rule or CarveRule()).packed(len(rig))
     x, y, z = grid.axes()
     agreeing = np.zeros(grid.shape, dtype=np.int64)
     objecting = np.zeros(grid.shape, dtype=np.int64)

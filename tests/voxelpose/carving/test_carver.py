@@ -101,6 +101,19 @@ def test_what_no_camera_sees_is_kept_only_if_asked():
     assert not carve(rig, masks, above, CarveRule(outside="carve", least_agreeing=0)).any()
 
 
+def test_what_stands_in_front_of_one_camera_only_is_no_body():
+    rig = ring(4)
+    masks = {name: np.ones((120, 160), bool) for name in rig.names}
+    centre, forward = rig["cam_0"].center_m, rig["cam_0"].rotation[2]
+    behind = VoxelGrid.around(centre + 7.0 * forward, 0.1, (6, 6, 6))  # far behind the others' backs
+    assert not carve(rig, masks, behind).any()
+    assert carve(rig, masks, behind, CarveRule(least_agreeing=1)).any()
+    middle = VoxelGrid.around((0, 0, 0.9), 0.1, (6, 6, 6))
+    away = Rig((*ring(4), look_at("away", (0, -9, 1), (0, -20, 1))))
+    assert carve(away, [*masks.values(), masks["cam_0"]], middle).all()
+    assert not carve(away, [*masks.values(), masks["cam_0"]], middle, CarveRule(outside="carve")).any()
+
+
 def test_masks_that_do_not_fit_are_refused():
     rig = ring(2)
     masks = silhouettes(rig)
