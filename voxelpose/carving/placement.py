@@ -18,6 +18,7 @@ _SEARCH_VOXELS = 64  # along the longest edge of the box while it shrinks
 _SEARCH_STEPS = 6
 _STILL_SHRINKS = 0.9  # of the volume
 _MARGIN_VOXELS = 1
+_FAR_M = 1e4
 _LARGEST = 1 << 30  # voxels
 _OFF_AXIS = 1.5  # how much larger than on the axis something may appear toward the image's corners
 
@@ -134,10 +135,11 @@ def _box(planes: NDArray[np.float64]) -> _Box | None:
     corners = np.empty((2, 3))
     for axis in range(3):
         for side, sign in enumerate((1.0, -1.0)):
-            solution = linprog(sign * np.eye(3)[axis], A_ub=planes[:, :3], b_ub=-planes[:, 3], bounds=(None, None), method="highs")
-            if solution.status == 2:
+            solution = linprog(sign * np.eye(3)[axis], A_ub=planes[:, :3], b_ub=-planes[:, 3], bounds=(-_FAR_M, _FAR_M), method="highs")
+            if solution.x is None:
                 return None
-            corners[side, axis] = solution.x[axis] if solution.status == 0 else -sign * np.inf
+            # Bounded by hand: left free, the solver may call an unbounded program infeasible.
+            corners[side, axis] = solution.x[axis] if abs(solution.x[axis]) < 0.99 * _FAR_M else -sign * np.inf
     return corners[0], corners[1]
 
 
@@ -190,10 +192,13 @@ def _nothing_common(rig: Rig) -> InputError:
 def _shrink(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule, low: NDArray[np.float64], high: NDArray[np.float64]) -> _Box:
     """Carves coarsely and cuts the box down, until that gains little."""
     for _ in range(_SEARCH_STEPS):
-        size = float((high - low).max()) / _SEARCH_VOXELS
-        grid = VoxelGrid.from_bounds(low, high, size)
-        occupancy = carve(rig, [_widened(camera, mask, grid) for camera, mask in zip(rig, masks, strict=True)], grid, rule)
-        if not occupancy.any():
+        # A silhouette that reaches all borders leaves a box so large that its coarse voxels are larger than a person: then finer ones.
+        for voxels in (_SEARCH_VOXELS, 2 * _SEARCH_VOXELS, 4 * _SEARCH_VOXELS, 8 * _SEARCH_VOXELS):
+            grid = VoxelGrid.from_bounds(low, high, float((high - low).max()) / voxels)
+            occupancy = carve(rig, [_widened(camera, mask, grid) for camera, mask in zip(rig, masks, strict=True)], grid, rule)
+            if occupancy.any():
+                break
+        else:
             raise _nothing_common(rig)
         held, _ = grid.cropped(occupancy)
         new_low, new_high = np.maximum(low, held.origin_m), np.minimum(high, held.origin_m + held.size_m)

@@ -19,6 +19,7 @@ from voxelpose.matching.solid import Solid
 from voxelpose.matching.surface import Surface
 
 _QUICK = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+_SHORT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ def move_limbs(body: Body, observation: Observation, found: Found, prior: PosePr
     """Looks for each arm and leg on the silhouettes, and keeps what lowers the error."""
     for chain in CHAINS:
         moved = place_limb(body.solid, observation, found.pose, chain)
-        pose = refine(body.surface, observation, moved, prior, _QUICK).pose
+        pose = refine(body.surface, observation, moved, prior, _SHORT).pose
         error = silhouette_error(body.model, pose, observation)
         if error < 0.99 * found.error:
             found = Found(pose, error)

@@ -12,7 +12,7 @@ from voxelpose.matching.agreement import silhouette_error
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.pose import RESTLESS_RAD, ROOT_RESTLESS, Pose
 from voxelpose.matching.refinement import PosePrior, RefineSettings, refine
-from voxelpose.matching.search import Body, find_pose
+from voxelpose.matching.search import Body, Found, find_pose, move_limbs
 from voxelpose.matching.sequence import MaskStore, Sight, Watcher
 
 _FOLLOW = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.09, 0.07, 0.06, 0.06))
@@ -142,6 +142,9 @@ class Track:
         usual = self._usual(t, direction)
         if error > _POOR * usual + _POOR_BY:
             pose, error = self._search_near(sight, expected, PosePrior(expected, 2 * spread), pose, error)
+        if error > _POOR * usual + _POOR_BY:
+            moved = move_limbs(self.body, sight.observation, Found(pose, error), PosePrior(expected, 6 * spread))
+            pose, error = moved.pose, moved.error
         return (pose, error) if error < _LOST else (None, np.inf)
 
     def _search_near(self, sight: Sight, expected: Pose, prior: PosePrior, pose: Pose, error: float) -> tuple[Pose, float]:
