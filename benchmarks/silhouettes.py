@@ -1,76 +1,53 @@
-"""Silhouettes against the true masks of rendered recordings: the paper's section 5.1 and the refined method.
+"""Silhouettes against their formula in NumPy."""
 
-    python benchmarks/silhouettes.py [RECORDING ...] [--every N]
-
-Prints, per recording, the mean over cameras and frames of intersection over union, the share of frames under 0.9, and milliseconds per
-frame on one thread (decoding not counted).
-"""
-
-import argparse
-import os
-import time
-from pathlib import Path
-
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from benchmarks.cases import Case, Timed, case
+from benchmarks.scene import ring
+from benchmarks.scene import silhouettes as drawn
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.jit import set_threads
-from voxelpose.recording import Recording
-
-SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
-RECORDINGS = ("walk4", "dance8", "traffic4", "swing1", "turn1")
-DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
 
 
-def true_masks(folder: Path) -> dict[str, np.ndarray]:
-    with np.load(folder / "masks/masks.npz") as packed:
-        width = int(packed["width"])
-        return {name: np.unpackbits(packed[name], axis=2)[:, :, :width].astype(bool) for name in packed.files if name != "width"}
+def _made_up() -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
+    """Returns noisy frames of an empty room, and one with a person, (480, 640, 3) uint8."""
+    rng = np.random.default_rng(0)
+    room = rng.integers(60, 200, (480, 640, 3)).astype(np.float64)
+    mask = drawn(ring(1))[0]
+
+    def shot(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
+        return np.clip(np.rint(picture + rng.normal(0, 2, picture.shape)), 1, 255).astype(np.uint8)
+
+    return [shot(room) for _ in range(10)], shot(np.where(mask[..., None], (40.0, 60.0, 180.0), room))
 
 
-def overlap(found: np.ndarray, truth: np.ndarray) -> float:
-    return float((found & truth).sum() / max((found | truth).sum(), 1))
+@case("silhouette 640 x 480, paper 5.1")
+def paper_silhouette() -> Case:
+    frames, frame = _made_up()
+    settings = BackgroundSettings(method="paper")
+    model = BackgroundModel.from_frames(frames, settings)
+    colours = np.stack(frames).astype(np.float64)
+    units = colours / np.linalg.norm(colours, axis=3, keepdims=True)
+    mean, unit_mean = colours.mean(0), units.mean(0)
+    variance = np.maximum(units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2)
+    peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
+
+    def formula(_: None) -> NDArray[np.bool_]:
+        picture = frame.astype(np.float64)
+        unit = picture / np.linalg.norm(picture, axis=2, keepdims=True)
+        likelihood = peak - ((unit - unit_mean) ** 2 / (2 * variance)).sum(axis=2)
+        return (likelihood < settings.log_likelihood) | (np.linalg.norm(picture - mean, axis=2) > settings.raw_difference)
+
+    def check(ours: NDArray[np.bool_], theirs: NDArray[np.bool_]) -> str:
+        differing = np.count_nonzero(ours ^ theirs)  # ours computes in float32
+        return f"{differing} pixels differ" if differing > 10 else ""
+
+    return Case(Timed(lambda _: model.silhouette(frame), repeats=20), Timed(formula, repeats=2), "the formula in NumPy", check)
 
 
-def measure(folder: Path, every: int) -> dict[str, np.ndarray]:
-    recording, truth = Recording.open(folder), true_masks(folder)
-    backgrounds = recording.backgrounds()
-    paper = {name: BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")) for name, frames in backgrounds.items()}
-    refined = {name: BackgroundModel.from_frames(frames) for name, frames in backgrounds.items()}
-    found: dict[str, list[float]] = {"paper": [], "paper, opened": [], "refined": [], "paper ms": [], "refined ms": []}
-    for index, _, frames in recording:
-        if index % every:
-            continue
-        for name, frame in frames.items():
-            started = time.perf_counter()
-            plain = paper[name].silhouette(frame)
-            between = time.perf_counter()
-            mask = refined[name].silhouette(frame)
-            found["refined ms"].append(1e3 * (time.perf_counter() - between))
-            found["paper ms"].append(1e3 * (between - started))
-            opened = cv2.morphologyEx(plain.view(np.uint8), cv2.MORPH_OPEN, DISC).view(bool)
-            for method, result in (("paper", plain), ("paper, opened", opened), ("refined", mask)):
-                found[method].append(overlap(result, truth[name][index]))
-    return {key: np.array(values) for key, values in found.items()}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("recordings", nargs="*", default=RECORDINGS)
-    parser.add_argument("--every", type=int, default=1, help="measure every n-th frame only")
-    given = parser.parse_args()
-    set_threads(1)
-    cv2.setNumThreads(1)
-    print("| recording | paper 5.1 | paper 5.1, opened | refined | refined, worst frame | refined under 0.9 | paper ms | refined ms |")
-    print("|---|---|---|---|---|---|---|---|")
-    for name in given.recordings:
-        one = measure(SHARED / "data" / name, given.every)
-        low = (one["refined"] < 0.9).mean()
-        cells = [f"{one[key].mean():.4f}" for key in ("paper", "paper, opened", "refined")]
-        cells += [f"{one['refined'].min():.3f}", f"{low:.1%}", f"{np.median(one['paper ms']):.1f}", f"{np.median(one['refined ms']):.1f}"]
-        print(f"| {name} | {' | '.join(cells)} |", flush=True)
-
-
-if __name__ == "__main__":
-    main()
+@case("silhouette 640 x 480, refined")
+def refined_silhouette() -> Case:
+    frames, frame = _made_up()
+    refined, paper = (BackgroundModel.from_frames(frames, BackgroundSettings(method=method)) for method in ("refined", "paper"))
+    ours, reference = (Timed(lambda _, model=model: model.silhouette(frame), repeats=10) for model in (refined, paper))
+    return Case(ours, reference, "paper 5.1 as written", longer=True)
