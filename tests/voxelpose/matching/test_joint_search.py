@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.joint_search import best_together, enumerate_together
-from voxelpose.matching.kernels.bits import count_common, count_new, popcount
+from voxelpose.matching.kernels.bits import count_common, count_new, find_dominated, popcount
 from voxelpose.matching.solid import FREE_FROM_BODY, TAKEN, Lump
 
 
@@ -99,3 +99,15 @@ def test_cover_against_sets_of_indices():
         assert inside[k] == (found == TAKEN).sum()
         flat = np.unpackbits(bits[k].view(np.uint8), bitorder="little")
         assert set(np.flatnonzero(flat)) == set(found[found >= 0])
+
+
+def test_a_placement_falls_only_to_one_that_is_better_whatever_is_taken():
+    rng = np.random.default_rng(4)
+    rows = rng.integers(0, 2**12, (40, 1)).astype(np.uint64)
+    gain = rng.integers(-6, 6, 40).astype(float)
+    dominated = np.zeros(40, np.bool_)
+    find_dominated(rows, gain, dominated)
+    assert 5 < dominated.sum() < 40
+    for taken in rng.integers(0, 2**12, 200).astype(np.uint64):
+        worth = gain + np.bitwise_count(rows[:, 0] & ~taken)
+        assert worth[~dominated].max() == worth.max()

@@ -64,3 +64,24 @@ def count_common(first, second):
     for w in range(first.shape[0]):
         total += popcount(first[w] & second[w])
     return total
+
+
+@kernel
+def find_dominated(bits, gain, dominated):
+    """Marks the rows of bits (K, W) to which an earlier one is to be preferred: it earns more by what the row has beyond it, or as much.
+
+    With gains gain (K,) and sets A (earlier) and B: whatever is taken, B adds at most |B - A| more voxels than A.
+    """
+    for b in range(1, bits.shape[0]):
+        for a in range(b):
+            if dominated[a] or gain[a] < gain[b]:
+                continue
+            ahead = gain[a] - gain[b]
+            beyond = 0.0
+            for w in range(bits.shape[1]):
+                beyond += popcount(bits[b, w] & ~bits[a, w])
+                if beyond > ahead:
+                    break
+            if beyond <= ahead:
+                dominated[b] = True
+                break
