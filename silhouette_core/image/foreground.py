@@ -7,7 +7,8 @@ The paper's two tests stay (direction of colour, clear difference), with these a
    window before it is compared: a cast shadow keeps its tint, a grey shirt before a tinted wall does not. The noise is rescaled
    for every frame by what most of the image shows, since a still knows nothing of it and lossy video adds its own.
 3. The clear difference is a brightness that neither shadow nor highlight explains.
-4. Where clothes happen to look like a shadow of the background, the colours of the person found so far decide against those around.
+4. Where the background alone does not tell (clothes that look like its shadow or itself, narrow gaps), the colours of the person
+   found so far are weighed against the colours around.
 5. Edges are put where half of a pixel's colour is the person's and half the (shadowed) background's, which undoes the averaging
    and the coarse colour of video.
 """
@@ -37,7 +38,7 @@ class RefinedSettings:
         brightness: how far in noise a brightness must lie beyond shadow and highlight.
         shadow: darkest cast shadow, as a share of the background's brightness.
         highlight: brightest reflection, likewise.
-        colours: least mean logarithm of the odds that a colour is the person's, where the background alone does not tell.
+        colours: least mean logarithm of the odds that a colour is the person's (or is not), where the background does not tell.
         colours_gap: the same in narrow gaps of the silhouette.
         contrast: edges between colours closer than this (of 255) stay where they are.
         min_area_share: components smaller than this share of the image are dropped.
@@ -114,7 +115,7 @@ def refined_mask(
     window = _window(found, margin=8 * radius)
     view, mask = view.part(window), found[window]
     mask = _sharpen(view, mask)
-    mask |= _like_the_person(view, mask, pooled[window], scale)
+    mask = _settle_by_colours(view, mask, pooled[window], scale)
     for _ in range(2):
         mask = _sharpen(view, mask)
     found[:] = False
@@ -149,22 +150,25 @@ def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
     return mask, pooled, scale
 
 
-def _like_the_person(view: _View, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float) -> NDArray[np.bool_]:
-    """Returns pixels near the silhouette, perhaps background, whose colours are commoner in the silhouette than around it."""
+def _settle_by_colours(view: _View, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float) -> NDArray[np.bool_]:
+    """Settles doubtful pixels by whether their colours are commoner in the silhouette or around it; returns the new mask."""
     settings, radius = view.settings, view.radius
     near = _grown(mask, 7 * radius, cv2.MORPH_RECT)
     odds = _log_shares(view.frame, ~_grown(~mask, 1)) - _log_shares(view.frame, near & ~_grown(mask, 2))
     score, bright = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.float32)
     kernels.look_up(view.frame, np.clip(odds, -4, 4), _COLOUR_SHIFT, score)
     kernels.brightness(*view.arrays, bright)
+    # Background of the usual brightness, taken in because coarse colour had spread over it.
+    spread = (cv2.blur(score, (3, 3)) < -settings.colours) & (np.abs(cv2.blur(bright, (3, 3))) < 3 * scale)
     window = (2 * radius + 1, 2 * radius + 1)
     score, bright = cv2.blur(score, window), cv2.blur(bright, window)
-    # Differs a little, as a shadow would ...
+    # The person where there is little difference, as a shadow would make ...
     doubtful = np.empty(mask.shape, np.bool_)
     kernels.doubt(pooled, bright, round(0.5 * settings.chroma * _UNIT), np.float32(3 * scale), doubtful)
-    # ... or lies in a narrow gap of the silhouette, where clothes and background may be of one colour.
+    # ... or in a narrow gap of the silhouette, where clothes and background may be of one colour.
     gap = ~_grown(~_grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)
-    return near & ((doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap)))
+    added = near & ((doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap)))
+    return (mask & ~spread) | added
 
 
 def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -181,9 +181,7 @@ def sharpen(frame, mean, least_light, most_light, band, inside, outside, reach, 
             count_inside = 0
             count_outside = 0
             for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
-                # A chessboard of samples: neighbours tell nearly the same.
-                first = max(column - reach, 0) + (y & 1) * stride
-                for x in range(first, min(column + reach + 1, width), 2 * stride):
+                for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
                     if inside[y, x]:
                         count_inside += 1
                         for channel in range(3):

@@ -1,0 +1,76 @@
+"""Silhouettes against the true masks of rendered recordings: the paper's section 5.1 and the refined method.
+
+    python -m benchmarks.overlap [RECORDING ...] [--every N]
+
+Prints, per recording, the mean over cameras and frames of intersection over union, the share of frames under 0.9, and milliseconds per
+frame of the processor, one thread (decoding not counted).
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.jit import set_threads
+from voxelpose.recording import Recording
+
+SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+RECORDINGS = ("walk4", "dance8", "traffic4", "swing1", "turn1")
+DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
+
+
+def true_masks(folder: Path) -> dict[str, np.ndarray]:
+    with np.load(folder / "masks/masks.npz") as packed:
+        width = int(packed["width"])
+        return {name: np.unpackbits(packed[name], axis=2)[:, :, :width].astype(bool) for name in packed.files if name != "width"}
+
+
+def overlap(found: np.ndarray, truth: np.ndarray) -> float:
+    return float((found & truth).sum() / max((found | truth).sum(), 1))
+
+
+def measure(folder: Path, every: int) -> dict[str, np.ndarray]:
+    recording, truth = Recording.open(folder), true_masks(folder)
+    backgrounds = recording.backgrounds()
+    paper = {name: BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")) for name, frames in backgrounds.items()}
+    refined = {name: BackgroundModel.from_frames(frames) for name, frames in backgrounds.items()}
+    found: dict[str, list[float]] = {"paper": [], "paper, opened": [], "refined": [], "paper ms": [], "refined ms": []}
+    for index, _, frames in recording:
+        if index % every:
+            continue
+        for name, frame in frames.items():
+            started = time.thread_time()
+            plain = paper[name].silhouette(frame)
+            between = time.thread_time()
+            mask = refined[name].silhouette(frame)
+            found["refined ms"].append(1e3 * (time.thread_time() - between))
+            found["paper ms"].append(1e3 * (between - started))
+            opened = cv2.morphologyEx(plain.view(np.uint8), cv2.MORPH_OPEN, DISC).view(bool)
+            for method, result in (("paper", plain), ("paper, opened", opened), ("refined", mask)):
+                found[method].append(overlap(result, truth[name][index]))
+    return {key: np.array(values) for key, values in found.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("recordings", nargs="*", default=RECORDINGS)
+    parser.add_argument("--every", type=int, default=1, help="measure every n-th frame only")
+    given = parser.parse_args()
+    set_threads(1)
+    cv2.setNumThreads(1)
+    print("| recording | paper 5.1 | paper 5.1, opened | refined | refined, worst frame | refined under 0.9 | paper ms | refined ms |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in given.recordings:
+        one = measure(SHARED / "data" / name, given.every)
+        low = (one["refined"] < 0.9).mean()
+        cells = [f"{one[key].mean():.4f}" for key in ("paper", "paper, opened", "refined")]
+        cells += [f"{one['refined'].min():.3f}", f"{low:.1%}", f"{np.median(one['paper ms']):.1f}", f"{np.median(one['refined ms']):.1f}"]
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
