@@ -17,12 +17,12 @@ from voxelpose.evaluation import score_motion
 from voxelpose.fitting import Output, fit
 from voxelpose.recording import Recording
 
-FRAMES = 4
+FRAMES = 3
 
 
 @pytest.mark.slow
 def test_a_short_recording_from_end_to_end(tmp_path):
-    """Four frames, four cameras, written videos with noise and shadow: all posed, nobody mirrored, joints to 40 mm about the pelvis."""
+    """Three frames, four cameras, written videos with noise and shadow: all posed, nobody mirrored, joints to 40 mm about the pelvis."""
     folder = make_recording(tmp_path / "walk", frames=FRAMES)
     truth = json.loads((folder / "truth.json").read_text())["joints"]
     started = time.perf_counter()
@@ -35,7 +35,7 @@ def test_a_short_recording_from_end_to_end(tmp_path):
     assert score.lost == 0 and score.flips == 0
     assert score.root_mm < 40 and score.mpjpe_mm < 45
     check_report(json.loads((tmp_path / "out" / "summary.json").read_text()), motion)
-    assert seconds < 240  # under load; alone about half a minute, compilation included
+    assert seconds < 180  # half a minute on two busy cores
 
 
 def check_report(summary, motion):

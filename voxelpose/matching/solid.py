@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -56,12 +57,24 @@ class Solid:
             rotations (K, 3, 3) and translations (K, 3), world from the limb's first part.
         """
         model = self.model
+        chain, parents, freedoms, freedom_part = _chain(limb.part)
         rotations, origins = np.empty((len(angles_rad), 3, 3)), np.empty((len(angles_rad), 3))
         place_one_part(
-            model.parents, model.joints_m, model.dof_part, model.dof_axis, root.root_rotation, root.root_m, angles_rad, limb.part,
-            rotations, origins,
+            parents, model.joints_m[chain], freedom_part, model.dof_axis[freedoms], root.root_rotation, root.root_m,
+            np.ascontiguousarray(angles_rad[:, freedoms]), len(chain) - 1, rotations, origins,
         )  # fmt: skip
         return rotations, origins
+
+
+@cache
+def _chain(part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Returns the parts from the root to one part, their parents within that chain, the angles that turn them, and the part of each."""
+    chain = [part]
+    while BodyModel.parents[chain[0]] >= 0:
+        chain.insert(0, int(BodyModel.parents[chain[0]]))
+    freedoms = np.flatnonzero(np.isin(BodyModel.dof_part, chain))
+    freedom_part = np.searchsorted(chain, BodyModel.dof_part[freedoms]).astype(np.int32)
+    return np.array(chain), np.arange(-1, len(chain) - 1, dtype=np.int32), freedoms, freedom_part
 
 
 class Lump:

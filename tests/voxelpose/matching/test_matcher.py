@@ -5,6 +5,7 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.kinematics import forward, quaternions
 from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, other_body, stance, views
 from voxelpose.matching.kernels.bits import count_common
 from voxelpose.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
@@ -62,6 +63,18 @@ def test_twist_turns_the_bone_about_itself(solid):
     _, knees = solid.placements(LIMB["left_shin"], stance(solid.model), samples)
     # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3 degrees.
     assert np.linalg.norm(knees - knees.mean(0), axis=1).max() < 0.06
+
+
+def test_limbs_are_placed_where_the_whole_body_would_have_them(solid):
+    rng = np.random.default_rng(6)
+    angles = rng.uniform(LOW, HIGH, (5, len(LOW)))
+    root = stance(solid.model).moved(np.r_[0.3, -0.2, 0.1, 0.5, -0.4, 1.0, np.zeros(len(LOW))])
+    quaternion = np.tile(quaternions(root.root_rotation), (5, 1))
+    rotation, origin = forward(solid.model, np.tile(root.root_m, (5, 1)), quaternion, angles)
+    for limb in LIMBS:
+        rotations, origins = solid.placements(limb, root, angles)
+        np.testing.assert_allclose(rotations, rotation[:, limb.part], atol=1e-12)
+        np.testing.assert_allclose(origins, origin[:, limb.part], atol=1e-12)
 
 
 def candidates_of(bits, limb="neck"):
