@@ -11,7 +11,7 @@ import sys
 # Threads that wait for work sleep: where other programs run too, spinning ones would keep the cores from each other.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-from benchmarks import carving, cases, scoring, silhouettes  # noqa: F401
+from benchmarks import carving, cases, fitting, scoring, silhouettes  # noqa: F401
 from silhouette_core.jit import set_threads
 
 

@@ -2,6 +2,9 @@
 
 import os
 
+# Threads that wait for work sleep. Spinning ones would take the cores from video decoding, and from whatever else the machine runs.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 import numba
 
 # error_model "numpy": no hidden division checks. nogil: kernels may run beside video decoding. fastmath stays off, so that

@@ -78,4 +78,3 @@ SHAPE_AXES = (
     ShapeAxis("foot_girth", ("foot", "toes"), "x", 0.10, joints=False),
 )
 SHAPE_SPREAD = np.array([axis.spread for axis in SHAPE_AXES])
-

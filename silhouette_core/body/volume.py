@@ -1,7 +1,7 @@
 """The inside of a closed mesh, sampled on a lattice and shared out among the parts."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from silhouette_core.jit import kernel
 
@@ -25,7 +25,7 @@ def sample_volume(vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarr
     inside = np.zeros(tuple(shape), np.bool_)
     _fill(vertices_m, faces.astype(np.int64), origin, spacing_m, inside)
     points = origin + spacing_m * np.argwhere(inside)
-    part = face_part[cKDTree(vertices_m[faces].mean(1)).query(points)[1]]
+    part = face_part[KDTree(vertices_m[faces].mean(1)).query(points)[1]]
     return points, part.astype(np.int32)
 
 

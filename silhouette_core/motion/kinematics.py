@@ -19,9 +19,7 @@ def quaternions(matrices: np.ndarray) -> np.ndarray:
     return flat.reshape(*np.shape(matrices)[:-2], 4)
 
 
-def forward(
-    model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, angles_rad: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def forward(model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, angles_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places every part of a take.
 
     Args:

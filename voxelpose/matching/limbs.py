@@ -6,6 +6,7 @@ Paper B matches "parts" of a coarse body model. Here a matched part is a limb: o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,7 +93,7 @@ def sample_angles(limb: Limb, angles_rad: np.ndarray, step_rad: float, around: f
     names = BodyModel.dof_names
     if limb.swing:
         columns = [names.index(name) for name in limb.swing]
-        axes = [_ticks(*BodyModel.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
+        axes = [_ticks(BodyModel.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
         found = np.tile(angles_rad, (len(mesh), 1))
         found[:, columns] = mesh
@@ -124,8 +125,8 @@ def sample_hinge(limb: Limb, angles_rad: np.ndarray, step_rad: float, around: fl
     axes = BodyModel.dof_axis[above]  # orthonormal, so that angles are coordinates of the rotation vector
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
     reach = np.radians(100) if around is None else around
-    twists = _ticks(-reach, reach, 0.0, 2 * step_rad, None)
-    bends = _ticks(*BodyModel.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
+    twists = _ticks((-reach, reach), 0.0, 2 * step_rad, None)
+    bends = _ticks(BodyModel.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
     swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
     turned = (swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))).as_rotvec() @ axes.T
     found = np.repeat(angles_rad[:, None], len(twists) * len(bends), axis=1)
@@ -140,7 +141,8 @@ def within_limits(angles_rad: np.ndarray) -> np.ndarray:
     return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
 
-def _ticks(low: float, high: float, middle: float, step: float, around: float | None) -> np.ndarray:
+def _ticks(limits: Sequence[float] | np.ndarray, middle: float, step: float, around: float | None) -> np.ndarray:
+    low, high = limits
     if around is not None:
         low, high = max(low, middle - around), min(high, middle + around)
     count = max(int(np.ceil((high - low) / step - 1e-9)), 1)

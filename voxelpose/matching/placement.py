@@ -43,7 +43,7 @@ def find_torso(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, count: int 
     Returns:
         Poses with the relaxed stance's angles, best first, clearly different from one another. Empty for an empty hull.
     """
-    depth = distance_transform_edt(occupancy)
+    depth = np.asarray(distance_transform_edt(occupancy), float)
     if not depth.max():
         return []
     voxels = Voxels(occupancy, grid.origin_m, grid.voxel_size_m)
@@ -60,7 +60,8 @@ def find_torso(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, count: int 
     refined = [_polish(fine, place, rotation) for place, rotation, _ in best]
     refined += [_polish(fine, p, r @ np.diag([-1.0, -1.0, 1.0])) for p, r, _ in refined]
     refined.sort(key=lambda item: -item[2])
-    kept = _different(*(np.array([item[k] for item in refined]) for k in range(3)), count)
+    places, rotations, scores = (np.array(column) for column in zip(*refined, strict=True))
+    kept = _different(places, rotations, scores, count)
     return [Pose(place - rotation @ middle, rotation, RELAXED_RAD.copy()) for place, rotation, _ in kept]
 
 

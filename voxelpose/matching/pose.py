@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +61,7 @@ _RESTLESS_DEG = {
 _RELAXED_DEG = {"upper_arm.abduction": -30.0, "forearm.flexion": 20.0, "shin.flexion": 8.0, "thigh.flexion": 4.0}
 
 
-def _by_freedom(table: dict[str, float], default: float) -> np.ndarray:
+def _by_freedom(table: Mapping[str, float], default: float) -> np.ndarray:
     values = []
     for name in BodyModel.dof_names:
         base = name.removeprefix("left_").removeprefix("right_")

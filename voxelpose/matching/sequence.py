@@ -136,8 +136,7 @@ class Watcher:
         strict = self._confirmed(masks, grid, self.rule)
         if len(masks) < 4:
             return strict
-        tolerance = self.rule.tolerance + 1
-        patient = replace(self.rule, tolerance=tolerance, least_agreeing=min(self.rule.least_agreeing, len(masks) - tolerance))
+        patient = replace(self.rule, tolerance=self.rule.tolerance + 1, least_agreeing=3 * len(masks) // 4 - self.rule.tolerance)
         loose = self._confirmed(masks, grid, patient)
         missing = sorted(1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1) for a, b in zip(strict, loose, strict=True))
         return strict if missing[1] < _EXPLAINED else loose

@@ -1,0 +1,86 @@
+"""A whole step of `fit`, silhouettes to pose, against one carve of Open3D."""
+
+from contextlib import nullcontext
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.cases import Case, Timed, case
+from benchmarks.scene import ring
+from calib.camera import Rig
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import SHAPE_SPREAD, BodySizes
+from silhouette_core.image.raster import render_parts
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.agreement import posed_mesh
+from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observation import PinholeViews
+from voxelpose.matching.pose import RELAXED_RAD, Pose
+from voxelpose.matching.search import Body
+from voxelpose.matching.sequence import MaskStore, Watcher
+from voxelpose.matching.tracking import Track, TrackSettings
+from voxelpose.open3d_import import import_open3d
+
+VIEWS, SHAPE_SEED = 4, 5
+VOXEL_M = 0.025
+
+
+def film() -> tuple[Rig, list[list[NDArray[np.bool_]]], list[Pose]]:
+    """Returns four cameras, the silhouettes of three frames of somebody else's body walking, and the poses."""
+    rig = ring(VIEWS)
+    random = np.random.default_rng(SHAPE_SEED)
+    other = BodyModel.from_sizes(BodySizes(1.75)).reshaped(0.7 * SHAPE_SPREAD * random.standard_normal(len(SHAPE_SPREAD)))
+    poses, frames = [], []
+    for t in range(3):
+        angles = RELAXED_RAD.copy()
+        for name, speed in (("left_thigh.flexion", 0.10), ("right_thigh.flexion", -0.10), ("left_shin.flexion", 0.12)):
+            angles[other.dof_names.index(name)] += speed * (t + 1)
+        poses.append(Pose(np.array([0.0, -0.03 * t, 0.95]), np.eye(3), angles))
+        vertices = posed_mesh(other, poses[-1])
+        drawn = [render_parts(vertices @ c.rotation.T + c.translation, other.faces, other.face_part, c.matrix, c.size)[0] > 0 for c in rig]
+        frames.append(drawn)
+    return rig, frames, poses
+
+
+@case("fit step, 4 cameras")
+def against_one_carve() -> Case:
+    rig, frames, poses = film()
+    open3d = import_open3d()
+    images = [open3d.geometry.Image(mask.astype(np.float32)) for mask in frames[2]]
+    cameras = []
+    for camera in rig:
+        parameters = open3d.camera.PinholeCameraParameters()
+        parameters.intrinsic = open3d.camera.PinholeCameraIntrinsic(*camera.size, camera.matrix)
+        parameters.extrinsic = np.block([[camera.rotation, camera.translation[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+        cameras.append(parameters)
+    store = MaskStore([camera.size for camera in rig], len(frames))
+    for t, masks in enumerate(frames):
+        store.put(t, masks)
+    watcher = Watcher(PinholeViews.of(rig), VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2 * VOXEL_M, (40, 40, 44)), VOXEL_M)
+    body = Body.of(BodyModel.from_sizes(BodySizes(1.75)), VOXEL_M)
+    track = Track(body, watcher, store, TrackSettings(30.0, MatchSettings()), lambda stage: nullcontext(), lambda: None)
+
+    def forget() -> None:
+        track.poses[:], track.error[:] = [poses[0], poses[1], None], [0.0, 0.0, np.inf]
+        track.error[:2] = 0.1
+
+    def step(_: None) -> Pose | None:
+        track.carry(1, +1)
+        return track.poses[2]
+
+    def dense() -> Any:
+        return open3d.geometry.VoxelGrid.create_dense(np.array([-1.0, -1.0, -0.1]), np.zeros(3), 2.0 / 128, 2.0, 2.0, 2.0)
+
+    def carve_silhouettes(dense_grid: Any) -> Any:
+        for image, parameters in zip(images, cameras, strict=True):
+            dense_grid.carve_silhouette(image, parameters, True)
+        return dense_grid
+
+    def check(found: Pose | None, _: Any) -> str:
+        if found is None:
+            return "no pose was found"
+        off = np.linalg.norm(found.root_m - poses[2].root_m)
+        return f"the pelvis is {100 * off:.0f} cm off" if off > 0.08 else ""
+
+    return Case(Timed(step, forget, repeats=5), Timed(carve_silhouettes, dense), "one open3d carve, 128^3 x 4", check, 3, "above 1")
