@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from threading import local
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import cv2
@@ -30,6 +32,27 @@ class _View:
     bound: NDArray[np.float64]
 
 
+class _Reused:
+    """Memory that is kept between calls: fresh pages would cost more than what is written to them."""
+
+    def __init__(self, dtype: type) -> None:
+        self._array = np.empty(0, dtype=dtype)
+
+    def of(self, count: int) -> NDArray[Any]:
+        """Returns `count` elements of whatever was there before."""
+        if len(self._array) < count:
+            self._array = np.empty(count, dtype=self._array.dtype)
+        return self._array[:count]
+
+
+class _Workspace(local):
+    """One for every thread."""
+
+    def __init__(self) -> None:
+        self.pixels, self.sums = _Reused(np.uint8), _Reused(np.uint16)
+
+
+_workspace = _Workspace()
 _views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
 
 
@@ -76,8 +99,11 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
     return [np.ascontiguousarray(mask).view(np.uint8) for mask in masks]
 
 
-def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
-    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only what is around the foreground is kept."""
+def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
+    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only what is around the foreground is kept.
+
+    The last two are overwritten by the next call in the same thread.
+    """
     frames = np.zeros((len(masks), 8), dtype=np.int64)
     pixel_count, sum_count = 3, 0
     for frame, mask in zip(frames, masks, strict=True):
@@ -86,12 +112,13 @@ def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArr
         frame[:] = mask.shape[1], mask.shape[0], left - 1, top - 1, wide + 2, high + 2, pixel_count, sum_count
         pixel_count += (wide + 2) * (high + 2)
         sum_count += (wide + 3) * (high + 3)
-    pixels, sums = np.zeros(pixel_count, dtype=np.uint8), np.zeros(sum_count, dtype=np.int32)
+    pixels, sums = _workspace.pixels.of(pixel_count), _workspace.sums.of(sum_count)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
     for (_, _, left, top, wide, high, pixel, total), mask in zip(frames.tolist(), masks, strict=True):
         crop = pixels[pixel : pixel + wide * high].reshape(high, wide)
+        crop[0], crop[-1], crop[:, 0], crop[:, -1] = 0, 0, 0, 0
         crop[1:-1, 1:-1] = mask[top + 1 : top + high - 1, left + 1 : left + wide - 1]
-        cv2.integral(crop, sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1))
+        sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1)[:] = cv2.integral(crop)  # wraps around
     return frames, sums, pixels
 
 

@@ -54,6 +54,15 @@ def test_any_masks_cameras_and_grids_agree_with_the_reference(seed):
         np.testing.assert_array_equal(carve(rig, masks, grid, rule), reference.carve(rig, masks, grid, rule))
 
 
+def test_blocks_larger_than_the_sums_can_count_agree_with_the_reference():
+    rig = Rig((look_at("near", (0, -0.6, 0.9), (0, 0, 0.9), size=(900, 800), focal=900.0),))
+    grid = VoxelGrid.from_bounds((-0.3, -0.2, 0.6), (0.3, 0.2, 1.2), 0.01)
+    for holes in (0, 1, 40):
+        mask = np.ones((800, 900), bool)
+        mask[tuple(np.random.default_rng(holes).integers(0, 800, (2, holes)))] = False
+        np.testing.assert_array_equal(carve(rig, [mask], grid), reference.carve(rig, [mask], grid))
+
+
 def test_the_reference_projects_as_the_camera_does():
     for lens in ({}, {"distortion": BARREL}, {"distortion": TILT}, {"distortion": FISHEYE, "fisheye": True}):
         rig = ring(1, **lens)
