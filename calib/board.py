@@ -98,7 +98,7 @@ class Board:
         return self._find_checkerboard(grey, thorough) if self.marker_m is None else self._find_charuco(grey)
 
     @cached_property
-    def _charuco(self) -> cv2.aruco.CharucoBoard:
+    def charuco(self) -> cv2.aruco.CharucoBoard:
         """OpenCV's own board of these numbers."""
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         return cv2.aruco.CharucoBoard((self.columns + 1, self.rows + 1), self.square_m, self.marker_m or self.square_m / 2, dictionary)
@@ -117,7 +117,7 @@ class Board:
 
     def _charuco_corners(self, grey: Image) -> tuple[FloatArray, NDArray[np.int64]]:
         """Returns pixels (N, 2) and numbers (N,) of the marked corners."""
-        corners, ids, _, _ = cv2.aruco.CharucoDetector(self._charuco).detectBoard(grey)
+        corners, ids, _, _ = cv2.aruco.CharucoDetector(self.charuco).detectBoard(grey)
         if corners is None or ids is None:
             return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
         return corners.reshape(-1, 2).astype(np.float64), ids.ravel().astype(np.int64)

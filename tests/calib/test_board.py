@@ -66,7 +66,7 @@ def test_every_refusal_says_why():
 
 def test_charuco_corners_are_found_even_when_part_is_hidden():
     board = Board(7, 4, 0.04, marker_m=0.03)
-    picture = cv2.copyMakeBorder(board._charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255)
+    picture = cv2.copyMakeBorder(board.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255)
     whole = board.find(picture)
     assert isinstance(whole, View)
     np.testing.assert_allclose(whole.pixels, board.points_m[:, :2] / 0.04 * 100 + 60 + 100 - 0.5, atol=0.6)
