@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.kernels import foreground as kernels
 
-_GRID = 12  # px between the pixels from which gain and noise are estimated
+_GRID = 16  # px between the pixels from which gain and noise are estimated
 _COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
 _UNIT = 1000  # integer steps of the pooled evidence in one noise
 _USUAL_CHROMA = 0.7  # pooled chromatic rest of an empty scene whose noise is known
@@ -109,18 +109,17 @@ def refined_mask(
     radius = max(1, round(min(frame.shape[:2]) / 240))
     view = _View(frame, background, _gain(frame, background.mean), radius, settings)
     found, pooled, scale = _detect(view)
-    found = _tidy(found, settings, region)
+    found = _tidy(found, settings, region, found.size)
     if not found.any():
         return found
     window = _window(found, margin=8 * radius)
     view, mask = view.part(window), found[window]
     mask = _sharpen(view, mask)
     mask = _settle_by_colours(view, mask, pooled[window], scale)
-    for _ in range(2):
-        mask = _sharpen(view, mask)
+    mask = _sharpen(view, mask)
     found[:] = False
-    found[window] = mask
-    return _tidy(found, settings, region)
+    found[window] = _tidy(mask, settings, None if region is None else region[window], found.size)
+    return found
 
 
 def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -198,8 +197,8 @@ def _grown(mask: NDArray[np.bool_], pixels: int, shape: int = cv2.MORPH_ELLIPSE)
     return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
 
 
-def _tidy(mask: NDArray[np.bool_], settings: RefinedSettings, region: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-    area, hole = round(settings.min_area_share * mask.size), round(settings.max_hole_share * mask.size)
+def _tidy(mask: NDArray[np.bool_], settings: RefinedSettings, region: NDArray[np.bool_] | None, pixels: int) -> NDArray[np.bool_]:
+    area, hole = round(settings.min_area_share * pixels), round(settings.max_hole_share * pixels)
     return clean(mask, min_area_px=area, min_share=settings.min_body_share, max_hole_px=hole, region=region)
 
 

@@ -15,14 +15,9 @@ def _split(frame, mean, tools, gain, row, column):
     background_0 = mean[row, column, 0]
     background_1 = mean[row, column, 1]
     background_2 = mean[row, column, 2]
-    # Where both are white they say nothing of each other.
-    white = np.float32(250.0)
-    colour_0 = np.float32(frame[row, column, 0])
-    colour_1 = np.float32(frame[row, column, 1])
-    colour_2 = np.float32(frame[row, column, 2])
-    colour_0 = background_0 if min(colour_0, background_0) > white else colour_0 * gain[0]
-    colour_1 = background_1 if min(colour_1, background_1) > white else colour_1 * gain[1]
-    colour_2 = background_2 if min(colour_2, background_2) > white else colour_2 * gain[2]
+    colour_0 = np.float32(frame[row, column, 0]) * gain[0]
+    colour_1 = np.float32(frame[row, column, 1]) * gain[1]
+    colour_2 = np.float32(frame[row, column, 2]) * gain[2]
     ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * tools[row, column, 0]
     scale = tools[row, column, 1]
     rest_0 = (colour_0 - ratio * background_0) * scale
