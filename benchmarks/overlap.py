@@ -1,9 +1,9 @@
 """Silhouettes against the true masks of rendered recordings: the paper's section 5.1 and the refined method.
 
-    python -m benchmarks.overlap [RECORDING ...] [--every N]
+    python -m benchmarks.overlap [RECORDING ...] [--every N] [--grey]
 
 Prints, per recording, the mean over cameras and frames of intersection over union, the share of frames under 0.9, and milliseconds per
-frame of the processor, one thread (decoding not counted).
+frame of the processor, one thread (decoding not counted). --grey first takes the colour out of the person in every frame.
 """
 
 import argparse
@@ -33,7 +33,16 @@ def overlap(found: np.ndarray, truth: np.ndarray) -> float:
     return float((found & truth).sum() / max((found | truth).sum(), 1))
 
 
-def measure(folder: Path, every: int) -> dict[str, np.ndarray]:
+def greyed(frame: np.ndarray, empty: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Makes the person as grey and as bright as concrete, shading and soft edges kept."""
+    share = cv2.GaussianBlur(truth.astype(np.float32), (3, 3), 0.7)[..., None]
+    person = np.where(share > 0.3, (frame - (1 - share) * empty) / np.maximum(share, 0.3), frame)
+    inside = person[truth].max(axis=1)
+    shade = np.clip(person.max(axis=2, keepdims=True) / max(float(np.median(inside)), 1.0), 0.7, 1.3) if len(inside) else 1.0
+    return np.clip(np.rint(share * 110 * shade + (1 - share) * frame), 0, 255).astype(np.uint8)
+
+
+def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
     recording, truth = Recording.open(folder), true_masks(folder)
     backgrounds = recording.backgrounds()
     paper = {name: BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")) for name, frames in backgrounds.items()}
@@ -42,7 +51,8 @@ def measure(folder: Path, every: int) -> dict[str, np.ndarray]:
     for index, _, frames in recording:
         if index % every:
             continue
-        for name, frame in frames.items():
+        for name, recorded in frames.items():
+            frame = greyed(recorded, paper[name].mean, truth[name][index]) if grey else recorded
             started = time.thread_time()
             plain = paper[name].silhouette(frame)
             between = time.thread_time()
@@ -59,13 +69,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("recordings", nargs="*", default=RECORDINGS)
     parser.add_argument("--every", type=int, default=1, help="measure every n-th frame only")
+    parser.add_argument("--grey", action="store_true", help="take the colour out of the person")
     given = parser.parse_args()
     set_threads(1)
     cv2.setNumThreads(1)
     print("| recording | paper 5.1 | paper 5.1, opened | refined | refined, worst frame | refined under 0.9 | paper ms | refined ms |")
     print("|---|---|---|---|---|---|---|---|")
     for name in given.recordings:
-        one = measure(SHARED / "data" / name, given.every)
+        one = measure(SHARED / "data" / name, given.every, given.grey)
         low = (one["refined"] < 0.9).mean()
         cells = [f"{one[key].mean():.4f}" for key in ("paper", "paper, opened", "refined")]
         cells += [f"{one['refined'].min():.3f}", f"{low:.1%}", f"{np.median(one['paper ms']):.1f}", f"{np.median(one['refined ms']):.1f}"]

@@ -28,7 +28,7 @@ class BackgroundSettings:
 
     method: Literal["refined", "paper"] = "refined"
     noise: float = 1.0
-    log_likelihood: float = -5.0
+    log_likelihood: float = -30.0
     raw_difference: float = 90.0
     refined: RefinedSettings = field(default_factory=RefinedSettings)
 
