@@ -53,7 +53,7 @@ def against_open3d() -> Case:
         return f"{missing:.1%} of our voxels are not among Open3D's" if missing > 0.01 else ""
 
     ours = Timed(lambda _: carve(rig, masks, grid), repeats=150)
-    return Case(ours, Timed(carve_silhouettes, dense), "open3d carve_silhouette", check, rounds=3, goal="at least 300, better 900")
+    return Case(ours, Timed(carve_silhouettes, dense), "open3d carve_silhouette", check, rounds=5, goal="at least 300, better 900")
 
 
 @case("carve 256^3 x 8 views (to 128^3)")

@@ -1,5 +1,6 @@
 """The visual hull of silhouettes, as voxels."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -74,6 +75,7 @@ def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
     frames, sums, pixels = pack_masks(mask_list(rig, masks))
     rows, kinds, bounds = pack_rig(rig)
     occupancy = np.zeros(grid.shape, dtype=np.bool_)
-    axes, order = grid.axes(blocks.LARGEST), block_order(grid)
+    axes = grid.axes(blocks.LARGEST)
+    order = block_order(math.prod(len(axis) // blocks.LARGEST for axis in axes))
     blocks.carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule.packed(len(rig)), axes, order, occupancy)
     return occupancy

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from threading import local
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
 from calib.lens import FisheyeLens, RationalLens
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels import blocks
 
 Masks = Mapping[str, NDArray[np.bool_]] | Sequence[NDArray[np.bool_]]
@@ -54,6 +54,7 @@ class _Workspace(local):
 
 _workspace = _Workspace()
 _views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
+_rigs: WeakKeyDictionary[Rig, tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]] = WeakKeyDictionary()
 
 
 def view(camera: Camera) -> _View:
@@ -65,12 +66,15 @@ def view(camera: Camera) -> _View:
 
 
 def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Returns rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`."""
-    if len(rig) > _MOST_CAMERAS:
-        raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
-    views = [view(camera) for camera in rig]
-    rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
-    return np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
+    """Returns rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; worked out once per rig."""
+    found = _rigs.get(rig)
+    if found is None:
+        if len(rig) > _MOST_CAMERAS:
+            raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
+        views = [view(camera) for camera in rig]
+        rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
+        found = _rigs[rig] = np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
+    return found
 
 
 def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
@@ -122,12 +126,12 @@ def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArr
     return frames, sums, pixels
 
 
-def block_order(grid: VoxelGrid) -> NDArray[np.int64]:
-    """Returns an order of the largest blocks, as in `blocks.carve_blocks`.
+@lru_cache(maxsize=16)
+def block_order(count: int) -> NDArray[np.int64]:
+    """Returns an order of that many blocks, as in `blocks.carve_blocks`.
 
     Neighbours cost alike; multiples of the golden section, sorted, deal them out over the whole run, and so over the threads.
     """
-    count = int(np.prod([-(-n // blocks.LARGEST) for n in grid.shape]))
     return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
 
 

@@ -73,23 +73,24 @@ def _pinhole_boxes(rows, c, middles, half, seen, boxes):
     v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
     w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
     depth = (abs(w_x) + abs(w_y) + abs(w_z)) * half
-    for n in range(8):
+    for n in range(middles.shape[1]):
         x, y, z = middles[0, n], middles[1, n], middles[2, n]
         w = w_x * x + w_y * y + w_z * z + w_1
-        before = w - depth >= _NEAR_M
-        w = w if before else 1.0
-        inverse = 1.0 / w
+        near = w - depth
+        before = near >= _NEAR_M
+        inverse, nearest = 1.0 / (w if before else 1.0), half / (near if before else 1.0)
         u = (u_x * x + u_y * y + u_z * z + u_1) * inverse
         v = (v_x * x + v_y * y + v_z * z + v_1) * inverse
         # U / W - u = (U - u W) / W: the numerator is affine and zero in the middle, the denominator is at least w - depth.
-        nearest = half / (w - depth) if before else 0.0
         du = (abs(u_x - u * w_x) + abs(u_y - u * w_y) + abs(u_z - u * w_z)) * nearest
         dv = (abs(v_x - v * w_x) + abs(v_y - v * w_y) + abs(v_z - v * w_z)) * nearest
-        boxes[0, n], boxes[1, n], boxes[2, n], boxes[3, n] = u - du, u + du, v - dv, v + dv
-        seen[n] = AGREES if before else CUT
+        boxes[0, n] = u - du
+        boxes[1, n] = u + du
+        boxes[2, n] = v - dv
+        boxes[3, n] = v + dv
     for n in range(8):
-        if seen[n] == CUT and w_x * middles[0, n] + w_y * middles[1, n] + w_z * middles[2, n] + w_1 + depth < -_DEPTH_ERROR_M:
-            seen[n] = BLIND
+        w = w_x * middles[0, n] + w_y * middles[1, n] + w_z * middles[2, n] + w_1
+        seen[n] = AGREES if w - depth >= _NEAR_M else (BLIND if w + depth < -_DEPTH_ERROR_M else CUT)
 
 
 @kernel
