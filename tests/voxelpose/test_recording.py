@@ -232,3 +232,16 @@ def test_announced_frames_that_are_not_there(shared: Path, tmp_path: Path):
     assert recording.frame_count == 127  # the files announce 129
     assert {one.frame_count for one in recording.backgrounds().values()} == {119}
     assert sum(1 for _ in recording) == 127
+
+
+def test_silhouettes_and_projection_matrices_are_enough(shared: Path, tmp_path: Path):
+    source = shared / "data/dancer8"
+    (tmp_path / "calibration.json").symlink_to(source / "projections.json")
+    for number in range(8):
+        (tmp_path / f"masks/cam_{number}").mkdir(parents=True)
+        (tmp_path / f"masks/cam_{number}/0.pbm").symlink_to(source / f"silh_cam{number:02d}_00023_0000008550.pbm")
+    recording = Recording.open(tmp_path)
+    assert recording.silhouettes_given
+    assert len(recording.rig) == 8
+    (_, _, frames), *_ = recording
+    assert all(0.01 < (frame > 127).mean() < 0.3 for frame in frames.values())
