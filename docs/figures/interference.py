@@ -89,7 +89,7 @@ def make_example() -> Example:
 
 def match_example(example: Example, interference: bool, step_rad: float = MatchSettings.step_rad) -> Match:
     """Matches as the paper does, with or without interference."""
-    settings = MatchSettings(step_rad=step_rad, interference=interference, look_ahead=False)
+    settings = MatchSettings(step_rad=step_rad, interference=interference)
     return match(example.solid, example.grid, example.occupancy, example.root, settings)
 
 

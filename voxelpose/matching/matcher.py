@@ -9,7 +9,7 @@ import numpy as np
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.joint_search import best_together
 from voxelpose.matching.kernels.bits import count_common
-from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles, sample_hinge, within_limits
+from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
 from voxelpose.matching.pose import Pose
 from voxelpose.matching.solid import Lump, Solid
 
@@ -22,7 +22,6 @@ class MatchSettings:
         step_rad: distance between sampled angles.
         around_rad: how far from the given pose angles are tried; None: the whole range of every joint.
         interference: match parts together where their movable areas share voxels; False is the paper's plain matcher.
-        look_ahead: judge a part also by the best that the part hanging on it could then explain. Not in the paper.
         empty_cost: cost of a voxel's worth of a part in empty space, in explained voxels.
         taken_cost: the same for lying inside a part that is already placed.
     """
@@ -30,7 +29,6 @@ class MatchSettings:
     step_rad: float = np.radians(15.0)
     around_rad: float | None = None
     interference: bool = True
-    look_ahead: bool = True
     empty_cost: float = 1.0
     taken_cost: float = 0.7
 
@@ -60,15 +58,12 @@ class Candidates:
         limb: which.
         angles_rad: (K, D), one row a placement.
         bits: (K, words) uint64, the free voxels each covers.
-        own_cost: (K,) float64, for lying in empty space or inside another part.
-        cost: (K,) float64, at least 0, what the search charges: the own cost, and (look-ahead) for leaving no good place to
-            the limb that hangs on it.
+        cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already placed.
     """
 
     limb: Limb
     angles_rad: np.ndarray
     bits: np.ndarray
-    own_cost: np.ndarray
     cost: np.ndarray
 
     @property
@@ -104,8 +99,8 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
         start: places the root part; its other angles are the middle of a local search, or only the first guess of a full one.
         settings: see MatchSettings.
 
-    Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for empty space, the exact joint search, the
-    look-ahead; the torso's voxels are taken before the limbs are matched.
+    Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for empty space, the exact joint
+    search; the torso's voxels are taken before the limbs are matched.
     """
     lump = Lump(grid, occupancy)
     state = _State(solid, lump, start, settings or MatchSettings(), np.zeros(lump.words, np.uint64))
@@ -127,7 +122,7 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
                 # Against the angles that the candidates were sampled from: what other groups have decided since then stays.
                 changed = candidate.angles_rad[k] != before
                 angles[changed] = candidate.angles_rad[k][changed]
-            cost = sum(float(c.own_cost[k]) for c, k in zip(group, choice, strict=True))
+            cost = sum(float(c.cost[k]) for c, k in zip(group, choice, strict=True))
             _decide(state, [c.limb for c in group], [c.bits[k] for c, k in zip(group, choice, strict=True)], angles, cost)
         decided |= {limb.name for limb in selectable}
     return Match(state.pose, state.score, state.covered / max(len(state.lump), 1), tuple(state.groups))
@@ -135,12 +130,8 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
 
 def candidate_placements(state: _State, limb: Limb) -> Candidates:
     """Samples and scores the placements of one selectable limb."""
-    settings = state.settings
-    angles = sample_angles(limb, state.pose.angles_rad, settings.step_rad, settings.around_rad)
-    bits, own_cost = _cover(state, limb, angles)
-    below = next((child for child in LIMBS if child.parent == limb.name), None)
-    cost = own_cost + _what_hangs_on(state, below, angles) if settings.look_ahead and below is not None else own_cost
-    return Candidates(limb, angles, bits, own_cost, cost)
+    angles = sample_angles(limb, state.pose.angles_rad, state.settings.step_rad, state.settings.around_rad)
+    return Candidates(limb, angles, *_cover(state, limb, angles))
 
 
 def interference_groups(candidates: list[Candidates]) -> list[list[Candidates]]:
@@ -158,20 +149,8 @@ def interference_groups(candidates: list[Candidates]) -> list[list[Candidates]]:
     return [[c for c, g in zip(candidates, group, strict=True) if g == label] for label in sorted(set(group))]
 
 
-def _what_hangs_on(state: _State, limb: Limb, angles: np.ndarray) -> np.ndarray:
-    """(K,) cost, at least 0: how much less than its whole volume the best placement of `limb` explains, for each placement above it."""
-    settings, solid = state.settings, state.solid
-    below = sample_hinge(limb, angles, 1.5 * settings.step_rad, settings.around_rad)
-    placements = solid.placements(limb, state.pose, below.reshape(-1, below.shape[-1]))
-    points = solid.points[limb.name][::3]
-    inside, outside = solid.backend.voxel_overlap(state.lump.free, points, np.full(len(points), 3.0), *placements)
-    gain = (inside - settings.empty_cost * outside).reshape(below.shape[:2])
-    best = np.where(within_limits(below), gain, -np.inf).max(1)
-    return np.maximum(len(solid.points[limb.name]) - np.maximum(best, 0.0), 0.0)
-
-
 def _cover(state: _State, limb: Limb, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bits (K, words) and own cost (K,) of a limb's placements."""
+    """Bits (K, words) and cost (K,) of a limb's placements."""
     placements = state.solid.placements(limb, state.pose, angles)
     bits, empty, inside = state.lump.cover(state.solid.points[limb.name], *placements)
     return bits, state.settings.empty_cost * empty + state.settings.taken_cost * inside

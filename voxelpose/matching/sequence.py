@@ -17,6 +17,7 @@ from voxelpose.matching.observation import Observation, PinholeViews
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
 _EXPLAINED = 0.04  # a camera is explained by the hull where less than this share of its silhouette is not
+_SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
 _CRUMB = 0.03  # of the largest piece
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
 
@@ -131,18 +132,21 @@ class Watcher:
         """Keeps of each silhouette what the other cameras confirm: pixels into which a voxel near the body projects.
 
         A limb that one camera misses leaves the hull, and all other cameras then show something that the hull does not explain. So
-        where at least two cameras are explained, the rest of the others' is false foreground; where not, one camera may object.
+        where at least two cameras are explained, large pieces that only some of the others show are false foreground. Small ones stay,
+        if most cameras agree: hands and feet are soon lost to a hull.
         """
-        strict = self._confirmed(masks, grid, self.rule)
         if len(masks) < 4:
-            return strict
-        patient = replace(self.rule, tolerance=self.rule.tolerance + 1, least_agreeing=3 * len(masks) // 4 - self.rule.tolerance)
-        loose = self._confirmed(masks, grid, patient)
+            return self._confirmed(masks, grid, self.rule)
+        tolerance = self.rule.tolerance + max(1, len(masks) // 4)
+        loose = self._confirmed(masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=3 * len(masks) // 4 - tolerance + 1))
+        strict = self._confirmed(masks, grid, self.rule)
         missing = sorted(1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1) for a, b in zip(strict, loose, strict=True))
-        return strict if missing[1] < _EXPLAINED else loose
+        if missing[1] >= _EXPLAINED:
+            return loose
+        return [sure | _small_pieces(likely & ~sure, _SMALL * np.count_nonzero(sure)) for sure, likely in zip(strict, loose, strict=True)]
 
     def _confirmed(self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule) -> list[np.ndarray]:
-        points = grid.occupied_points(_large_pieces(carve(self.views.rig, masks, grid, rule)))
+        points = grid.occupied_points(_large_pieces(carve(self.views.rig, self._widened(masks, grid), grid, rule)))
         kept = []
         for c, mask in enumerate(masks):
             pixels, depth = self.views.rig.cameras[c].project(points)
@@ -179,3 +183,11 @@ def _large_pieces(occupancy: np.ndarray) -> np.ndarray:
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
     return (sizes >= _CRUMB * sizes.max(initial=1))[labels]
+
+
+def _small_pieces(mask: np.ndarray, most_px: float) -> np.ndarray:
+    """Returns the connected pieces of a mask of at most `most_px` pixels."""
+    _, labels, stats, _ = map(np.asarray, cv2.connectedComponentsWithStats(mask.astype(np.uint8)))
+    kept = stats[:, cv2.CC_STAT_AREA] <= most_px
+    kept[0] = False
+    return kept[labels]

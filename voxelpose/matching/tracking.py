@@ -18,7 +18,7 @@ from voxelpose.matching.sequence import MaskStore, Sight, Watcher
 _FOLLOW = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.09, 0.07, 0.06, 0.06))
 _POLISH = RefineSettings(reaches_m=(0.08, 0.06, 0.05, 0.05))
 _MOMENTUM = 0.8  # share of the last step that the next one is expected to repeat
-_NEARBY = MatchSettings(step_rad=np.radians(14.0), around_rad=np.radians(42.0), look_ahead=True)
+_NEARBY = MatchSettings(step_rad=np.radians(14.0), around_rad=np.radians(42.0))
 _BETTER = 0.97  # an answer replaces another where its error is below this share of the other's
 _POOR, _POOR_BY = 1.2, 0.01  # a frame is poor where its error exceeds the usual by this factor and this much
 _LOST = 0.45  # a pose that leaves so much of the silhouettes unexplained is no answer

@@ -27,16 +27,12 @@ def turn(vector, rotation, jacobian):
 
 
 @kernel
-def place_needed(parents, joints, dof_part, dof_axis, root_rotation, root, angles, needed, part_rotation, part_origin, world_axis):
-    """As `place_parts_and_axes`, for the parts that are needed; those that they hang on must be."""
+def place_parts_and_axes(parents, joints, dof_part, dof_axis, root_rotation, root, angles, part_rotation, part_origin, world_axis):
+    """Fills part_rotation (P, 3, 3), part_origin (P, 3) and world_axis (D, 3): turning DOF k moves x by world_axis[k] x (x - origin)."""
     local, jacobian, vector = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     k = 0
     for p in range(parents.shape[0]):
         parent = parents[p]
-        if not needed[p]:
-            while k < dof_part.shape[0] and dof_part[k] == p:
-                k += 1
-            continue
         if parent < 0:
             part_origin[p] = root
             base = root_rotation
@@ -65,13 +61,6 @@ def place_needed(parents, joints, dof_part, dof_axis, root_rotation, root, angle
 
 
 @kernel
-def place_parts_and_axes(parents, joints, dof_part, dof_axis, root_rotation, root, angles, part_rotation, part_origin, world_axis):
-    """Fills part_rotation (P, 3, 3), part_origin (P, 3) and world_axis (D, 3): turning DOF k moves x by world_axis[k] x (x - origin)."""
-    needed = np.ones(parents.shape[0], np.bool_)
-    place_needed(parents, joints, dof_part, dof_axis, root_rotation, root, angles, needed, part_rotation, part_origin, world_axis)
-
-
-@kernel
 def place_parts(parents, joints, dof_part, dof_axis, root_rotation, root, angles, part_rotation, part_origin):
     """As `place_parts_and_axes`, without the axes."""
     unused = np.empty((dof_part.shape[0], 3))
@@ -80,16 +69,10 @@ def place_parts(parents, joints, dof_part, dof_axis, root_rotation, root, angles
 
 @parallel_kernel
 def place_one_part(parents, joints, dof_part, dof_axis, root_rotation, root, angles, part, rotations, origins):
-    """Fills rotations (K, 3, 3) and origins (K, 3) of one part for each row of angles (K, D); only what it hangs on is placed."""
-    needed = np.zeros(parents.shape[0], np.bool_)
-    p = part
-    while p >= 0:
-        needed[p] = True
-        p = parents[p]
+    """Fills rotations (K, 3, 3) and origins (K, 3) of one part for each row of angles (K, D)."""
     for k in prange(angles.shape[0]):
         rotation, origin = np.empty((parents.shape[0], 3, 3)), np.empty((parents.shape[0], 3))
-        unused = np.empty((dof_part.shape[0], 3))
-        place_needed(parents, joints, dof_part, dof_axis, root_rotation, root, angles[k], needed, rotation, origin, unused)
+        place_parts(parents, joints, dof_part, dof_axis, root_rotation, root, angles[k], rotation, origin)
         rotations[k] = rotation[part]
         origins[k] = origin[part]
 

@@ -80,7 +80,7 @@ def test_limbs_are_placed_where_the_whole_body_would_have_them(solid):
 def candidates_of(bits, limb="neck"):
     words = np.packbits(np.asarray(bits, bool), axis=1, bitorder="little")
     words = np.pad(words, ((0, 0), (0, -words.shape[1] % 8))).view(np.uint64)
-    return Candidates(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)), np.zeros(len(words)))
+    return Candidates(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)))
 
 
 def test_movable_area_is_what_some_placement_covers():
@@ -100,7 +100,7 @@ def test_interference_is_passed_on_from_part_to_part():
 def test_arms_apart_are_matched_singly_and_legs_together(solid, scene):
     _, _, grid, occupancy = scene
     start = stance(solid.model, TURNS)
-    found = match(solid, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0), look_ahead=False))
+    found = match(solid, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
     groups = [set(group) for group in found.groups]
     assert {"left_upper_arm"} in groups and {"right_upper_arm"} in groups
     assert {"left_thigh", "right_thigh"} in groups
@@ -139,7 +139,7 @@ def test_full_search_finds_the_postures_of_others(solid):
 def test_explained_share_counts_a_voxel_once(solid, scene):
     _, _, grid, occupancy = scene
     for interference in (True, False):
-        found = match(solid, grid, occupancy, stance(solid.model), MatchSettings(interference=interference, look_ahead=False))
+        found = match(solid, grid, occupancy, stance(solid.model), MatchSettings(interference=interference))
         lump = Lump(grid, occupancy)
         union = np.zeros(lump.words, np.uint64)
         for limb in LIMBS:
