@@ -4,12 +4,8 @@ One line per case: name, our time, the reference's time, and their ratio. Both r
 shortest of several runs counts.
 """
 
-import os
 import platform
 import sys
-
-# Threads that wait for work sleep: where other programs run too, spinning ones would keep the cores from each other.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 from benchmarks import carving, cases, fitting, scoring, silhouettes  # noqa: F401
 from silhouette_core.jit import set_threads
