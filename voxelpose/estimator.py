@@ -176,6 +176,8 @@ def _track(
     reporter.stage("repair")
     with clock("repair"):
         track.repair(3 + len(store) // 100)
+    reporter.stage("limbs")
+    track.recheck()
     reporter.stage("proportions")
     with clock("proportions"):
         refit(track, start)
