@@ -97,7 +97,8 @@ class Motion:
         if "landmark_confidence" in self.quality:
             return np.asarray(self.quality["landmark_confidence"], float)
         if "part_overlap" in self.quality:
-            return np.clip(np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part], 0.0, 1.0)
+            overlap = np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part]
+            return np.clip(np.nan_to_num(overlap), 0.0, 1.0)  # where nothing was measured, nothing is known
         frame = np.asarray(self.quality.get("confidence", np.ones(len(self))), float)
         return np.repeat(frame[:, None], len(LANDMARK_NAMES), axis=1)
 

@@ -19,7 +19,7 @@ class Quality:
     """How one frame's pose and hull lie over each other.
 
     Attributes:
-        part_overlap: (27,) share of each part's volume inside the hull.
+        part_overlap: (27,) share of each part's volume inside the hull; NaN for one smaller than a voxel.
         part_unsupported: (27,) bool, hardly any voxel speaks for the part.
         unexplained: share of the hull's voxels that no part covers. A hull of few cameras is larger than the body in it.
     """
@@ -33,7 +33,7 @@ def assess(solid: Solid, pose: Pose, sight: Sight) -> Quality:
     """Lays a posed body over the hull."""
     lump = Lump(sight.grid, sight.occupancy)
     rotation, origin = forward(solid.model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None])
-    overlap = np.ones(len(solid.model.names))
+    overlap = np.full(len(solid.model.names), np.nan)
     union = np.zeros(lump.words, np.uint64)
     for part, points in enumerate(solid.part_points):
         if len(points):
