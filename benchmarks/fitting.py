@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.carving import open3d_carve
 from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring
 from calib.camera import Rig
@@ -20,7 +21,6 @@ from voxelpose.matching.pose import RELAXED_RAD, Pose
 from voxelpose.matching.search import Body
 from voxelpose.matching.sequence import MaskStore, Watcher
 from voxelpose.matching.tracking import Track, TrackSettings
-from voxelpose.open3d_import import import_open3d
 
 VIEWS, SHAPE_SEED = 4, 5
 VOXEL_M = 0.025
@@ -46,14 +46,6 @@ def film() -> tuple[Rig, list[list[NDArray[np.bool_]]], list[Pose]]:
 @case("fit step, 4 cameras")
 def against_one_carve() -> Case:
     rig, frames, poses = film()
-    open3d = import_open3d()
-    images = [open3d.geometry.Image(mask.astype(np.float32)) for mask in frames[2]]
-    cameras = []
-    for camera in rig:
-        parameters = open3d.camera.PinholeCameraParameters()
-        parameters.intrinsic = open3d.camera.PinholeCameraIntrinsic(*camera.size, camera.matrix)
-        parameters.extrinsic = np.block([[camera.rotation, camera.translation[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
-        cameras.append(parameters)
     store = MaskStore([camera.size for camera in rig], len(frames))
     for t, masks in enumerate(frames):
         store.put(t, masks)
@@ -69,18 +61,11 @@ def against_one_carve() -> Case:
         track.carry(1, +1)
         return track.poses[2]
 
-    def dense() -> Any:
-        return open3d.geometry.VoxelGrid.create_dense(np.array([-1.0, -1.0, -0.1]), np.zeros(3), 2.0 / 128, 2.0, 2.0, 2.0)
-
-    def carve_silhouettes(dense_grid: Any) -> Any:
-        for image, parameters in zip(images, cameras, strict=True):
-            dense_grid.carve_silhouette(image, parameters, True)
-        return dense_grid
-
     def check(found: Pose | None, _: Any) -> str:
         if found is None:
             return "no pose was found"
         off = np.linalg.norm(found.root_m - poses[2].root_m)
         return f"the pelvis is {100 * off:.0f} cm off" if off > 0.08 else ""
 
-    return Case(Timed(step, forget, repeats=5), Timed(carve_silhouettes, dense), "one open3d carve, 128^3 x 4", check, 3, "above 1")
+    whole = VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2.0 / 128, (128, 128, 128))
+    return Case(Timed(step, forget, 5), open3d_carve(rig, frames[2], whole), "one open3d carve, 128^3 x 4", check, 3, "above 1")
