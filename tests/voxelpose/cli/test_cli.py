@@ -24,8 +24,10 @@ def walk(desk):
 
 def start(desk, *words, code="from voxelpose.cli import main; main()"):
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{desk / 'site'}"}
+    # A shell's background job is born deaf to Ctrl-C, and so would be what the tests start from there.
+    hearing = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler); {code}"
     return subprocess.Popen(
-        [sys.executable, "-c", code, *words], cwd=desk, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", hearing, *words], cwd=desk, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
 
 
