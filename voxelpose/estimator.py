@@ -13,6 +13,7 @@ import numpy as np
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Reporter, Settings
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.kinematics import quaternions
@@ -89,6 +90,8 @@ class MultiViewEstimator:
         options = _Options.read(settings.options)
         if len(source.rig) < 2:
             raise InputError(f"{len(source.rig)} camera is too few for voxels: give at least two calibrated cameras that see the person")
+        if settings.stature_m is not None:
+            BodySizes(settings.stature_m, settings.chest_m, settings.sex)  # refuses what is no person's, before any work is done
         set_threads(settings.threads)
         clock = _Clock()
         lenses = [_Lens.of(camera) for camera in source.rig]
