@@ -24,7 +24,7 @@ def body(request):
         return {key: file.get_tensor(key) for key in file.keys()}, file.metadata()  # noqa: SIM118
 
 
-def check_body(arrays, about, tolerance=0.005):
+def assert_body(arrays, about, tolerance=0.005):
     """Everything that has to hold for any resolution."""
     vertices, faces = arrays["vertices_m"].astype(float), arrays["faces"]
     stature = float(about["stature"])
@@ -80,7 +80,7 @@ def chest_girth(mesh, stature):
 
 def test_shipped_files(body):
     arrays, about = body
-    check_body(arrays, about)
+    assert_body(arrays, about)
     assert 4000 < len(arrays["faces"]) < 5000
     assert json.loads(about["parts"]) == list(PART_NAMES) and json.loads(about["landmarks"]) == list(LANDMARK_NAMES)
 
@@ -111,4 +111,4 @@ def test_the_maker_makes_such_bodies_again():
     from silhouette_core.body.template.make import make_template
 
     arrays, about = make_template(MAN, triangles=1800, spacing=0.007)
-    check_body(arrays, about, tolerance=0.015)
+    assert_body(arrays, about, tolerance=0.015)
