@@ -16,7 +16,7 @@ from calib.errors import InputError
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Reporter, Settings
 from silhouette_core.jit import set_threads
-from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.placement import place_grid, require_foreground
@@ -25,6 +25,7 @@ from voxelpose.matching.adaptation import stature_of
 from voxelpose.matching.body import choose_body, refit
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation import PinholeViews
+from voxelpose.matching.pose import Pose
 from voxelpose.matching.quality import assess
 from voxelpose.matching.sequence import MaskStore, Watcher
 from voxelpose.matching.smoothing import smooth, smooth_quaternions
@@ -213,9 +214,10 @@ def _motion(
             rotation[run] = smooth_quaternions(rotation[run], fps)
     reporter.stage("quality", len(posed))
     found = []
-    for t, pose in zip(posed, poses, strict=True):
+    for k, t in enumerate(posed):
         with clock("quality"):
             sight = track.sight(t)
+            pose = Pose(root[k], rotation_matrices(rotation[k]), angles[k])  # as written: smoothed where that was asked for
             found.append(None if sight is None else assess(track.body.solid, pose, sight))
         reporter.advance()
     parts = len(track.body.model.names)
