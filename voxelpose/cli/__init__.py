@@ -6,7 +6,7 @@ import importlib
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import FrameType
 
 from calib.errors import InputError
@@ -15,6 +15,7 @@ COMMANDS = {
     "demo": "make a small recording, fit it and score it: a first result without any data",
     "fit": "fit a body to every frame of a recording and write its motion",
     "carve": "carve one frame of a recording: its visual hull as a PLY file",
+    "library": "make or describe a pose library, from which one camera's motion is estimated",
     "view": "show a result's hull and skeleton, in a window or as a picture",
     "evaluate": "score a result against known joint positions",
     "doctor": "say what of this machine works, and what to do about the rest",
@@ -87,11 +88,27 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _parse(name: str, words: list[str]):
-    """Returns the command with its arguments; its class is called as its module."""
+    """Returns the command with its arguments; its class is called as its module, or is one of the module's SUBCOMMANDS."""
     import tyro
 
-    command = getattr(importlib.import_module(f"voxelpose.cli.{name}"), name.capitalize())
+    module = importlib.import_module(f"voxelpose.cli.{name}")
+    if hasattr(module, "SUBCOMMANDS"):
+        name, command, words = _second_word(name, module.SUBCOMMANDS, words)
+    else:
+        command = getattr(module, name.capitalize())
     return tyro.cli(command, prog=f"voxelpose {name}", description=command.help, args=words)
+
+
+def _second_word(name: str, commands: Mapping[str, type], words: list[str]) -> tuple[str, type, list[str]]:
+    """Returns the full name of a command of two words, its class and what follows; lists them where help is asked for."""
+    word, *rest = words or ["--help"]
+    if word in ("-h", "--help"):
+        does = "\n".join(f"  {word:<10}{command.help.splitlines()[0]}" for word, command in commands.items())  # type: ignore[attr-defined]
+        print(f"usage: voxelpose {name} [-h] COMMAND ...\n\ncommands:\n{does}\n\nvoxelpose {name} COMMAND --help tells all about a command")
+        raise SystemExit(0)
+    if word not in commands:
+        raise InputError(f"there is no command '{name} {word}': there are {', '.join(f'{name} {word}' for word in commands)}")
+    return f"{name} {word}", commands[word], rest
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -1,0 +1,78 @@
+"""voxelpose library build, voxelpose library info."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+
+@dataclass(frozen=True)
+class Build:
+    """The arguments of `voxelpose library build`."""
+
+    help: ClassVar[str] = """Makes a pose library and its silhouette tree from recorded motion, once per body.
+
+MOTION are BVH files, exponential-map files, or folders of them.
+
+  voxelpose library build mocap --out me.vplib --stature 1.75
+  voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
+"""
+
+    motion: Annotated[Positional[tuple[Path, ...]], arg(metavar="MOTION...")]
+    """Recorded motion: files, or folders of them."""
+    out: Annotated[Path, arg(metavar="LIB")]
+    """File to be made. An earlier library of this name is replaced once the new one is whole; an interrupted build goes on where it was."""
+    stature: Annotated[float, arg(metavar="M")] = 1.75
+    """Height of the person in metres."""
+    chest: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
+    """Chest girth in metres. Left out: usual for the stature."""
+    sex: Literal["male", "female", "unknown"] = "unknown"
+    """Whose proportions."""
+    poses: Annotated[int, arg(metavar="N")] = 60000
+    """How many poses, seen from all sides, at most. Recorded poses that differ little are left out until it fits."""
+    yaw_step: Annotated[float, arg(metavar="DEG")] = 15.0
+    """Angle between the sides from which a pose is seen."""
+    pitch: Annotated[UseAppendAction[tuple[float, ...]], arg(metavar="DEG")] = ()
+    """How far the camera looks down; may be given several times. Left out: 5."""
+    mirror: bool = True
+    """Add the mirror image of every pose."""
+    names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
+    """Whose joint is which, for a skeleton with names of its own."""
+    leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
+    """A clip not to be used, by its file's name; may be given several times."""
+    threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Processor threads. Left out: all."""
+
+    def run(self) -> int:
+        """Builds."""
+        from calib.errors import InputError
+
+        raise InputError("library build is not there yet")
+
+
+@dataclass(frozen=True)
+class Info:
+    """The arguments of `voxelpose library info`."""
+
+    help: ClassVar[str] = """Says what a pose library holds.
+
+  voxelpose library info me.vplib
+  voxelpose library info me.vplib --png sheet.png
+"""
+
+    library: Annotated[Positional[Path], arg(metavar="LIB")]
+    """The library."""
+    png: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Also draw a contact sheet of its silhouettes."""
+
+    def run(self) -> int:
+        """Tells."""
+        from calib.errors import InputError
+
+        raise InputError("library info is not there yet")
+
+
+SUBCOMMANDS = {"build": Build, "info": Info}
