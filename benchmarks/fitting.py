@@ -12,14 +12,15 @@ from benchmarks.scene import ring
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SPREAD, BodySizes
+from silhouette_core.fitting.agreement import posed_mesh
+from silhouette_core.fitting.observation import PinholeViews
+from silhouette_core.fitting.pose import RELAXED_RAD, Pose
+from silhouette_core.image.mask_store import MaskStore
 from silhouette_core.image.raster import render_parts
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.agreement import posed_mesh
 from voxelpose.matching.matcher import MatchSettings
-from voxelpose.matching.observation import PinholeViews
-from voxelpose.matching.pose import RELAXED_RAD, Pose
 from voxelpose.matching.search import Body
-from voxelpose.matching.sequence import MaskStore, Watcher
+from voxelpose.matching.sequence import Watcher
 from voxelpose.matching.tracking import Track, TrackSettings
 
 VIEWS, SHAPE_SEED = 4, 5

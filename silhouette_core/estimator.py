@@ -10,7 +10,10 @@ All take the same frames and give the same Motion; nothing downstream knows whic
 
 from __future__ import annotations
 
+import time
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
@@ -132,6 +135,21 @@ class Estimate:
     motion: Motion
     stage_s: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     facts: Mapping[str, object] = field(default_factory=dict)
+
+
+class Clock:
+    """How long every stage took, per frame."""
+
+    def __init__(self) -> None:
+        """Starts with nothing."""
+        self.seconds: dict[str, list[float]] = defaultdict(list)
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Times a block."""
+        started = time.perf_counter()
+        yield
+        self.seconds[stage].append(time.perf_counter() - started)
 
 
 @runtime_checkable

@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import time
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from calib.camera import Camera, Rig
+from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Estimate, FrameSource, Reporter, Settings
+from silhouette_core.estimator import Clock, Estimate, FrameSource, Reporter, Settings
+from silhouette_core.fitting.observation import PinholeViews
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.image.mask_store import MaskStore
+from silhouette_core.image.silhouettes import Silhouettes, StraightLens
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.smoothing import smooth, smooth_quaternions
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.placement import place_grid, require_foreground
 from voxelpose.footage import Frame
 from voxelpose.matching.adaptation import stature_of
 from voxelpose.matching.body import choose_body, refit
 from voxelpose.matching.matcher import MatchSettings
-from voxelpose.matching.observation import PinholeViews
-from voxelpose.matching.pose import Pose
 from voxelpose.matching.quality import assess
-from voxelpose.matching.sequence import MaskStore, Watcher
-from voxelpose.matching.smoothing import smooth, smooth_quaternions
+from voxelpose.matching.sequence import Watcher
 from voxelpose.matching.tracking import Track, TrackSettings
-from voxelpose.silhouettes import Silhouettes, working_scale
 
 _LONG_SIDE_PX = 960  # larger pictures are fitted at this size: contours are finer there than clothes are
 _VOXEL_M = 0.025
@@ -62,21 +59,6 @@ class _Options:
         return read
 
 
-class _Clock:
-    """How long every stage took, per frame."""
-
-    def __init__(self) -> None:
-        """Starts with nothing."""
-        self.seconds: dict[str, list[float]] = defaultdict(list)
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Times a block."""
-        started = time.perf_counter()
-        yield
-        self.seconds[stage].append(time.perf_counter() - started)
-
-
 class MultiViewEstimator:
     """Estimates motion from two or more calibrated cameras.
 
@@ -94,8 +76,8 @@ class MultiViewEstimator:
         if settings.stature_m is not None:
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)  # refuses what is no person's, before any work is done
         set_threads(settings.threads)
-        clock = _Clock()
-        lenses = [_Lens.of(camera) for camera in source.rig]
+        clock = Clock()
+        lenses = [StraightLens.of(camera, _LONG_SIDE_PX) for camera in source.rig]
         views = PinholeViews.of(Rig(tuple(lens.pinhole for lens in lenses)))
         store = MaskStore([lens.pinhole.size for lens in lenses], source.frame_count)
         try:
@@ -108,34 +90,8 @@ class MultiViewEstimator:
         return Estimate(motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts)
 
 
-@dataclass(frozen=True, eq=False)
-class _Lens:
-    """From a camera's picture to that of the ideal camera that is fitted.
-
-    Attributes:
-        pinhole: camera without distortion, at most `_LONG_SIDE_PX` long.
-        maps: for cv2.remap, from the recorded picture at working size; None where that is the pinhole's already.
-    """
-
-    pinhole: Camera
-    maps: tuple[np.ndarray, np.ndarray] | None
-
-    @classmethod
-    def of(cls, camera: Camera) -> _Lens:
-        scale = working_scale(camera, _LONG_SIDE_PX)
-        if camera.is_pinhole:
-            return cls(camera.pinhole(scale), None)
-        map_x, map_y = ((m + np.float32(0.5)) * np.float32(scale) - np.float32(0.5) for m in camera.pinhole_maps(scale))
-        return cls(camera.pinhole(scale), (map_x, map_y))
-
-    def straighten(self, mask: np.ndarray) -> np.ndarray:
-        if self.maps is None:
-            return mask
-        return cv2.remap(mask.astype(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
-
-
 def _store_silhouettes(
-    source: FrameSource, settings: Settings, lenses: list[_Lens], store: MaskStore, clock: _Clock, reporter: Reporter
+    source: FrameSource, settings: Settings, lenses: list[StraightLens], store: MaskStore, clock: Clock, reporter: Reporter
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fills the store; returns frame numbers (T,) and times (T,) s."""
     reporter.stage("background")
@@ -169,7 +125,7 @@ def _watcher(views: PinholeViews, store: MaskStore, options: _Options, reporter:
 
 
 def _track(
-    watcher: Watcher, store: MaskStore, settings: Settings, options: _Options, fps: float, clock: _Clock, reporter: Reporter
+    watcher: Watcher, store: MaskStore, settings: Settings, options: _Options, fps: float, clock: Clock, reporter: Reporter
 ) -> tuple[Track, dict[str, object]]:
     reporter.stage("first poses")
     with clock("first poses"):
@@ -200,7 +156,7 @@ def _track(
 
 
 def _motion(
-    track: Track, settings: Settings, fps: float, numbers: np.ndarray, times: np.ndarray, clock: _Clock, reporter: Reporter
+    track: Track, settings: Settings, fps: float, numbers: np.ndarray, times: np.ndarray, clock: Clock, reporter: Reporter
 ) -> Motion:
     posed = [t for t, pose in enumerate(track.poses) if pose is not None]
     poses = [pose for pose in track.poses if pose is not None]

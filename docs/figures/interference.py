@@ -21,15 +21,15 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.fitting.agreement import posed_mesh
+from silhouette_core.fitting.pose import RELAXED_RAD, Pose
+from silhouette_core.fitting.solid import Solid
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
-from voxelpose.matching.agreement import posed_mesh
 from voxelpose.matching.matcher import Match, MatchSettings, match
-from voxelpose.matching.pose import RELAXED_RAD, Pose
-from voxelpose.matching.solid import Solid
 from voxelpose.view.canvas import colour_of, text_width, write_text
 
 PICTURE = Path(__file__).parents[1] / "images" / "interference.png"

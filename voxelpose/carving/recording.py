@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.errors import InputError
+from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.placement import grid_within, place_grid, require_foreground
 from voxelpose.carving.surface import write_ply
 from voxelpose.recording import Recording
-from voxelpose.silhouettes import Silhouettes
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ import numpy as np
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SPREAD
-from voxelpose.matching.kernels.refine import add_normal_equations
-from voxelpose.matching.observation import Observation
-from voxelpose.matching.pose import Pose
-from voxelpose.matching.refinement import RefineSettings, add_pose_priors, bounded_step, refine, residuals
-from voxelpose.matching.surface import Surface
+from silhouette_core.fitting.kernels.refine import add_normal_equations
+from silhouette_core.fitting.observation import Observation
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.refinement import RefineSettings, add_pose_priors, bounded_step, refine, residuals
+from silhouette_core.fitting.surface import Surface
 
 _REACHES_M = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
 _LARGEST = 3.0  # deviations beyond this many spreads are not a person's

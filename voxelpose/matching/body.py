@@ -10,15 +10,16 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.estimator import Reporter, Settings
+from silhouette_core.fitting.agreement import silhouette_error
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.solid import Solid
+from silhouette_core.fitting.surface import Surface
+from silhouette_core.image.mask_store import MaskStore
 from silhouette_core.scoring.cpu import CpuBackend
 from voxelpose.matching.adaptation import Stature, adapt_shape
-from voxelpose.matching.agreement import silhouette_error
 from voxelpose.matching.matcher import MatchSettings
-from voxelpose.matching.pose import Pose
 from voxelpose.matching.search import Body, Found, find_pose
-from voxelpose.matching.sequence import MaskStore, Sight, Watcher
-from voxelpose.matching.solid import Solid
-from voxelpose.matching.surface import Surface
+from voxelpose.matching.sequence import Sight, Watcher
 from voxelpose.matching.tracking import Track
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12

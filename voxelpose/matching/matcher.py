@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from silhouette_core.fitting.limbs import LIMBS, TORSO, Limb, sample_angles
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.solid import Solid
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.joint_search import best_together
 from voxelpose.matching.kernels.bits import count_common
-from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
-from voxelpose.matching.pose import Pose
-from voxelpose.matching.solid import Lump, Solid
+from voxelpose.matching.lump import Lump
 
 
 @dataclass(frozen=True)

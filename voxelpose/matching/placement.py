@@ -8,11 +8,11 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.fitting.limbs import LIMBS, TORSO
+from silhouette_core.fitting.pose import RELAXED_RAD, Pose
+from silhouette_core.fitting.solid import Solid
 from silhouette_core.scoring.backend import Backend, Voxels
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.limbs import LIMBS, TORSO
-from voxelpose.matching.pose import RELAXED_RAD, Pose
-from voxelpose.matching.solid import Solid
 
 _APART_M, _APART_RAD = 0.12, np.radians(40)
 _UNUSUAL = 0.1  # what lying on the side costs, as a share of the torso: people mostly stand

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.solid import Solid
 from silhouette_core.motion.kinematics import forward, quaternions
-from voxelpose.matching.pose import Pose
+from voxelpose.matching.lump import Lump
 from voxelpose.matching.sequence import Sight
-from voxelpose.matching.solid import Lump, Solid
 
 _UNSUPPORTED = 0.2
 

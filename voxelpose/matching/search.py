@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.fitting.agreement import silhouette_error
+from silhouette_core.fitting.limb_search import CHAINS, place_limb
+from silhouette_core.fitting.observation import Observation
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.refinement import PosePrior, RefineSettings, refine
+from silhouette_core.fitting.solid import Solid
+from silhouette_core.fitting.surface import Surface
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.agreement import silhouette_error
-from voxelpose.matching.limb_search import CHAINS, place_limb
 from voxelpose.matching.matcher import MatchSettings, match
-from voxelpose.matching.observation import Observation
 from voxelpose.matching.placement import find_torso
-from voxelpose.matching.pose import Pose
-from voxelpose.matching.refinement import PosePrior, RefineSettings, refine
-from voxelpose.matching.solid import Solid
-from voxelpose.matching.surface import Surface
 
 _QUICK = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
 _SHORT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))

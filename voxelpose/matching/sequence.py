@@ -1,18 +1,16 @@
-"""A recording's silhouettes over time, kept on disk as bits, and what is made of them frame by frame."""
+"""What a frame's raw silhouettes show of one body: its hull, and the silhouettes without what does not belong to it."""
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
+from silhouette_core.fitting.observation import Observation, PinholeViews
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.observation import Observation, PinholeViews
 
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
@@ -20,42 +18,6 @@ _EXPLAINED = 0.04  # a camera is explained by the hull where less than this shar
 _SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
 _CRUMB = 0.03  # of the largest piece
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
-
-
-class MaskStore:
-    """Silhouettes of all cameras and frames in one scratch file each, a bit per pixel, so that memory does not grow with time.
-
-    Args:
-        sizes: (width, height) of each camera's silhouettes.
-        count: number of frames.
-    """
-
-    def __init__(self, sizes: list[tuple[int, int]], count: int):
-        """Makes the scratch files; they vanish with `close`, or with the process."""
-        self._folder = tempfile.TemporaryDirectory(prefix="voxelpose-")
-        self._widths = [width for width, _ in sizes]
-        self._bits = [
-            np.memmap(Path(self._folder.name) / f"{c}.bits", np.uint8, "w+", shape=(count, height, (width + 7) // 8))
-            for c, (width, height) in enumerate(sizes)
-        ]
-
-    def __len__(self) -> int:
-        """Returns the number of frames."""
-        return len(self._bits[0])
-
-    def __getitem__(self, t: int) -> list[np.ndarray]:
-        """Returns the (h, w) bool silhouettes of one frame, a camera each."""
-        return [np.unpackbits(bits[t], axis=1, count=width).view(bool) for bits, width in zip(self._bits, self._widths, strict=True)]
-
-    def put(self, t: int, masks: list[np.ndarray]) -> None:
-        """Keeps one frame's silhouettes."""
-        for bits, mask in zip(self._bits, masks, strict=True):
-            bits[t] = np.packbits(mask, axis=1)
-
-    def close(self) -> None:
-        """Removes the scratch files."""
-        self._bits.clear()
-        self._folder.cleanup()
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from voxelpose.matching.agreement import silhouette_error
+from silhouette_core.fitting.agreement import silhouette_error
+from silhouette_core.fitting.pose import RESTLESS_RAD, ROOT_RESTLESS, Pose
+from silhouette_core.fitting.refinement import PosePrior, RefineSettings, refine
+from silhouette_core.image.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings, match
-from voxelpose.matching.pose import RESTLESS_RAD, ROOT_RESTLESS, Pose
-from voxelpose.matching.refinement import PosePrior, RefineSettings, refine
 from voxelpose.matching.search import Body, Found, find_pose, move_limbs
-from voxelpose.matching.sequence import MaskStore, Sight, Watcher
+from voxelpose.matching.sequence import Sight, Watcher
 
 _FOLLOW = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.09, 0.07, 0.06, 0.06))
 _POLISH = RefineSettings(reaches_m=(0.08, 0.06, 0.05, 0.05))

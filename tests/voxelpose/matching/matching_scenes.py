@@ -5,14 +5,14 @@ import numpy as np
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SPREAD, BodySizes
+from silhouette_core.fitting.agreement import posed_mesh
+from silhouette_core.fitting.observation import Observation, PinholeViews
+from silhouette_core.fitting.pose import RELAXED_RAD, Pose
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from tests.voxelpose.carving.carving_scenes import look_at
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.agreement import posed_mesh
-from voxelpose.matching.observation import Observation, PinholeViews
-from voxelpose.matching.pose import RELAXED_RAD, Pose
 
 STATURE_M = 1.72
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.joint_search import best_together, enumerate_together
 from voxelpose.matching.kernels.bits import count_common, count_new, find_dominated, popcount
-from voxelpose.matching.solid import FREE_FROM_BODY, TAKEN, Lump
+from voxelpose.matching.lump import FREE_FROM_BODY, TAKEN, Lump
 
 
 @st.composite

@@ -5,13 +5,14 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.fitting.limbs import LIMBS, sample_angles, sample_hinge, within_limits
+from silhouette_core.fitting.pose import RELAXED_RAD
+from silhouette_core.fitting.solid import Solid
 from silhouette_core.motion.kinematics import forward, quaternions
 from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, other_body, stance, views
 from voxelpose.matching.kernels.bits import count_common
-from voxelpose.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
+from voxelpose.matching.lump import Lump
 from voxelpose.matching.matcher import Candidates, MatchSettings, interference_groups, match
-from voxelpose.matching.pose import RELAXED_RAD
-from voxelpose.matching.solid import Lump, Solid
 
 LIMB = {limb.name: limb for limb in LIMBS}
 LOW, HIGH = BodyModel.dof_limits_rad.T

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.fitting.limb_search import CHAINS, place_limb
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.solid import Solid
+from silhouette_core.fitting.surface import Surface
+from silhouette_core.image.mask_store import MaskStore
 from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, observe, other_body, photograph, stance, views
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.limb_search import CHAINS, place_limb
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.placement import find_torso
-from voxelpose.matching.pose import Pose
 from voxelpose.matching.search import Body, find_pose
-from voxelpose.matching.sequence import MaskStore, Watcher
-from voxelpose.matching.solid import Solid
-from voxelpose.matching.surface import Surface
+from voxelpose.matching.sequence import Watcher
 from voxelpose.matching.tracking import Track, TrackSettings
 
 TURNS = {"left_upper_arm.abduction": 20.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0}

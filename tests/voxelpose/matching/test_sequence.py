@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.fitting.pose import RELAXED_RAD, Pose
+from silhouette_core.fitting.solid import Solid
+from silhouette_core.image.mask_store import MaskStore
+from silhouette_core.motion.smoothing import smooth, smooth_quaternions
 from tests.voxelpose.matching.matching_scenes import fitting_model, other_body, photograph, stance, views
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.pose import RELAXED_RAD, Pose
 from voxelpose.matching.quality import assess
-from voxelpose.matching.sequence import MaskStore, Watcher
-from voxelpose.matching.smoothing import smooth, smooth_quaternions
-from voxelpose.matching.solid import Solid
+from voxelpose.matching.sequence import Watcher
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
 

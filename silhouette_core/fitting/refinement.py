@@ -14,10 +14,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from silhouette_core.body.model import BodyModel
-from voxelpose.matching.kernels.refine import add_normal_equations, match_contours, measure_outside
-from voxelpose.matching.observation import Observation
-from voxelpose.matching.pose import RELAXED_RAD, USUAL_RAD, Pose
-from voxelpose.matching.surface import PosedSurface, Surface
+from silhouette_core.fitting.kernels.refine import add_normal_equations, match_contours, measure_outside
+from silhouette_core.fitting.observation import Observation
+from silhouette_core.fitting.pose import RELAXED_RAD, USUAL_RAD, Pose
+from silhouette_core.fitting.surface import PosedSurface, Surface
 
 _LIMIT_RAD = np.radians(3.0)
 _TRUST_M, _TRUST_RAD = 0.10, 0.35  # farthest that one step goes: beyond it the correspondences are other ones

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.fitting.observation import Observation
+from silhouette_core.fitting.pose import Pose
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, quaternions, skin
-from voxelpose.matching.observation import Observation
-from voxelpose.matching.pose import Pose
 
 
 def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:

@@ -1,6 +1,9 @@
 """Silhouettes of a recording's frames."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from itertools import islice
 from typing import Literal
 
@@ -9,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.estimator import FrameSource
+from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from voxelpose.footage import Frame
 
 _BACKGROUND_FRAMES = 120
 _MEDIAN_FRAMES = 40
@@ -90,3 +92,31 @@ def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:
 def working_scale(camera: Camera, long_side_px: int | None) -> float:
     """Returns the factor, at most 1, by which a camera's pictures are scaled."""
     return 1.0 if long_side_px is None else min(1.0, long_side_px / max(camera.size))
+
+
+@dataclass(frozen=True, eq=False)
+class StraightLens:
+    """From a camera's silhouette to that of the ideal camera that is fitted.
+
+    Attributes:
+        pinhole: camera without distortion, of the size that `Silhouettes` gives.
+        maps: for cv2.remap, from the silhouette at that size; None where that is the pinhole's already.
+    """
+
+    pinhole: Camera
+    maps: tuple[np.ndarray, np.ndarray] | None
+
+    @classmethod
+    def of(cls, camera: Camera, long_side_px: int | None) -> StraightLens:
+        """Prepares a camera whose silhouettes are at most `long_side_px` long."""
+        scale = working_scale(camera, long_side_px)
+        if camera.is_pinhole:
+            return cls(camera.pinhole(scale), None)
+        map_x, map_y = ((m + np.float32(0.5)) * np.float32(scale) - np.float32(0.5) for m in camera.pinhole_maps(scale))
+        return cls(camera.pinhole(scale), (map_x, map_y))
+
+    def straighten(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Returns the silhouette (h, w) bool as the pinhole sees it."""
+        if self.maps is None:
+            return mask
+        return cv2.remap(mask.astype(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127

@@ -8,9 +8,9 @@ import numpy as np
 
 from silhouette_core.body.joints import PARENTS
 from silhouette_core.body.model import BodyModel
+from silhouette_core.fitting.kernels.refine import fill_jacobian, pose_surface
+from silhouette_core.fitting.pose import Pose
 from silhouette_core.motion.kernels.kinematics import place_parts_and_axes
-from voxelpose.matching.kernels.refine import fill_jacobian, pose_surface
-from voxelpose.matching.pose import Pose
 
 
 def _descends() -> np.ndarray:

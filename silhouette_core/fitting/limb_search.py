@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.fitting.agreement import posed_mesh
+from silhouette_core.fitting.kernels.pictures import score_placements
+from silhouette_core.fitting.limbs import LIMBS, Limb, sample_angles, sample_hinge, within_limits
+from silhouette_core.fitting.observation import Observation
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.solid import Solid
 from silhouette_core.image.raster import render_parts
-from voxelpose.matching.agreement import posed_mesh
-from voxelpose.matching.kernels.pictures import score_placements
-from voxelpose.matching.limbs import LIMBS, Limb, sample_angles, sample_hinge, within_limits
-from voxelpose.matching.observation import Observation
-from voxelpose.matching.pose import Pose
-from voxelpose.matching.solid import Solid
 
 CHAINS = tuple(
     (next(limb for limb in LIMBS if limb.name == f"{side}_{upper}"), next(limb for limb in LIMBS if limb.name == f"{side}_{lower}"))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from calib.camera import Rig
+from silhouette_core.fitting.agreement import silhouette_error
+from silhouette_core.fitting.observation import Observation, PinholeViews, contour_points
 from tests.voxelpose.carving.carving_scenes import look_at
 from tests.voxelpose.matching.matching_scenes import fitting_model, observe, other_body, photograph, stance, views
-from voxelpose.matching.agreement import silhouette_error
-from voxelpose.matching.observation import Observation, PinholeViews, contour_points
 
 
 def ball_masks(seen_by: PinholeViews, centre: np.ndarray, radius: float) -> list[np.ndarray]:

@@ -5,12 +5,12 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SPREAD
+from silhouette_core.fitting.agreement import silhouette_error
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.fitting.refinement import PosePrior, RefineSettings, bounded_step, refine
+from silhouette_core.fitting.surface import Surface
 from tests.voxelpose.matching.matching_scenes import STATURE_M, fitting_model, joint_errors_m, joints, observe, other_body, stance, views
 from voxelpose.matching.adaptation import Stature, adapt_shape, stature_of
-from voxelpose.matching.agreement import silhouette_error
-from voxelpose.matching.pose import Pose
-from voxelpose.matching.refinement import PosePrior, RefineSettings, bounded_step, refine
-from voxelpose.matching.surface import Surface
 
 POSTURES = (
     {"left_thigh.flexion": 30.0, "right_upper_arm.abduction": 40.0, "left_forearm.flexion": 60.0, "lumbar.flexion": 10.0},
@@ -114,7 +114,7 @@ def test_a_firm_belief_is_kept_and_a_vague_one_gives_way(surface):
 
 def test_nothing_seen_leaves_the_place_and_says_so(surface):
     seen_by = views(2)
-    from voxelpose.matching.observation import Observation
+    from silhouette_core.fitting.observation import Observation
 
     seen = Observation.of(seen_by, [np.ones((320, 320), bool)] * 2)
     start = stance(surface.model)
@@ -173,7 +173,7 @@ def test_proportions_of_somebody_else_are_found_in_part(surface):
 
 
 def test_without_evidence_the_expected_proportions_stay(surface):
-    from voxelpose.matching.observation import Observation
+    from silhouette_core.fitting.observation import Observation
 
     expected = 0.5 * SHAPE_SPREAD
     blind = Observation.of(views(2), [np.ones((320, 320), bool)] * 2)

@@ -1,0 +1,1 @@
+"""A posed body drawn onto silhouettes, of one camera or several."""
