@@ -59,7 +59,7 @@ The first run compiles the fast code, which takes most of its time.
             about = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
             (folder / "summary.json").write_text(as_json(about), encoding="utf-8")
             (folder / "score.json").write_text(as_json(asdict(score)), encoding="utf-8")
-        from voxelpose.cli.report import print_result, print_score
+        from voxelpose.cli.closing import print_result, print_score
 
         print_result(Result.open(self.out / "result"))
         print(f"\nagainst the truth in {self.out / 'recording' / 'truth.json'}:")

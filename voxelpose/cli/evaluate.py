@@ -44,7 +44,7 @@ the 15 joints of joints.csv in world coordinates, one position per frame.
             joints = dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False))
             print(as_json({**asdict(score), "joint_root_mm": joints}), end="")
             return 0
-        from voxelpose.cli.report import print_score
+        from voxelpose.cli.closing import print_score
 
         print_score(score)
         return 0

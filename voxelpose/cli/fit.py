@@ -82,7 +82,7 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
             settings = Settings(self.stature, self.chest, self.sex, self.background, self.smooth, self.threads, options)
             recording = Recording.open(self.recording, frame_range(self.frames), camera_names(self.cameras), self.unit, self.fps)
             result = fit(recording, Output(self.out, self.overwrite, self.pictures), settings, self.estimator, progress)
-        from voxelpose.cli.report import print_result
+        from voxelpose.cli.closing import print_result
 
         print_result(result)
         return 0
