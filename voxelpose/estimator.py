@@ -19,18 +19,17 @@ from silhouette_core.jit import set_threads
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import smooth, smooth_quaternions
-from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.placement import place_grid, require_foreground
 from voxelpose.footage import Frame
 from voxelpose.matching.adaptation import stature_of
 from voxelpose.matching.body import choose_body, refit
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.quality import assess
-from voxelpose.matching.sequence import Watcher
+from voxelpose.matching.sequence import Watcher, body_rule
 from voxelpose.matching.tracking import Track, TrackSettings
 
-_LONG_SIDE_PX = 960  # larger pictures are fitted at this size: contours are finer there than clothes are
-_VOXEL_M = 0.025
+LONG_SIDE_PX = 960  # larger pictures are fitted at this size: contours are finer there than clothes are
+VOXEL_M = 0.025
 _VOLUME_FRAMES = 60
 
 
@@ -45,7 +44,7 @@ class _Options:
     """
 
     interference: bool = True
-    voxel_size_m: float = _VOXEL_M
+    voxel_size_m: float = VOXEL_M
     tolerance: int = 0
 
     @classmethod
@@ -77,7 +76,7 @@ class MultiViewEstimator:
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)  # refuses what is no person's, before any work is done
         set_threads(settings.threads)
         clock = Clock()
-        lenses = [StraightLens.of(camera, _LONG_SIDE_PX) for camera in source.rig]
+        lenses = [StraightLens.of(camera, LONG_SIDE_PX) for camera in source.rig]
         views = PinholeViews.of(Rig(tuple(lens.pinhole for lens in lenses)))
         store = MaskStore([lens.pinhole.size for lens in lenses], source.frame_count)
         try:
@@ -95,7 +94,7 @@ def _store_silhouettes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fills the store; returns frame numbers (T,) and times (T,) s."""
     reporter.stage("background")
-    silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
+    silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
     if silhouettes.without_background:
         reporter.note(f"no picture of the empty view for {', '.join(silhouettes.without_background)}: the temporal median stands in for it")
     reporter.stage("silhouettes", source.frame_count)
@@ -117,9 +116,7 @@ def _watcher(views: PinholeViews, store: MaskStore, options: _Options, reporter:
     for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
         union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
     require_foreground(views.rig, union, options.tolerance)
-    count = len(views.rig)
-    # A voxel that too few cameras see is no evidence: what only one wall of the room hides would pass for a body.
-    rule = CarveRule(options.tolerance, least_agreeing=max(2, 3 * count // 4) - options.tolerance)
+    rule = body_rule(len(views.rig), options.tolerance)
     grid = place_grid(views.rig, union, voxel_size_m=2 * options.voxel_size_m, rule=rule)
     return Watcher(views, grid, options.voxel_size_m, rule)
 

@@ -54,5 +54,8 @@ class Lump:
 
     def take(self, bits: np.ndarray) -> None:
         """Gives the voxels of one set (words,) to a part: nothing placed later can claim them."""
-        taken = np.flatnonzero(np.unpackbits(bits.view(np.uint8), bitorder="little")[: len(self.occupied)])
-        self.ids[tuple(self.occupied[taken].T)] = TAKEN
+        self.ids[tuple(self.voxels(bits).T)] = TAKEN
+
+    def voxels(self, bits: np.ndarray) -> np.ndarray:
+        """Returns the indices (n, 3) int64 of the voxels of one set (words,)."""
+        return self.occupied[np.flatnonzero(np.unpackbits(bits.view(np.uint8), bitorder="little")[: len(self.occupied)])]

@@ -129,6 +129,55 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
     return Match(state.pose, state.score, state.covered / max(len(state.lump), 1), tuple(state.groups))
 
 
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Where one limb could be, at the moment at which the matcher would place it.
+
+    Attributes:
+        limb: which.
+        voxels: (n, 3) int64, its movable area as indices into the grid.
+        interferes: the limbs that would be matched together with it, itself among them.
+        disputed: (m, 3) int64, the voxels of its area that lie in another one of the group, too.
+    """
+
+    limb: Limb
+    voxels: np.ndarray
+    interferes: tuple[str, ...]
+    disputed: np.ndarray
+
+
+def movable_areas(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, pose: Pose, settings: MatchSettings | None = None) -> list[Reach]:
+    """Returns the movable area of every limb but the torso, with what is above it placed as in a given pose.
+
+    Args:
+        solid: the body.
+        grid: the voxels' places.
+        occupancy: (nx, ny, nz) bool, the voxels of one body.
+        pose: places the limbs that are decided before each.
+        settings: see MatchSettings.
+
+    Source: Iiyama, Kameda and Minoh, section 3.
+    """
+    lump = Lump(grid, occupancy)
+    state = _State(solid, lump, pose, settings or MatchSettings(), np.zeros(lump.words, np.uint64))
+    decided: set[str] = set()
+    found = []
+    selectable = [TORSO]
+    while selectable:
+        candidates = [candidate_placements(state, limb) for limb in selectable] if decided else []
+        for group in interference_groups(candidates):
+            for one in group:
+                others = [other.movable_area for other in group if other is not one]
+                shared = one.movable_area & np.bitwise_or.reduce(others) if others else np.zeros(lump.words, np.uint64)
+                names = tuple(other.limb.name for other in group)
+                found.append(Reach(one.limb, lump.voxels(one.movable_area), names, lump.voxels(shared)))
+        for limb in selectable:
+            lump.take(_cover(state, limb, pose.angles_rad[None])[0][0])
+            decided.add(limb.name)
+        selectable = [limb for limb in LIMBS if limb.name not in decided and limb.parent in decided]
+    return found
+
+
 def candidate_placements(state: _State, limb: Limb) -> Candidates:
     """Samples and scores the placements of one selectable limb."""
     angles = sample_angles(limb, state.pose.angles_rad, state.settings.step_rad, state.settings.around_rad)

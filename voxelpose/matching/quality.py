@@ -23,11 +23,13 @@ class Quality:
         part_overlap: (27,) share of each part's volume inside the hull; NaN for one smaller than a voxel.
         part_unsupported: (27,) bool, hardly any voxel speaks for the part.
         unexplained: share of the hull's voxels that no part covers. A hull of few cameras is larger than the body in it.
+        unexplained_voxels: (n, 3) int64, those voxels' indices in the sight's grid.
     """
 
     part_overlap: np.ndarray
     part_unsupported: np.ndarray
     unexplained: float
+    unexplained_voxels: np.ndarray
 
 
 def assess(solid: Solid, pose: Pose, sight: Sight) -> Quality:
@@ -41,5 +43,5 @@ def assess(solid: Solid, pose: Pose, sight: Sight) -> Quality:
             bits, empty, _ = lump.cover(points, rotation[0, part][None], origin[0, part][None])
             overlap[part] = 1 - empty[0] / len(points)
             union |= bits[0]
-    explained = int(np.bitwise_count(union).sum()) / max(len(lump), 1)
-    return Quality(overlap, overlap < _UNSUPPORTED, 1 - explained)
+    unexplained = lump.voxels(~union)
+    return Quality(overlap, overlap < _UNSUPPORTED, len(unexplained) / max(len(lump), 1), unexplained)

@@ -35,6 +35,11 @@ class Sight:
     occupancy: np.ndarray
 
 
+def body_rule(cameras: int, tolerance: int) -> CarveRule:
+    """Returns when a voxel may be a body's: one that too few cameras see is no evidence, or what only a wall hides would pass for one."""
+    return CarveRule(tolerance, least_agreeing=max(2, 3 * cameras // 4) - tolerance)
+
+
 class Watcher:
     """Turns a frame's raw silhouettes into one body's hull and silhouettes.
 

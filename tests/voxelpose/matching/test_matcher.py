@@ -12,7 +12,7 @@ from silhouette_core.motion.kinematics import forward, quaternions
 from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, other_body, stance, views
 from voxelpose.matching.kernels.bits import count_common
 from voxelpose.matching.lump import Lump
-from voxelpose.matching.matcher import Candidates, MatchSettings, interference_groups, match
+from voxelpose.matching.matcher import Candidates, MatchSettings, interference_groups, match, movable_areas
 
 LIMB = {limb.name: limb for limb in LIMBS}
 LOW, HIGH = BodyModel.dof_limits_rad.T
@@ -171,3 +171,20 @@ def test_an_empty_hull_leaves_the_pose_as_it_was(solid):
     found = match(solid, grid, np.zeros_like(occupancy), start, MatchSettings(step_rad=np.radians(40.0)))
     assert found.explained == 0
     assert within_limits(found.pose.angles_rad)
+
+
+def test_movable_areas_of_a_posed_body(solid, scene):
+    body, pose, grid, occupancy = scene
+    found = {reach.limb.name: reach for reach in movable_areas(solid, grid, occupancy, stance(solid.model, TURNS))}
+    assert set(found) == {limb.name for limb in LIMBS if limb.parent}
+    for name, reach in found.items():
+        assert occupancy[tuple(reach.voxels.T)].all()
+        assert all(name in found[other].interferes for other in reach.interferes)
+        disputed, voxels = (set(map(tuple, some.tolist())) for some in (reach.disputed, reach.voxels))
+        assert disputed <= voxels and bool(disputed) == (len(reach.interferes) > 1)
+    assert "right_thigh" in found["left_thigh"].interferes and "left_thigh" not in found["left_shin"].interferes
+    hand = forward(body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None])[1][0]
+    near = np.linalg.norm(grid.occupied_points(occupancy) - hand[body.names.index("left_hand")], axis=1) < 0.05
+    theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
+    assert theirs and theirs <= set(map(tuple, found["left_forearm"].voxels.tolist()))
+    assert not theirs & set(map(tuple, found["right_shin"].voxels.tolist()))
