@@ -186,5 +186,5 @@ def test_movable_areas_of_a_posed_body(solid, scene):
     hand = forward(body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None])[1][0]
     near = np.linalg.norm(grid.occupied_points(occupancy) - hand[body.names.index("left_hand")], axis=1) < 0.05
     theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
-    assert theirs and theirs <= set(map(tuple, found["left_forearm"].voxels.tolist()))
+    assert len(theirs & set(map(tuple, found["left_forearm"].voxels.tolist()))) > 0.9 * len(theirs) > 0
     assert not theirs & set(map(tuple, found["right_shin"].voxels.tolist()))
