@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
 from calib.lens import FisheyeLens, RationalLens
@@ -15,11 +17,10 @@ from calib.rotation import matrix_from_rodrigues
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Free = Literal["lenses", "places"]
+Held = Literal["camera", "board"]
 
 _ROBUST_PX = 3.0  # errors beyond this count less and less
 _STEP = 1e-6
-_MAX_STEPS = 50
-_MAX_DAMPING = 1e12
 _ENOUGH = 1e-7  # relative gain of a step after which no other is taken
 _DISTORTION_SCALE = 1.0  # a distortion term of one costs as much as one corner that is a pixel off:
 _TANGENTIAL_SCALE = 0.05  # nothing beside thousands of corners, but it decides between terms that cancel each other
@@ -52,7 +53,7 @@ class Adjusted:
         scene: The scene.
         residuals_px: (N, 2) float64, seen less reprojected.
         covariances: One (p, p) float64 per camera of its free numbers: focal lengths, centre and distortion, or rotation (rad, about
-            camera axes) and translation (m); zeros for the camera that is held fixed.
+            camera axes) and translation (m); zeros for a camera that is held fixed.
     """
 
     scene: Scene
@@ -60,66 +61,36 @@ class Adjusted:
     covariances: tuple[FloatArray, ...]
 
 
-def adjust(scene: Scene, seen: Observations, free: Free) -> Adjusted:
+def adjust(scene: Scene, seen: Observations, free: Free, held: Held = "camera") -> Adjusted:
     """Finds the nearest scene that explains the observations best.
 
     Args:
         scene: Where to start.
         seen: The observations.
-        free: "places": the boards and all cameras but the first move. "lenses": the boards move, cameras stay and their lenses change.
+        free: "places": the boards and the cameras move. "lenses": the boards move, cameras stay and their lenses change.
+        held: What does not move with "places": the first camera, or the first board.
 
     Returns:
         The adjusted scene; covariances assume independent errors of the size of the residuals.
 
     Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 1999, 3.4, 4 and 10.
     """
-    problem = _Problem(scene, seen, free)
-    x = _minimise(problem)
+    problem = _Problem(scene, seen, free, held)
+    # Large steps find the way with few evaluations: columns scaled by the Jacobian, sparse, errors beyond a few px counted linearly.
+    x = least_squares(
+        problem.residuals,
+        np.zeros(problem.size),
+        jac=problem.jacobian,  # pyright: ignore[reportArgumentType]  # the stubs know dense ones only
+        x_scale="jac",
+        loss="soft_l1",
+        f_scale=_ROBUST_PX,
+        tr_solver="lsmr",
+        ftol=_ENOUGH,
+    ).x
     residuals = problem.reprojection(x)
     # The median resists the outliers that the loss has put aside; 1.4826 makes it a standard deviation.
     sigma = 1.4826 * float(np.median(np.abs(residuals)))
     return Adjusted(problem.scene(x), residuals, _covariances(problem.jacobian(x), sigma, problem))
-
-
-def _minimise(problem: "_Problem") -> FloatArray:
-    """Levenberg and Marquardt's method with iteratively reweighted corners.
-
-    (SciPy's trust region takes ten times the steps on a sparse Jacobian, and its dense solver decomposes all of it at every step.)
-    """
-    x, damping = np.zeros(problem.size), 1e-3
-    residuals = problem.residuals(x)
-    cost, weights = _robust(residuals, problem)
-    for _ in range(_MAX_STEPS):
-        jacobian = problem.jacobian(x)
-        weighted = jacobian.multiply(weights[:, None]).tocsr()
-        normal = (weighted.T @ jacobian).toarray()
-        downhill = -(weighted.T @ residuals)
-        diagonal = np.maximum(np.diag(normal), 1e-12)
-        while damping < _MAX_DAMPING:
-            step = np.linalg.solve(normal + np.diag(damping * diagonal), downhill)
-            tried = problem.residuals(x + step)
-            tried_cost, tried_weights = _robust(tried, problem)
-            if tried_cost < cost:
-                break
-            damping *= 10
-        else:
-            return x
-        gain = cost - tried_cost
-        x, residuals, cost, weights = x + step, tried, tried_cost, tried_weights
-        damping = max(damping / 10, 1e-12)
-        if gain <= _ENOUGH * cost:
-            break
-    return x
-
-
-def _robust(residuals: FloatArray, problem: "_Problem") -> tuple[float, FloatArray]:
-    """Returns the soft-L1 cost, and each residual's weight; the pull on distortion terms stays quadratic."""
-    corners = residuals[: problem.seen.pixels.size]
-    square = (corners.reshape(-1, 2) ** 2).sum(axis=1) / _ROBUST_PX**2
-    cost = 2 * _ROBUST_PX**2 * float((np.sqrt(1 + square) - 1).sum()) + float((residuals[corners.size :] ** 2).sum())
-    weights = np.ones_like(residuals)
-    weights[: corners.size] = np.repeat(1 / np.sqrt(1 + square), 2)
-    return (cost if np.isfinite(cost) else np.inf), weights
 
 
 def plane_poses(points_m: FloatArray, normalised: FloatArray, refine: bool = True) -> list[tuple[FloatArray, FloatArray, float]]:
@@ -155,23 +126,24 @@ def plane_poses(points_m: FloatArray, normalised: FloatArray, refine: bool = Tru
 class _Problem:
     """The numbers that move, and what they do to the residuals.
 
-    The vector holds a block per moving camera (6 numbers of its place, or its lens), then 6 per board: a rotation vector put in front of
-    the start's rotation, and a translation added to the start's.
+    The vector holds a block per moving camera (6 numbers of its place, or its lens), then 6 per moving board: a rotation vector put in
+    front of the start's rotation, and a translation added to the start's.
     """
 
-    def __init__(self, scene: Scene, seen: Observations, free: Free) -> None:
+    def __init__(self, scene: Scene, seen: Observations, free: Free, held: Held) -> None:
         """Counts the numbers."""
         self.start, self.seen, self.free = scene, seen, free
         self.terms = max((len(camera.distortion) for camera in scene.cameras), default=0)
         self.block = 4 + self.terms if free == "lenses" else 6
-        self.first = 0 if free == "lenses" else 1
+        self.first = 1 if free == "places" and held == "camera" else 0
+        self.first_board = 1 if free == "places" and held == "board" else 0
         self.boards_at = self.block * (len(scene.cameras) - self.first)
-        self.size = self.boards_at + 6 * len(scene.translations)
+        self.size = self.boards_at + 6 * (len(scene.translations) - self.first_board)
 
     def scene(self, x: FloatArray) -> Scene:
         """Returns the scene of a vector."""
-        boards = x[self.boards_at :].reshape(-1, 6)
-        turned = np.array([matrix_from_rodrigues(w) @ r for w, r in zip(boards[:, :3], self.start.rotations, strict=True)])
+        boards = np.concatenate([np.zeros((self.first_board, 6)), x[self.boards_at :].reshape(-1, 6)])
+        turned = Rotation.from_rotvec(boards[:, :3]).as_matrix() @ self.start.rotations
         cameras = list(self.start.cameras)
         for index, block in enumerate(x[: self.boards_at].reshape(-1, self.block), start=self.first):
             cameras[index] = self._moved(cameras[index], block)
@@ -222,7 +194,8 @@ class _Problem:
         rows, columns, values = [], [], []
         row = np.arange(2 * count)
         moving = np.repeat(seen.camera - self.first, 2)
-        for offset, width, owner in ((0, self.block, moving), (self.boards_at, 6, np.repeat(seen.board, 2))):
+        carried = np.repeat(seen.board - self.first_board, 2)
+        for offset, width, owner in ((0, self.block, moving), (self.boards_at, 6, carried)):
             blocks = (self.boards_at if offset == 0 else self.size - self.boards_at) // width
             for number in range(width if blocks else 0):
                 stepped = x.copy()
