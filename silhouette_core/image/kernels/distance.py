@@ -1,0 +1,98 @@
+"""Loops of thinning and of the weighted silhouette distances."""
+
+import numpy as np
+
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+
+@kernel
+def thin_in_place(image, removable):
+    """Thins image (h + 2, w + 2) uint8 of 0 and 1 with an empty rim; removable (2, 256) says which neighbourhoods go in each pass.
+
+    A pixel that stayed in both passes is looked at again only once a neighbour went: nothing else can change its lot.
+    """
+    width = image.shape[1]
+    pixels = image.reshape(-1)
+    steps = np.array([-width - 1, -width, -width + 1, 1, width + 1, width, width - 1, -1])
+    room = pixels.size
+    active, following, gone = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room, np.int32)
+    waiting = np.zeros(room, np.uint8)  # how many more passes look at a pixel
+    count = 0
+    for p in range(width + 1, room - width - 1):
+        if pixels[p]:
+            for s in steps:
+                if not pixels[p + s]:
+                    active[count] = p
+                    waiting[p] = 2
+                    count += 1
+                    break
+    turn = 0
+    while count:
+        lost = 0
+        for k in range(count):
+            p = active[k]
+            code = 0
+            for i in range(8):
+                code |= np.int64(pixels[p + steps[i]]) << i
+            if removable[turn, code]:
+                gone[lost] = p
+                lost += 1
+        for k in range(lost):
+            pixels[gone[k]] = 0
+        left = 0
+        for k in range(count):
+            p = active[k]
+            waiting[p] -= 1
+            if pixels[p] and waiting[p]:
+                following[left] = p
+                left += 1
+        for k in range(lost):
+            for s in steps:
+                p = gone[k] + s
+                if pixels[p]:
+                    if waiting[p] == 0:
+                        following[left] = p
+                        left += 1
+                    waiting[p] = 2
+        active, following, count = following, active, left
+        turn = 1 - turn
+
+
+@parallel_kernel
+def dense_distance(observation, weights, silhouettes, distances):
+    """Fills distances (K,): eq. (7), the weights of the pixels where silhouettes (K, h, w) differ from the observation (h, w)."""
+    for k in prange(len(distances)):
+        total = 0.0
+        for y in range(observation.shape[0]):
+            for x in range(observation.shape[1]):
+                if observation[y, x] != silhouettes[k, y, x]:
+                    total += weights[y, x]
+        distances[k] = total
+
+
+@kernel
+def score_runs(prefix, first, last, rows, starts, ends, down, right):
+    """Returns the signed weights under the runs first to last, moved by (down, right) columns and rows of the prefix image."""
+    total = 0.0
+    for n in range(first, last):
+        line = prefix[np.int64(rows[n]) + down]
+        total += line[np.int64(ends[n]) + right] - line[np.int64(starts[n]) + right]
+    return total
+
+
+@kernel
+def span_distance(prefix, base, scale, rows, starts, ends, offsets, which, moves, distances):
+    """Fills distances (S, K): scale (base + signed weights under the runs), for S moves (down, right) of the silhouettes `which` (K,)."""
+    for k in range(len(which)):
+        first, last = offsets[which[k]], offsets[which[k] + 1]
+        for s in range(len(moves)):
+            distances[s, k] = scale * (base + score_runs(prefix, first, last, rows, starts, ends, moves[s, 0], moves[s, 1]))
+
+
+@parallel_kernel
+def span_distance_parallel(prefix, base, scale, rows, starts, ends, offsets, which, moves, distances):
+    """As `span_distance`, in parallel over the silhouettes."""
+    for k in prange(len(which)):
+        first, last = offsets[which[k]], offsets[which[k] + 1]
+        for s in range(len(moves)):
+            distances[s, k] = scale * (base + score_runs(prefix, first, last, rows, starts, ends, moves[s, 0], moves[s, 1]))

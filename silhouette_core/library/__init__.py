@@ -1,0 +1,1 @@
+"""Poses seen from all sides, and the tree in which their silhouettes are searched."""
