@@ -70,6 +70,9 @@ class Board:
             raise InputError(f"the marker ({self.marker_m} m) must be smaller than the square ({self.square_m} m)")
         if not hasattr(cv2.aruco, self.dictionary):
             raise InputError(f"no ArUco dictionary {self.dictionary!r}: take one of OpenCV's, for example DICT_4X4_50")
+        needed = (self.columns + 1) * (self.rows + 1) // 2
+        if self.marker_m is not None and needed > (known := len(self._dictionary.bytesList)):
+            raise InputError(f"{self.dictionary} has {known} markers, the board needs {needed}: take a larger one, such as DICT_4X4_250")
 
     @property
     def points_m(self) -> FloatArray:
@@ -100,8 +103,13 @@ class Board:
     @cached_property
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """OpenCV's own board of these numbers."""
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
-        return cv2.aruco.CharucoBoard((self.columns + 1, self.rows + 1), self.square_m, self.marker_m or self.square_m / 2, dictionary)
+        squares = (self.columns + 1, self.rows + 1)
+        return cv2.aruco.CharucoBoard(squares, self.square_m, self.marker_m or self.square_m / 2, self._dictionary)
+
+    @property
+    def _dictionary(self) -> cv2.aruco.Dictionary:
+        """OpenCV's dictionary of that name."""
+        return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
     def _find_charuco(self, grey: Image) -> View | Refusal:
         """Finds marked corners, any subset of them."""

@@ -89,5 +89,7 @@ def test_impossible_boards_are_refused():
         Board(8, 5, 0.06, marker_m=0.07)
     with pytest.raises(InputError, match="no ArUco dictionary 'X'"):
         Board(8, 5, 0.06, marker_m=0.03, dictionary="X")
+    with pytest.raises(InputError, match="DICT_4X4_50 has 50 markers, the board needs 71"):
+        Board(12, 10, 0.06, marker_m=0.03)
     with pytest.raises(TypeError, match=r"picture must be \(H, W\)"):
         ODD.find(np.zeros((4, 4)))  # type: ignore[arg-type]
