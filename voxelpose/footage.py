@@ -54,7 +54,7 @@ class Footage:
         elif path.suffix.lower() in STILLS:
             stills = (path,)
         if stills:
-            height, width = _read_still(stills[0]).shape[:2]
+            height, width = read_still(stills[0]).shape[:2]
             return cls(path, stills, (width, height), len(stills), None)
         return cls(path, (), *_probe(path))
 
@@ -75,7 +75,7 @@ class Footage:
 
     def _stills(self, start: int, stop: int) -> Iterator[Frame]:
         for file in self.stills[start:stop]:
-            yield _read_still(file)
+            yield read_still(file)
 
     def _video(self, start: int, stop: int) -> Iterator[Frame]:
         capture = cv2.VideoCapture(str(self.path))
@@ -170,7 +170,12 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
     return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None
 
 
-def _read_still(file: Path) -> Frame:
+def read_still(file: Path) -> Frame:
+    """Returns an image file's picture, (H, W, 3) uint8, BGR.
+
+    Raises:
+        InputError: it is missing or no image.
+    """
     try:
         # Not imread: it cannot open names with letters outside the code page on Windows.
         image = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_COLOR)

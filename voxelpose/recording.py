@@ -88,10 +88,10 @@ class Recording:
         folder = Path(folder)
         if not folder.is_dir():
             raise InputError(f"{folder} is not a recording: give a folder with a video per camera and calibration.toml")
-        paths = _pictures(folder)
+        paths = pictures_by_camera(folder)
         given = not paths and (folder / "masks").is_dir()
         if given:
-            paths = _pictures(folder / "masks")
+            paths = pictures_by_camera(folder / "masks")
         if not paths:
             raise InputError(f"{folder} holds no video: put one per camera there, named as in the calibration (cam_1.mp4)")
         if cameras is not None:
@@ -123,7 +123,7 @@ class Recording:
             InputError: one cannot be read or has another size than the camera.
         """
         found: dict[str, Footage] = {}
-        paths = _pictures(self.folder / "background", stills=True)
+        paths = pictures_by_camera(self.folder / "background", stills=True)
         for camera in self.rig:
             if camera.name in paths and not self.silhouettes_given:
                 found[camera.name] = Footage.open(paths[camera.name])
@@ -141,7 +141,7 @@ class Recording:
             InputError: one cannot be read or has another size than the camera.
         """
         found: dict[str, NDArray[np.bool_]] = {}
-        for name, path in _pictures(self.folder / "regions", stills=True).items():
+        for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
             if name in self.rig:
                 image = next(iter(Footage.open(path)))
                 if image.shape[1::-1] != self.rig[name].size:
@@ -152,7 +152,7 @@ class Recording:
         return found
 
 
-def _pictures(folder: Path, stills: bool = False) -> dict[str, Path]:
+def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
     """Returns videos and folders of frames (and stills) in a folder by camera name, which is the file's stem."""
     found: dict[str, Path] = {}
     if not folder.is_dir():
