@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.skeleton import Y_UP_FROM_WORLD, every_frame, local_rotations, part_ends
 
 CM_PER_M = 100.0
-# BVH is y up. World (x, y, z) with z up becomes (x, z, -y): a body that faces -y then faces +z, its left hand still toward +x.
-_BVH_FROM_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _ORDER = "ZXY"
 
 
@@ -38,7 +36,7 @@ def write_bvh(motion: Motion, path: Path) -> None:
     order = list(_depth_first(0, children))
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write("HIERARCHY\n")
-        _write_joint(file, motion.model, children, _ends(motion.model), 0, 0)
+        _write_joint(file, motion.model, children, part_ends(motion.model), 0, 0)
         file.write(f"MOTION\nFrames: {len(local)}\nFrame Time: {1.0 / motion.fps:.8f}\n")
         for frame in range(len(local)):
             numbers = [*root[frame], *degrees[frame, order].ravel()]
@@ -47,19 +45,12 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
 def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns local rotations (F, P, 3, 3) and root positions (F, 3) in centimetres, BVH axes, for every frame from first to last."""
-    rotation, origin = motion.parts()
-    parents = motion.model.parents
-    local = rotation.copy()
-    for part, parent in enumerate(parents):
-        if parent >= 0:
-            local[:, part] = np.swapaxes(rotation[:, parent], 1, 2) @ rotation[:, part]
-    root = origin[:, 0]
-    frames = np.arange(motion.frames[0], motion.frames[-1] + 1)
+    local, root, frames = local_rotations(motion), motion.parts()[1][:, 0], every_frame(motion)
     if len(frames) > len(motion):
         root = np.column_stack([np.interp(frames, motion.frames, root[:, axis]) for axis in range(3)])
-        slerped = [Slerp(motion.frames, Rotation.from_matrix(local[:, part]))(frames).as_matrix() for part in range(len(parents))]
+        slerped = [Slerp(motion.frames, Rotation.from_matrix(turns))(frames).as_matrix() for turns in np.swapaxes(local, 0, 1)]
         local = np.stack(slerped, axis=1)
-    return _BVH_FROM_WORLD @ local @ _BVH_FROM_WORLD.T, CM_PER_M * root @ _BVH_FROM_WORLD.T
+    return Y_UP_FROM_WORLD @ local @ Y_UP_FROM_WORLD.T, CM_PER_M * root @ Y_UP_FROM_WORLD.T
 
 
 def _children(model: BodyModel) -> list[list[int]]:
@@ -74,18 +65,6 @@ def _depth_first(part: int, children: list[list[int]]) -> Iterator[int]:
     yield part
     for child in children[part]:
         yield from _depth_first(child, children)
-
-
-def _ends(model: BodyModel) -> NDArray[np.float64]:
-    """Returns (P, 3) where each part's own surface ends, at rest, metres: the mean of its twentieth farthest from its joint."""
-    ends = model.joints_m.copy()
-    for part in range(len(model.names)):
-        points = model.vertices_m[np.unique(model.faces[model.face_part == part])]
-        if len(points):
-            distance = np.linalg.norm(points - model.joints_m[part], axis=1)
-            ends[part] = points[distance >= np.quantile(distance, 0.95)].mean(axis=0)
-    ends[model.names.index("head")] = model.landmarks_m[LANDMARK_NAMES.index("head_top")]
-    return ends
 
 
 def _write_joint(file: TextIO, model: BodyModel, children: list[list[int]], ends: NDArray[np.float64], part: int, depth: int) -> None:
@@ -105,4 +84,4 @@ def _write_joint(file: TextIO, model: BodyModel, children: list[list[int]], ends
 
 
 def _numbers(vector_m: NDArray[np.float64]) -> str:
-    return " ".join(f"{number:.5f}" for number in CM_PER_M * _BVH_FROM_WORLD @ vector_m)
+    return " ".join(f"{number:.5f}" for number in CM_PER_M * Y_UP_FROM_WORLD @ vector_m)

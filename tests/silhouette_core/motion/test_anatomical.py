@@ -1,0 +1,136 @@
+"""Anatomical angles against bodies bent by hand, and against the rotations they come from."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
+from silhouette_core.motion.motion import Motion
+from tests.takes import waving
+
+BODY = BodyModel.from_sizes(BodySizes(1.7))
+
+
+def posed(degrees: dict[str, float], heading_deg: float = 0.0) -> Motion:
+    angles = np.zeros((1, BODY.dof_count))
+    for name, value in degrees.items():
+        angles[0, BODY.dof_names.index(name)] = np.radians(value)
+    half = np.radians(heading_deg) / 2
+    return Motion(30.0, BODY, BODY.joints_m[:1].copy(), np.array([[np.cos(half), 0, 0, np.sin(half)]]), angles)
+
+
+def angle(degrees: dict[str, float], name: str) -> float:
+    return float(anatomical_angles(posed(degrees))[name][0])
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(
+    ("turn", "by", "name", "change"),
+    [
+        ("thigh.flexion", 40, "hip_flexion", 40),
+        ("thigh.abduction", 25, "hip_adduction", -25),
+        ("thigh.rotation", 20, "hip_internal_rotation", -20),
+        ("shin.flexion", 70, "knee_flexion", 70),
+        ("foot.dorsiflexion", 15, "ankle_dorsiflexion", 15),
+        ("foot.eversion", 12, "ankle_inversion", -12),
+        ("forearm.flexion", 90, "elbow_flexion", 90),
+        ("forearm.pronation", 50, "forearm_pronation", 50),
+        ("upper_arm.abduction", 30, "shoulder_elevation", 30),
+        ("upper_arm.abduction", 30, "shoulder_adduction", -30),
+        ("hand.flexion", 30, "wrist_flexion", 30),
+    ],
+)
+def test_a_movement_counts_as_itself_on_both_sides(side, turn, by, name, change):
+    moved, rest = angle({f"{side}_{turn}": by}, f"{side}_{name}"), angle({}, f"{side}_{name}")
+    # Our hinges turn about the body's axes at rest; the thigh leans by a few degrees against them.
+    assert moved - rest == pytest.approx(change, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("turn", "name", "sign"),
+    [
+        ("flexion", "flexion", 1),
+        ("lateral", "lateral_bending", None),
+        ("rotation", "rotation", None),
+    ],
+)
+def test_trunk(turn, name, sign):
+    moved = angle({f"lumbar.{turn}": 20}, f"trunk_{name}")
+    if sign is None:  # by geometry: to which side the neck goes, to which side the chest faces
+        rotation, origin = posed({f"lumbar.{turn}": 20}).parts()
+        chest = rotation[0, PART_NAMES.index("upper_thorax")]
+        right = origin[0, PART_NAMES.index("neck"), 0] < -0.05 if turn == "lateral" else (chest @ [0, -1, 0])[0] > 0.1
+        sign = 1 if right else -1
+    assert moved == pytest.approx(20 * sign, abs=0.01)
+
+
+def test_arms_forward_and_to_the_side():
+    forward = {"right_upper_arm.abduction": -45, "right_upper_arm.forward": 0}
+    assert angle(forward, "right_shoulder_elevation") == pytest.approx(0, abs=1)
+    side = anatomical_angles(posed({"right_upper_arm.abduction": 30}))
+    assert side["right_shoulder_plane_of_elevation"][0] == pytest.approx(0, abs=1)
+    ahead = anatomical_angles(posed({"right_upper_arm.forward": 80}))
+    assert 45 < ahead["right_shoulder_plane_of_elevation"][0] < 100
+    assert ahead["right_shoulder_flexion"][0] > 45
+
+
+@pytest.mark.parametrize(("heading", "expected"), [(0, 180), (180, 0), (90, -90), (-90, 90)])
+def test_pelvis_in_the_world(heading, expected):
+    # At rest the body faces -y; zero is facing +y.
+    found = anatomical_angles(posed({}, heading))
+    assert np.cos(np.radians(found["pelvis_rotation"][0] - expected)) == pytest.approx(1)
+    assert abs(found["pelvis_tilt"][0]) < 1e-9
+
+
+def test_pelvis_leans_the_same_whichever_way_it_faces():
+    lean = Rotation.from_euler("x", 20, degrees=True)  # the body faces -y: its head goes forward
+    for heading in (0, 70, 200):
+        turned = (Rotation.from_euler("z", heading, degrees=True) * lean).as_quat(scalar_first=True)
+        found = anatomical_angles(replace(posed({}), root_quaternion=turned[None]))
+        assert found["pelvis_tilt"][0] == pytest.approx(20)
+        assert found["pelvis_obliquity"][0] == pytest.approx(0, abs=1e-9)
+
+
+def test_obliquity_raises_the_right_side():
+    raised = Rotation.from_euler("y", 15, degrees=True)  # about +y: from z toward x, so the right hip, at -x, goes up
+    found = replace(posed({}), root_quaternion=raised.as_quat(scalar_first=True)[None])
+    hips = found.landmarks()[0, [4, 1], 2]
+    assert hips[0] > hips[1]
+    assert anatomical_angles(found)["pelvis_obliquity"][0] == pytest.approx(15)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_angles_make_the_rotations_again(seed):
+    random = np.random.default_rng(seed)
+    motion = replace(posed({}), angles_rad=random.uniform(BODY.dof_limits_rad[:, 0], BODY.dof_limits_rad[:, 1])[None])
+    found, rotations = anatomical_angles(motion), joint_rotations(motion)
+    for side in ("left", "right"):
+        flexion, adduction, turn = (found[f"{side}_hip_{name}"][0] for name in ("flexion", "adduction", "internal_rotation"))
+        again = Rotation.from_euler("ZXY", [flexion, adduction, turn], degrees=True).as_matrix()
+        np.testing.assert_allclose(again, rotations[f"{side}_hip"][0], atol=1e-9)
+        plane, elevation, axial = (found[f"{side}_shoulder_{name}"][0] for name in ("plane_of_elevation", "elevation", "axial_rotation"))
+        again = Rotation.from_euler("YXY", [plane, -elevation, axial], degrees=True).as_matrix()
+        np.testing.assert_allclose(again, rotations[f"{side}_shoulder"][0], atol=1e-9)
+        assert elevation >= 0
+    # the bones themselves: the angle at the knee between thigh and shin
+    joints = motion.landmarks()[0]
+    thigh, shin = joints[4] - joints[5], joints[5] - joints[6]
+    between = np.degrees(np.arccos(thigh @ shin / np.linalg.norm(thigh) / np.linalg.norm(shin)))
+    knee = Rotation.from_euler("ZX", [-found["right_knee_flexion"][0], found["right_knee_adduction"][0]], degrees=True).as_matrix()
+    assert np.degrees(np.arccos(knee[1, 1])) == pytest.approx(between, abs=1e-6)
+
+
+def test_a_row_per_pose_and_every_angle_once():
+    found = anatomical_angles(waving(4))
+    assert found.degrees.shape == (4, len(found.names)) == (4, len(set(found.names)))
+    assert np.isfinite(found.degrees).all()
+    assert (np.diff(found["left_knee_flexion"]) > 20).all()
+    assert (np.diff(found["right_shoulder_elevation"]) > 0).all()
