@@ -1,0 +1,65 @@
+"""Leaving out poses that say nothing new."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.library.kernels.thinning import thin_rows
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.turning import split_heading
+
+_GRID_COLUMNS = 6
+
+
+def pose_features(motion: Motion) -> NDArray[np.float64]:
+    """Returns what makes a pose, whichever way the body faces and wherever it stands.
+
+    Args:
+        motion: the take.
+
+    Returns:
+        (T, D + 2) float64, radians: the joint angles, then how far the pelvis leans from the vertical, as a rotation vector about the
+        body's x and y (its z is 0, the heading about the vertical being taken out).
+    """
+    _, tilt = split_heading(motion.root_quaternion)
+    sine = np.linalg.norm(tilt[:, 1:], axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, tilt[:, :1])
+    lean = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0) * tilt[:, 1:3]
+    return np.hstack([motion.angles_rad, lean])
+
+
+def thin(features_rad: NDArray[np.float64], tolerance_rad: float, already_kept: NDArray[np.float64] | None = None) -> NDArray[np.int64]:
+    """Removes poses until no two remain whose differences are all the tolerance or less.
+
+    Greedy in the given order: a pose goes if one that stays is within the tolerance in every coordinate, and stays otherwise. Exact.
+    Time is that of N lookups in a hash grid over the six coordinates that spread most, each of at most 64 cells; it grows with N and
+    with how many kept poses share a cell, not with N².
+
+    Args:
+        features_rad: (N, K) float64, finite.
+        tolerance_rad: greater than 0.
+        already_kept: (M, K) float64, poses that are kept whatever is near to them, such as those of a library that grows.
+
+    Returns:
+        (L,) int64, increasing: the rows that stay.
+
+    Raises:
+        ValueError: the arrays have other shapes, hold NaN, or the tolerance is not positive.
+
+    Source: Okada and Stenger, §3 (their tolerance is 5 degrees).
+    """
+    features = np.ascontiguousarray(features_rad, float)
+    if features.ndim != 2:
+        raise ValueError(f"features_rad must be (N, K), got {features.shape}")
+    kept_before = np.empty((0, features.shape[1])) if already_kept is None else np.asarray(already_kept, float)
+    if kept_before.ndim != 2 or kept_before.shape[1] != features.shape[1]:
+        raise ValueError(f"already_kept must be (M, {features.shape[1]}), got {kept_before.shape}")
+    if not tolerance_rad > 0:
+        raise ValueError(f"tolerance_rad must be greater than 0, got {tolerance_rad}")
+    rows = np.vstack([kept_before, features])
+    if not np.isfinite(rows).all():
+        raise ValueError("features hold NaN or infinity")
+    kept = np.zeros(len(rows), bool)
+    spread = rows.std(axis=0) if len(rows) else np.zeros(rows.shape[1])
+    grid = np.argsort(-spread, kind="stable")[:_GRID_COLUMNS].astype(np.int64)
+    thin_rows(rows, len(kept_before), grid, float(tolerance_rad), kept)
+    return np.flatnonzero(kept[len(kept_before) :]).astype(np.int64)
