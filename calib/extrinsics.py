@@ -10,19 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.adjust import Adjusted, Observations, Scene, adjust, ideal_poses, rms_px
+from calib.adjust import Adjusted, Observations, Scene, adjust, rms_px
 from calib.board import Board, View
 from calib.camera import Camera, Rig
 from calib.errors import InputError
+from calib.pairs import Pair, Placed, Pose, Views, chain, place_boards, refuse_mirrored, shared_boards, turned_points
 from calib.rotation import nearest_rotation, rodrigues_from_matrix
 
 FloatArray = NDArray[np.float64]
-Pose = tuple[FloatArray, FloatArray]  # rotation (3, 3) and translation (3,), m
 
 _FAR_PX = 20.0  # boards that fit worse than this after the start are left out of the adjustment
 _FOCAL_PX = 1000.0  # brings ideal coordinates to a scale on which that is a fair number
 _ODD_ONE_OUT = 1.5  # times the other cameras' median error
-_TINY = 1e-6  # ideal coordinates: a thousandth of a pixel
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,11 @@ class Extrinsics:
     rig: Rig
     table: tuple[CameraError, ...]
     rms_px: float
-    shared_boards: Mapping[tuple[str, str], int]
+    shared_boards: Mapping[Pair, int]
     advice: tuple[str, ...]
 
 
-def calibrate_extrinsics(board: Board, lenses: Rig, views: Mapping[str, Mapping[str, View]], floor: str | None = None) -> Extrinsics:
+def calibrate_extrinsics(board: Board, lenses: Rig, views: Views, floor: str | None = None) -> Extrinsics:
     """Finds where cameras stand.
 
     Args:
@@ -69,10 +68,10 @@ def calibrate_extrinsics(board: Board, lenses: Rig, views: Mapping[str, Mapping[
     """
     for name in {name for seen in views.values() for name in seen} - set(lenses.names):
         raise InputError(f"camera {name} saw boards but has no lens calibration: calibrate its intrinsics first")
-    placed = {moment: {name: _board_poses(board, lenses[name], view) for name, view in seen.items()} for moment, seen in views.items()}
-    placed = {moment: {name: poses for name, poses in seen.items() if poses} for moment, seen in placed.items()}
-    shared = _shared(lenses.names, placed)
-    starts = _chain(lenses.names, placed, shared)
+    placed = place_boards(board, lenses, views)
+    shared = shared_boards(lenses.names, placed)
+    starts, agreeing = chain(lenses.names, placed, shared)
+    refuse_mirrored(board, lenses, views, agreeing, shared)
     cameras = tuple(replace(camera, rotation=starts[camera.name][0], translation=starts[camera.name][1]) for camera in lenses)
     moments, scene, seen = _scene(board, cameras, views, placed, floor)
     adjusted = adjust(scene, seen, "places")
@@ -83,98 +82,11 @@ def calibrate_extrinsics(board: Board, lenses: Rig, views: Mapping[str, Mapping[
     return Extrinsics(Rig(cameras), table, rms_px(adjusted.residuals_px), shared, _advice(table))
 
 
-def _board_poses(board: Board, camera: Camera, view: View) -> list[tuple[FloatArray, FloatArray, float, bool]]:
-    """Returns candidate places of a board before a camera: rotation, translation, error in ideal units, and whether it is turned round."""
-    if view.size != camera.size:
-        seen, known = (f"{w}x{h}" for w, h in (view.size, camera.size))
-        raise InputError(f"camera {camera.name}: boards were recorded at {seen} but its lens was calibrated at {known}: use one size")
-    points = board.points_m[view.ids]
-    poses = [(*pose, False) for pose in ideal_poses(camera, points, view.pixels)]
-    if board.turns_into_itself:
-        poses += [(*pose, True) for pose in ideal_poses(camera, _turned(board, points), view.pixels)]
-    return poses
-
-
-def _turned(board: Board, points_m: FloatArray) -> FloatArray:
-    """Counts corners from the other end."""
-    return np.array([board.columns - 1, board.rows - 1, 0]) * board.square_m - points_m
-
-
-def _shared(names: tuple[str, ...], placed: Mapping[str, Mapping[str, list]]) -> dict[tuple[str, str], int]:
-    """Counts the boards that each pair of cameras saw together."""
-    counts = {(a, b): 0 for i, a in enumerate(names) for b in names[i + 1 :]}
-    for seen in placed.values():
-        for a, b in counts:
-            counts[a, b] += a in seen and b in seen
-    return counts
-
-
-def _chain(names: tuple[str, ...], placed: Mapping[str, Mapping[str, list]], shared: Mapping[tuple[str, str], int]) -> dict[str, Pose]:
-    """Returns a first place for every camera, camera from first camera, along the pairs that share most boards.
-
-    Raises:
-        InputError: Not all cameras can be reached.
-    """
-    places: dict[str, Pose] = {names[0]: (np.eye(3), np.zeros(3))}
-    while len(places) < len(names):
-        edges = [(count, a, b) for (a, b), count in shared.items() if count and (a in places) != (b in places)]
-        if not edges:
-            raise InputError(_disconnected(names, set(places), shared))
-        _, a, b = max(edges)
-        known, new = (a, b) if a in places else (b, a)
-        rotation, translation = _relative(known, new, placed)
-        base = places[known]
-        places[new] = rotation @ base[0], rotation @ base[1] + translation
-    return places
-
-
-def _disconnected(names: tuple[str, ...], reached: set[str], shared: Mapping[tuple[str, str], int]) -> str:
-    """Says which cameras have no board in common with which."""
-    lost = [name for name in names if name not in reached]
-    counts = ", ".join(f"{a}-{b} {count}" for (a, b), count in shared.items())
-    together = ", ".join(name for name in names if name in reached)
-    return f"no board was seen by {together} and {', '.join(lost)} together (boards shared: {counts}): carry the board where both see it"
-
-
-def _relative(known: str, new: str, placed: Mapping[str, Mapping[str, list]]) -> Pose:
-    """Returns new-from-known, the candidate on which most boards agree.
-
-    A board's tilt is ambiguous when it is small, and a plain board may be counted from either end, so each gives several candidates; the
-    right one comes up again with every board, wrong ones do not.
-    """
-    candidates: list[tuple[FloatArray, FloatArray, int, float]] = []
-    for number, seen in enumerate(placed.values()):
-        a, b = seen.get(known, []), seen.get(new, [])
-        for ra, ta, error_a, turned_a in a:
-            for rb, tb, error_b, turned_b in b:
-                if turned_a and turned_b:
-                    continue  # the same as neither
-                rotation = rb @ ra.T
-                worse = np.log1p(error_a / (a[0][2] + _TINY)) + np.log1p(error_b / (b[0][2] + _TINY))
-                candidates.append((rotation, tb - rotation @ ta, number, worse))
-    rotations = np.array([candidate[0] for candidate in candidates])
-    translations = np.array([candidate[1] for candidate in candidates])
-    boards = np.array([candidate[2] for candidate in candidates])
-    best, agreed = np.inf, np.zeros(len(candidates), dtype=bool)
-    for index in range(len(candidates)):
-        angle = np.arccos(np.clip((np.einsum("nij,ij->n", rotations, rotations[index]) - 1) / 2, -1, 1))
-        apart = np.linalg.norm(translations - translations[index], axis=1) / (1 + np.linalg.norm(translations[index]))
-        distance = np.minimum(angle + apart, 0.5)
-        nearest = np.full(boards.max() + 1, 0.5)
-        np.minimum.at(nearest, boards, distance)
-        # Where boards leave the choice open, the tilt that fits its corners better.
-        score = float(nearest.sum()) + 0.02 * candidates[index][3]
-        if score < best:
-            best, agreed = score, distance < 0.1
-            agreed[index] = True
-    return nearest_rotation(rotations[agreed].mean(axis=0)), np.median(translations[agreed], axis=0)
-
-
 def _scene(
     board: Board,
     cameras: tuple[Camera, ...],
-    views: Mapping[str, Mapping[str, View]],
-    placed: Mapping[str, Mapping[str, list]],
+    views: Views,
+    placed: Placed,
     floor: str | None,
 ) -> tuple[list[str], Scene, Observations]:
     """Places every board in the world by the camera's candidate that all cameras like best, and gathers what was seen."""
@@ -199,7 +111,7 @@ def _scene(
         for name, turned in turns.items():
             view, index = views[moment][name], by_name[name][0]
             points = board.points_m[view.ids]
-            points = _turned(board, points) if turned else points
+            points = turned_points(board, points) if turned else points
             parts.append((np.full(len(points), index), np.full(len(points), len(moments)), points, view.pixels))
         moments.append(moment)
         rotations.append(place[0])
@@ -218,7 +130,7 @@ def _misfit(
     for name, view in seen.items():
         camera = by_name[name][1]
         points = board.points_m[view.ids]
-        options = {False: points, True: _turned(board, points)} if board.turns_into_itself else {False: points}
+        options = {False: points, True: turned_points(board, points)} if board.turns_into_itself else {False: points}
         errors = {}
         for turned, option in options.items():
             pixels, _ = camera.project(option @ place[0].T + place[1])

@@ -131,6 +131,21 @@ def test_a_camera_with_the_wrong_lens_is_named():
     assert len(found.advice) == 1
 
 
+def test_a_camera_with_mirrored_pictures_is_named_with_counts():
+    truth = room(3)
+    views = board_views(truth, CHECKERBOARD, 40, 0.2)
+    for seen_now in views.values():
+        if (view := seen_now.get("cam_1")) is not None:
+            # As the detector counts a mirrored board of an even number of columns: rows from their other end.
+            grid = (view.pixels * [-1, 1] + [view.size[0] - 1, 0]).reshape(5, 8, 2)[:, ::-1]
+            seen_now["cam_1"] = View(view.ids, grid.reshape(-1, 2), view.size)
+    with pytest.raises(InputError, match=r"camera cam_1's pictures are mirrored: of \d+ boards that cam_0 and cam_1 saw together"):
+        calibrate_extrinsics(CHECKERBOARD, lost(truth), views)
+    with pytest.raises(InputError, match="the pictures of camera cam_0 or of camera cam_1 are mirrored"):
+        pair = {moment: {name: view for name, view in found.items() if name != "cam_2"} for moment, found in views.items()}
+        calibrate_extrinsics(CHECKERBOARD, lost(truth.select(["cam_0", "cam_1"])), pair)
+
+
 def test_standing4s_corner_lists(shared):
     folder = shared / "data" / "standing4"
     known = read_rig(folder / "calibration.toml")
