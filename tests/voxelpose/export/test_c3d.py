@@ -1,0 +1,54 @@
+"""C3D as py-c3d reads it, which is not the library that wrote it."""
+
+import warnings
+from pathlib import Path
+
+import c3d
+import numpy as np
+import pytest
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from tests.takes import waving
+from voxelpose.export.c3d import write_c3d
+from voxelpose.export.skeleton import named_points
+
+
+def read(path: Path) -> tuple[float, list[str], np.ndarray, str]:
+    """Returns rate, labels, (F, K, 3) metres with NaN where the file says that a point was not seen, and the unit."""
+    with path.open("rb") as file, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="No analog data")
+        reader = c3d.Reader(file)
+        points = np.array([points for _, points, _ in reader.read_frames()])
+        unit = reader.get("POINT:UNITS").string_value.strip()
+        positions = np.where(points[..., 3:4] < 0, np.nan, points[..., :3])
+        return reader.point_rate, [label.strip() for label in reader.point_labels], positions / 1000, unit
+
+
+def test_points_labels_rate_and_unit(tmp_path):
+    motion = waving(fps=29.97)
+    write_c3d(motion, tmp_path / "motion.c3d")
+    rate, labels, points, unit = read(tmp_path / "motion.c3d")
+    names, expected = named_points(motion)
+    assert (tuple(labels), unit) == (names, "mm")
+    assert rate == pytest.approx(motion.fps, rel=1e-6)
+    np.testing.assert_allclose(points, expected, atol=1e-6)
+    joints = points[:, [labels.index(name) for name in LANDMARK_NAMES]]
+    np.testing.assert_allclose(joints, motion.landmarks(), atol=1e-6)
+
+
+def test_right_hand_is_the_raised_one_and_up_is_z(tmp_path):
+    motion = waving()
+    write_c3d(motion, tmp_path / "motion.c3d")
+    _, labels, points, _ = read(tmp_path / "motion.c3d")
+    height = dict(zip(labels, points[-1, :, 2], strict=True))
+    assert height["right_finger_tip"] > height["right_wrist"] > height["head_top"] > height["left_wrist"] > height["left_heel"]
+
+
+def test_lost_frames_are_not_seen(tmp_path):
+    motion = waving(7)
+    keep = np.array([1, 2, 4, 6])
+    write_c3d(motion.select(keep), tmp_path / "motion.c3d")
+    _, _, points, _ = read(tmp_path / "motion.c3d")
+    assert len(points) == 6
+    assert np.isnan(points[[2, 4]]).all()
+    np.testing.assert_allclose(points[keep - 1], named_points(motion)[1][keep], atol=1e-6)
