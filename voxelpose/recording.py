@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import read_rig
 from voxelpose.footage import STILLS, VIDEOS, Footage, Frame, together
 
 _CALIBRATIONS = ("calibration.toml", "calibration.yml", "calibration.yaml", "calibration.json", "calibration.xml", "calibration")
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "calibration"})
+_USUAL_FOCAL = 1.0  # focal length over the longer side: 53 degrees, between a telephone and a webcam
 _RATE_TOLERANCE = 0.01  # cameras triggered together write average rates that differ a little
 
 
@@ -42,7 +43,7 @@ class Recording:
 
     Attributes:
         folder: the recording folder.
-        calibration_path: the calibration that was read.
+        calibration_path: the calibration that was read; None where a single camera has none and the usual one stands in for it.
         rig: the cameras used, in the calibration's order.
         footage: the pictures by camera name.
         first: number of the first frame used.
@@ -54,7 +55,7 @@ class Recording:
     """
 
     folder: Path
-    calibration_path: Path
+    calibration_path: Path | None
     rig: Rig
     footage: Mapping[str, Footage]
     first: int
@@ -95,12 +96,20 @@ class Recording:
         if not paths:
             raise InputError(f"{folder} holds no video: put one per camera there, named as in the calibration (cam_1.mp4)")
         if cameras is not None:
+            filmed = ", ".join(paths)
             paths = {name: path for name, path in paths.items() if name in cameras}
+            if not paths:
+                raise InputError(f"there is no video of {' or '.join(cameras)} in {folder}: its cameras are {filmed}")
         footage = {name: Footage.open(path) for name, path in paths.items()}
         calibration = _calibration_path(folder)
         sizes = {one.size for one in footage.values()}
-        rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
-        rig = _matching(rig, footage, calibration, cameras)
+        if calibration is None and cameras is not None and len(cameras) == 1 and len(footage) == 1:
+            rig = Rig((usual_camera(*cameras, sizes.pop()),))
+        elif calibration is None:
+            raise InputError(f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml; see docs/recordings.md)")
+        else:
+            rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
+            rig = _matching(rig, footage, calibration, cameras)
         footage = {name: footage[name] for name in rig.names}
         start, stop = _range(footage, frames)
         rate, times_s = _times(folder, footage, fps)
@@ -175,11 +184,21 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
     return found
 
 
-def _calibration_path(folder: Path) -> Path:
-    for name in _CALIBRATIONS:
-        if (folder / name).exists():
-            return folder / name
-    raise InputError(f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml; see docs/recordings.md)")
+def _calibration_path(folder: Path) -> Path | None:
+    return next((folder / name for name in _CALIBRATIONS if (folder / name).exists()), None)
+
+
+def usual_camera(name: str, size: tuple[int, int]) -> Camera:
+    """Returns the camera that is assumed where one alone has no calibration: level, a metre above the ground, of a usual field of view.
+
+    Args:
+        name: of the camera.
+        size: (width, height) of its pictures, px.
+    """
+    focal = _USUAL_FOCAL * max(size)
+    matrix = np.array([[focal, 0.0, (size[0] - 1) / 2], [0.0, focal, (size[1] - 1) / 2], [0.0, 0.0, 1.0]])
+    camera_from_world = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return Camera(name, size, matrix, np.zeros(0), camera_from_world, camera_from_world @ np.array([0.0, 0.0, -1.0]))
 
 
 def _matching(rig: Rig, footage: Mapping[str, Footage], calibration: Path, cameras: Sequence[str] | None) -> Rig:
