@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.kernels import distance as kernels
-from silhouette_core.scoring.backend import Spans, signed_prefix
+from silhouette_core.scoring.backend import Spans
 
 Weighting = Literal["xor", "wxor", "nwxor"]
 WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor")
@@ -48,18 +48,23 @@ def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> ND
     pixels = mask.view(np.uint8)
     if weighting == "xor" or not mask.any() or mask.all():
         return np.ones(mask.shape, np.float32)
-    outside = _distances(1 - pixels)
-    inside = _distances(pixels)
+    weights = _distances(1 - pixels)
+    # All that counts inside lies in the silhouette's box; one of the two terms is zero in every pixel.
+    left, top, width, height = cv2.boundingRect(pixels)
+    box = slice(max(top - 1, 0), top + height + 1), slice(max(left - 1, 0), left + width + 1)
+    inside = _distances(pixels[box])
     if weighting == "wxor":
-        return (inside + outside) * np.float32(_HEIGHT / len(mask))
-    # One of the two terms is zero in every pixel; where the first is, so is its numerator.
-    middle = _distances(1 - thin(mask).view(np.uint8))
-    return inside / np.maximum(inside + middle, np.float32(1e-6)) + outside / outside.max()
+        weights[box] += inside
+        return weights * np.float32(_HEIGHT / len(mask))
+    middle = _distances(1 - thin(mask[box]).view(np.uint8))
+    weights /= weights.max()
+    weights[box] += inside / np.maximum(inside + middle, np.float32(1e-6))
+    return weights
 
 
 def _distances(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Returns each pixel's Euclidean distance to the nearest zero."""
-    return cv2.distanceTransform(image, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # type: ignore[return-value]
+    return cv2.distanceTransform(np.ascontiguousarray(image), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # type: ignore[return-value]
 
 
 def thin(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -133,8 +138,9 @@ class Target:
             weighting: see `pixel_weights`.
             margin_px: the largest shift, in rows or columns, that `distances` will be asked for.
         """
-        weights = np.pad(pixel_weights(mask, weighting).astype(np.float64), margin_px, mode="edge")
-        return cls(*signed_prefix(np.pad(mask, margin_px), weights), mask.shape, margin_px)
+        weights = pixel_weights(mask, weighting)
+        prefix = np.empty((mask.shape[0] + 2 * margin_px, mask.shape[1] + 2 * margin_px + 1))
+        return cls(prefix, kernels.padded_prefix(mask, weights, margin_px, prefix), mask.shape, margin_px)
 
     def distances(
         self, spans: Spans, which: NDArray[np.integer] | None = None, shifts_px: NDArray[np.integer] | None = None, threads: bool = True

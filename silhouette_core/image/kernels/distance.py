@@ -71,6 +71,28 @@ def dense_distance(observation, weights, silhouettes, distances):
 
 
 @kernel
+def padded_prefix(observation, weights, margin, prefix):
+    """Fills prefix (h + 2 m, w + 2 m + 1), sums of d (1 - 2 P) along rows; returns the sum of d P. Beyond the window d goes on, P is 0."""
+    height, width = observation.shape
+    base = 0.0
+    for v in range(prefix.shape[0]):
+        y = min(max(v - margin, 0), height - 1)
+        within = margin <= v < margin + height
+        total = 0.0
+        prefix[v, 0] = 0.0
+        for u in range(prefix.shape[1] - 1):
+            x = min(max(u - margin, 0), width - 1)
+            weight = np.float64(weights[y, x])
+            if within and margin <= u < margin + width and observation[y, x]:
+                base += weight
+                total -= weight
+            else:
+                total += weight
+            prefix[v, u + 1] = total
+    return base
+
+
+@kernel
 def score_runs(prefix, first, last, rows, starts, ends, down, right):
     """Returns the signed weights under the runs first to last, moved by (down, right) columns and rows of the prefix image."""
     total = 0.0

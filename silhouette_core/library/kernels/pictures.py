@@ -90,9 +90,9 @@ def fill_runs(masks, offsets, rows, starts, ends):
                 k += 1
 
 
-@parallel_kernel
+@kernel
 def draw_runs(rows, starts, ends, offsets, which, masks):
     """Draws silhouettes `which` (N,) into empty masks (N, h, w)."""
-    for n in prange(len(which)):
+    for n in range(len(which)):
         for k in range(offsets[which[n]], offsets[which[n] + 1]):
             masks[n, rows[k], starts[k] : ends[k]] = True

@@ -1,0 +1,150 @@
+"""Base poses: which recorded poses a library is made of, and how fast they change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.errors import InputError
+from silhouette_core.library.library import LibrarySettings
+from silhouette_core.library.thinning import pose_features, thin
+from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.turning import mirrored, split_heading
+
+_FPS = 30.0
+_LEAST_SIGMA_RAD = np.radians(0.5)
+_WIDEST_DEG = 90.0
+_DRAWN = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class BasePoses:
+    """B base poses.
+
+    Attributes:
+        angles: (B, D) float32, joint angles, radians.
+        quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
+        source: (B, 2) int32, clip and frame.
+        mirrored: (B,) bool.
+        clips: names of the clips.
+        tolerance_deg: what they were thinned by.
+        frames: how many poses there were before thinning.
+        sigma_rad: (D,) float32 and root_sigma_rad: see `spreads`.
+    """
+
+    angles: NDArray[np.float32]
+    quaternion: NDArray[np.float32]
+    source: NDArray[np.int32]
+    mirrored: NDArray[np.bool_]
+    clips: tuple[str, ...]
+    tolerance_deg: float
+    frames: int
+    sigma_rad: NDArray[np.float32]
+    root_sigma_rad: float
+
+
+def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> BasePoses:
+    """Thins recorded motion to the base poses of a library.
+
+    Args:
+        motions: clips by name, all of one body.
+        settings: how many samples at most, from how many views, the least tolerance, mirror images or not.
+
+    Returns:
+        The base poses; the tolerance is the least, from `settings.tolerance_deg` up, at which the samples are not too many.
+
+    Raises:
+        InputError: there is no motion.
+
+    Source: Okada and Stenger, section 7: no two poses whose joint angles all differ by 5 degrees or less.
+    """
+    takes = [(k, False, motion) for k, motion in enumerate(motions.values()) if len(motion)]
+    if not takes:
+        raise InputError("no poses are left to make a library of: give more motion, or leave less out")
+    if settings.mirror:
+        takes += [(k, True, mirrored(motion)) for k, _, motion in takes]
+    features = np.concatenate([pose_features(motion) for _, _, motion in takes])
+    angles = np.concatenate([motion.angles_rad for _, _, motion in takes])
+    tilt = np.concatenate([split_heading(motion.root_quaternion)[1] for _, _, motion in takes])
+    source = np.concatenate([np.column_stack([np.full(len(motion), k), motion.frames]) for k, _, motion in takes])
+    turned = np.concatenate([np.full(len(motion), flag) for _, flag, motion in takes])
+    kept, tolerance = _thin_to(features, settings.poses // settings.views_count, settings.tolerance_deg)
+    quantised = _quantisation(features, angles, tilt, kept)
+    sigma, root_sigma = spreads([motion for _, flag, motion in takes if not flag], quantised, settings)
+    return BasePoses(
+        angles[kept].astype(np.float32),
+        tilt[kept].astype(np.float32),
+        source[kept].astype(np.int32),
+        turned[kept],
+        tuple(motions),
+        tolerance,
+        len(features),
+        sigma,
+        root_sigma,
+    )
+
+
+def _thin_to(features: NDArray[np.float64], most: int, least_deg: float) -> tuple[NDArray[np.integer], float]:
+    """Thins by the least tolerance at which at most `most` poses are left."""
+    kept = thin(features, np.radians(least_deg))
+    if len(kept) <= most:
+        return kept, least_deg
+    low, high, found = least_deg, _WIDEST_DEG, thin(features, np.radians(_WIDEST_DEG))
+    if len(found) > most:
+        return found[:: -(-len(found) // most)], _WIDEST_DEG
+    while high - low > 0.02 * low:
+        middle = (low + high) / 2
+        kept = thin(features, np.radians(middle))
+        if len(kept) <= most:
+            high, found = middle, kept
+        else:
+            low = middle
+    return found, high
+
+
+def _quantisation(
+    features: NDArray[np.float64], angles: NDArray[np.float64], tilt: NDArray[np.float64], kept: NDArray[np.integer]
+) -> tuple[NDArray[np.float64], float]:
+    """Returns how far poses are from the nearest base pose: mean squares per joint angle (D,) and of the orientation's angle."""
+    drawn = np.random.default_rng(0).permutation(len(features))[:_DRAWN]
+    library = features[kept]
+    square = (library**2).sum(axis=1)
+    nearest = kept[np.concatenate([np.argmin(square - 2 * rows @ library.T, axis=1) for rows in np.array_split(features[drawn], 8)])]
+    turn = Rotation.from_quat(tilt[drawn], scalar_first=True).inv() * Rotation.from_quat(tilt[nearest], scalar_first=True)
+    return ((angles[drawn] - angles[nearest]) ** 2).mean(axis=0), float((turn.magnitude() ** 2).mean())
+
+
+def spreads(
+    motions: list[Motion], quantised: tuple[NDArray[np.float64], float], settings: LibrarySettings
+) -> tuple[NDArray[np.float32], float]:
+    """Measures sigma_j of eq. (4) on recorded motion at 30 frames a second.
+
+    A library knows poses only as near as its nearest sample, before a step as after it, so to the mean square of the recorded change twice
+    that of the distance to the nearest sample is added.
+
+    Args:
+        motions: the clips.
+        quantised: mean squares of the distance to the nearest base pose, per joint angle (D,), and of the orientation, radians squared.
+        settings: for the yaw step.
+
+    Returns:
+        sigma_rad (D,) float32, at least half a degree, and root_sigma_rad for each of three axes.
+    """
+    change, turn, count = np.zeros(motions[0].angles_rad.shape[1]), 0.0, 0
+    for motion in motions:
+        step = max(1, round(motion.fps / _FPS))
+        if len(motion) <= step:
+            continue
+        change += ((motion.angles_rad[step:] - motion.angles_rad[:-step]) ** 2).sum(axis=0)
+        rotation = Rotation.from_matrix(rotation_matrices(motion.root_quaternion))
+        turn += ((rotation[:-step].inv() * rotation[step:]).magnitude() ** 2).sum()
+        count += len(motion) - step
+    yaw = np.radians(settings.yaw_step_deg) ** 2 / 12
+    sigma = np.sqrt(change / max(count, 1) + 2 * quantised[0])
+    root = np.sqrt((turn / max(count, 1) + 2 * (quantised[1] + yaw)) / 3)
+    return np.maximum(sigma, _LEAST_SIGMA_RAD).astype(np.float32), float(max(root, _LEAST_SIGMA_RAD))

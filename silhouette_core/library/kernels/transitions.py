@@ -1,0 +1,45 @@
+"""Loops over the nearest samples in pose space."""
+
+import math
+
+import numpy as np
+
+from silhouette_core.jit import parallel_kernel, prange
+
+
+@parallel_kernel
+def nearest_samples(sources, bases, squares, orientation, per_root, views, same_pitch, index, found):
+    """Fills index (n, K) and found (n, K): the samples nearest to each source, nearest first, by squared distance in sigmas.
+
+    Candidates are base poses (n, C) in order of their joints' squared distance (n, C); the orientation's, times per_root (n,), is added
+    for every view of the source's pitch. Of equally far samples the one that comes first is kept.
+    """
+    for n in prange(len(sources)):
+        source = sources[n]
+        view = source % views
+        first = view - view % same_pitch
+        kept = 0
+        room = index.shape[1]
+        for c in range(bases.shape[1]):
+            joints = squares[n, c]
+            if kept == room and joints >= found[n, room - 1]:
+                break
+            for v in range(first, first + same_pitch):
+                other = bases[n, c] * views + v
+                cosine = -0.5
+                for i in range(9):
+                    cosine += np.float64(orientation[source, i]) * orientation[other, i]
+                angle = math.acos(min(1.0, max(-1.0, cosine)))
+                square = joints + per_root[n] * angle * angle
+                if other == source:
+                    square = 0.0
+                if kept == room and square >= found[n, room - 1]:
+                    continue
+                k = kept if kept < room else room - 1
+                kept = min(kept + 1, room)
+                while k > 0 and found[n, k - 1] > square:
+                    found[n, k], index[n, k] = found[n, k - 1], index[n, k - 1]
+                    k -= 1
+                found[n, k], index[n, k] = square, other
+        for k in range(kept, room):
+            index[n, k], found[n, k] = source, np.inf
