@@ -100,6 +100,30 @@ class Board:
         grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
         return self._find_checkerboard(grey, thorough) if self.marker_m is None else self._find_charuco(grey)
 
+    def instead(self, picture: Image) -> str | None:
+        """Says what board is in a picture in which this one was not found: of other numbers, or with other markers; None: no board."""
+        if self.marker_m is not None:
+            return self._other_markers(picture)
+        flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+        grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags)
+        if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
+            return None
+        there, asked = (f"{max(numbers)} x {min(numbers)}" for numbers in (meta.shape[:2], (self.columns, self.rows)))
+        return f"a board with {there} inner corners is there, not {asked}: count where four squares meet, not squares"
+
+    def _other_markers(self, picture: Image) -> str | None:
+        """Names the dictionary most of whose markers are in the picture."""
+        counts: dict[str, tuple[int, int]] = {}
+        for name in (name for name in dir(cv2.aruco) if name.startswith(("DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO"))):
+            dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+            ids = cv2.aruco.ArucoDetector(dictionary).detectMarkers(picture)[1]
+            counts[name] = 0 if ids is None else len(ids), -len(dictionary.bytesList)  # small ones are part of larger ones
+        best = max(counts, key=lambda name: counts[name])
+        if counts[best][0] < _MIN_CORNERS or best == self.dictionary:
+            return None
+        return f"markers of {best} are there, not of {self.dictionary}"
+
     @cached_property
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """OpenCV's own board of these numbers."""

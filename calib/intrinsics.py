@@ -19,7 +19,7 @@ _MIN_PICTURES = 4
 _OUTLIER = 2.5  # times the median picture's error
 _ALWAYS_GOOD_PX = 0.5  # a picture this good is never an outlier
 _COVERAGE_GRID = 8
-_THIN_COVERAGE = 0.4
+_EDGE = 2  # cells
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,8 @@ class Intrinsics:
     def advice(self) -> list[str]:
         """What a better recording would do, in words; empty where there is nothing to say."""
         said = []
-        share = float((self.coverage > 0).mean())
-        if share < _THIN_COVERAGE:
-            said.append(f"the boards cover {share:.0%} of the image: bring them into the corners too, distortion is a guess there")
+        if gap := _uncovered(self.coverage):
+            said.append(f"no corners {gap} of the picture: hold the board there too, distortion is a guess there")
         if self.rms_px > 1:
             said.append(f"an error of {self.rms_px:.1f} px is much: is the board flat, are its numbers right, was it held still?")
         if np.any(self.focal_error_px > 0.005 * np.diag(self.matrix)[:2]):
@@ -180,3 +179,18 @@ def _coverage(views: Mapping[str, View], size: tuple[int, int]) -> NDArray[np.in
     counts = np.zeros((_COVERAGE_GRID, _COVERAGE_GRID), dtype=np.int64)
     np.add.at(counts, (row, column), 1)
     return counts
+
+
+def _uncovered(coverage: NDArray[np.int64]) -> str | None:
+    """Says in which quarter, or else along which edge of the image there are no corners."""
+    half = len(coverage) // 2
+    quarters = {
+        f"{down} {across}": coverage[rows, columns]
+        for down, rows in (("upper", slice(None, half)), ("lower", slice(half, None)))
+        for across, columns in (("left", slice(None, half)), ("right", slice(half, None)))
+    }
+    edges = {"upper": coverage[:_EDGE], "lower": coverage[-_EDGE:], "left": coverage[:, :_EDGE], "right": coverage[:, -_EDGE:]}
+    for parts, words in ((quarters, "in the {} quarter"), (edges, "along the {} edge")):
+        if empty := [name for name, cells in parts.items() if not cells.any()]:
+            return words.format(" and the ".join(empty))
+    return None

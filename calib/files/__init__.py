@@ -7,9 +7,10 @@ question unless the caller says it.
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from calib.camera import Rig
 from calib.errors import InputError
@@ -54,7 +55,7 @@ def read_rig(path: str | os.PathLike[str], unit: str | None = None, size: tuple[
     return _reader(source)(source)
 
 
-def write_rig(rig: Rig, path: str | os.PathLike[str], style: str | None = None) -> None:
+def write_rig(rig: Rig, path: str | os.PathLike[str], style: str | None = None, notes: Mapping[str, Any] | None = None) -> None:
     """Writes a calibration, in metres and saying so; it appears whole or not at all.
 
     Args:
@@ -62,6 +63,7 @@ def write_rig(rig: Rig, path: str | os.PathLike[str], style: str | None = None) 
         path: The file. Its suffix chooses the format: .toml aniposelib layout; .yml, .yaml, .xml OpenCV FileStorage; .json plain
             JSON; .txt Qualisys; none EasyMocap's folder.
         style: A name from `FORMATS` where the suffix would choose another.
+        notes: What else to say, kept under [metadata] in TOML; the other formats have no place for it.
 
     Raises:
         InputError: The format is unknown, cannot hold this rig, or the file cannot be written.
@@ -76,7 +78,7 @@ def write_rig(rig: Rig, path: str | os.PathLike[str], style: str | None = None) 
     # The suffix stays last because OpenCV chooses its syntax by it.
     beside = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
-        FORMATS[style].write(rig, beside)
+        FORMATS[style].write(rig, beside, **({"notes": notes} if notes and style == "anipose" else {}))
         if beside.is_dir():
             target.mkdir(exist_ok=True)
             for file in beside.iterdir():

@@ -13,6 +13,7 @@ over. On writing, tables are named after cameras and rotations are Rodrigues vec
 """
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,14 +50,14 @@ def read(source: Source) -> Rig:
     return source.rig([source.camera(str(table.get("name", key)), table, metres) for key, table in found.items()])
 
 
-def write(rig: Rig, path: Path) -> None:
-    """Writes the rig in metres."""
+def write(rig: Rig, path: Path, notes: Mapping[str, Any] | None = None) -> None:
+    """Writes the rig in metres, and notes under [metadata]."""
     import tomlkit
 
     document = tomlkit.document()
     for camera in rig:
         document[camera.name] = _table(camera)
-    document["metadata"] = {"unit": "m"}
+    document["metadata"] = {"unit": "m", **(notes or {})}
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
 
 

@@ -14,9 +14,10 @@ from calib.errors import InputError
 COMMANDS = {
     "demo": "make a small recording, fit it and score it: a first result without any data",
     "fit": "fit a body to every frame of a recording and write its motion",
+    "calibrate": "print boards, calibrate lenses and places of cameras, convert and check calibrations",
     "carve": "carve one frame of a recording: its visual hull as a PLY file",
     "library": "make or describe a pose library, from which one camera's motion is estimated",
-    "view": "show a result's hull and skeleton, in a window or as a picture",
+    "view": "show a result in the browser: cameras, voxels and body over time; or as a window, picture or video",
     "evaluate": "score a result against known joint positions",
     "doctor": "say what of this machine works, and what to do about the rest",
 }
@@ -103,7 +104,7 @@ def _second_word(name: str, commands: Mapping[str, type], words: list[str]) -> t
     """Returns the full name of a command of two words, its class and what follows; lists them where help is asked for."""
     word, *rest = words or ["--help"]
     if word in ("-h", "--help"):
-        does = "\n".join(f"  {word:<10}{command.help.splitlines()[0]}" for word, command in commands.items())  # type: ignore[attr-defined]
+        does = "\n".join(f"  {word:<12}{command.help.splitlines()[0]}" for word, command in commands.items())  # type: ignore[attr-defined]
         print(f"usage: voxelpose {name} [-h] COMMAND ...\n\ncommands:\n{does}\n\nvoxelpose {name} COMMAND --help tells all about a command")
         raise SystemExit(0)
     if word not in commands:

@@ -1,0 +1,1 @@
+"""Calibration from recordings of boards: which pictures serve, what comes out, and pictures of it."""
