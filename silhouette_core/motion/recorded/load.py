@@ -1,0 +1,57 @@
+"""Files and folders of recorded motion, as motions of our body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.recorded.read import SUFFIXES, read_recorded
+from silhouette_core.motion.recorded.reference import Reference, find_reference
+from silhouette_core.motion.recorded.retarget import retarget
+
+
+def motion_files(paths: Iterable[Path]) -> list[Path]:
+    """Returns the motion files among files and (searched to the bottom) folders, each once, folders' sorted by name.
+
+    Raises:
+        InputError: a path does not exist, or a folder holds no motion.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
+            if not inside:
+                raise InputError(f"{path} holds no motion: no .bvh, and no .csv with skeleton.json")
+            found.update(dict.fromkeys(inside))
+        elif path.is_file():
+            found[path] = None
+        else:
+            raise InputError(f"{path} does not exist")
+    return list(found)
+
+
+def load_motions(paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = 30.0) -> list[Motion]:
+    """Reads recorded motion and retargets it; takes of one skeleton share the frame in which it stands straightest.
+
+    Args:
+        paths: files, and folders that are searched for them.
+        model: the body.
+        names: a joint-name map for all of them; None chooses a shipped one for each.
+        target_fps: faster recordings are thinned to it by taking the nearest frames; slower ones stay as they are.
+
+    Returns:
+        One motion for each of `motion_files(paths)`.
+
+    Raises:
+        InputError: as `read_recorded`.
+    """
+    takes = [read_recorded(path, names).at_rate(target_fps) for path in motion_files(paths)]
+    best: dict[tuple, Reference] = {}
+    for take in takes:
+        reference = find_reference(take)
+        if take.skeleton not in best or reference.crooked_deg < best[take.skeleton].crooked_deg:
+            best[take.skeleton] = reference
+    return [retarget(take, model, best[take.skeleton]) for take in takes]

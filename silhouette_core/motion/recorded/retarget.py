@@ -1,0 +1,174 @@
+"""From a recorded skeleton to our body.
+
+What is carried over are directions in the world: those of the limbs' bones as they are, those of trunk, head, shoulders, hands and feet
+as turned since the pose in which the skeleton stands as ours does at rest. Joint angles then bring our parts into those directions as
+nearly as the joints' ranges allow; what one joint cannot do, its neighbours take over. Freedoms that silhouettes do not show
+(`BodyModel.dof_held`) stay at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion import kinematics
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.recorded.kernels.aiming import aim
+from silhouette_core.motion.recorded.reference import Reference, find_reference, unit, up_axis
+from silhouette_core.motion.recorded.skeleton import RecordedMotion
+
+_SIDES = ("left", "right")
+_BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
+# How much each direction counts. A limb's own turn (its hinge) is known badly and matters little while the limb is straight.
+_BONE, _HINGE, _TRUNK, _LUMBAR, _HEAD, _CLAVICLE, _FOOT, _HAND = 1.0, 0.03, 1.0, 0.2, 0.3, 0.3, 0.2, 0.1
+_REST = 1e-3
+_X, _Y, _Z = np.eye(3)
+
+
+@dataclass
+class _Targets:
+    """Directions for parts: `axes` fixed in a part at rest, `wanted` in our world for each frame."""
+
+    parts: list[int]
+    axes: list[NDArray]
+    wanted: list[NDArray]
+    weights: list[float]
+
+    def add(self, part: int, axis: NDArray, wanted: NDArray, weight: float) -> None:
+        self.parts.append(part)
+        self.axes.append(unit(np.asarray(axis, float)))
+        self.wanted.append(wanted)
+        self.weights.append(weight)
+
+
+def retarget(recorded: RecordedMotion, model: BodyModel, reference: Reference | None = None) -> Motion:
+    """Moves our body as a recorded one.
+
+    The file's up axis is the one along which the body stands on average, and goes to z; y up becomes x, -z, y, so that a body which
+    faces the file's +z faces -y. Its unit is not asked for: places scale by the ratio of the legs' lengths. Heights are those that put
+    our lower foot on the floor, or as far above it as the recorded one was in its jumps; the floor is where the recorded feet are
+    lowest. A first frame that is the reference pose, and from which the body leaps into the motion, is left out.
+
+    Args:
+        recorded: the take, its joints named.
+        model: the body.
+        reference: how the skeleton stands straight, where another take of it shows that better; None looks into this one.
+
+    Returns:
+        The motion, at the recording's rate.
+    """
+    reference = reference or find_reference(recorded)
+    if len(recorded) > 3 and _leaps(recorded):
+        recorded = replace(recorded, rotations=recorded.rotations[1:], positions=recorded.positions[1:])
+    world = _world_from_file(up_axis(recorded))
+    # Turned since the reference, seen in our world and our body's rest frame: R = world G G_ref^T body.
+    turned = lambda role: (  # noqa: E731
+        world @ recorded.rotations[:, recorded.roles[role]] @ (reference.rotations[recorded.roles[role]].T @ reference.body)
+    )
+    roots = turned("pelvis")
+    targets = _targets(recorded, reference, model, world, turned)
+    free = ~model.dof_held
+    angles = np.zeros((len(recorded), free.sum()))
+    aim(
+        model.parents, model.joints_m, model.dof_part[free], model.dof_axis[free], model.dof_limits_rad[free], np.ascontiguousarray(roots),
+        np.array(targets.parts), np.array(targets.axes), np.ascontiguousarray(np.stack(targets.wanted, axis=1)),
+        np.array(targets.weights), _REST, angles,
+    )  # fmt: skip
+    every = np.zeros((len(recorded), model.dof_count))
+    every[:, free] = angles
+    place = _scale(recorded, model) * recorded.positions[:, recorded.roles["pelvis"]] @ world.T
+    quaternion = kinematics.quaternions(roots)
+    place[:, 2] = _heights(recorded, model, world, quaternion, every)
+    return Motion(recorded.fps, model, place, quaternion, every)
+
+
+def _targets(recorded: RecordedMotion, reference: Reference, model: BodyModel, world: NDArray, turned) -> _Targets:
+    targets = _Targets([], [], [], [])
+    part = model.names.index
+    joint = lambda name: model.joints_m[part(name)]  # noqa: E731
+
+    def turn(name: str, axis: NDArray, weight: float, wanted_axis: NDArray | None = None, role: str = "") -> None:
+        role = role or name
+        if role in recorded.roles:
+            targets.add(part(name), axis, turned(role) @ unit(axis if wanted_axis is None else wanted_axis), weight)
+
+    for axis in (_X, _Z):
+        turn("lumbar", axis, _LUMBAR)
+        turn("thorax", axis, _TRUNK)
+    for axis in (_Y, _Z):
+        turn("neck", axis, _HEAD, role="head" if "head" in recorded.roles else "neck")
+    for side in _SIDES:
+        turn(f"{side}_clavicle", joint(f"{side}_upper_arm") - joint(f"{side}_clavicle"), _CLAVICLE)
+        turn(f"{side}_foot", -_Y, _FOOT)
+        for near, far in _BONES.items():
+            own, recorded_ends = f"{side}_{near}", [recorded.roles[f"{side}_{name}"] for name in (near, far)]
+            bone = unit(joint(f"{side}_{far}") - joint(own))
+            along = recorded.positions[:, recorded_ends[1]] - recorded.positions[:, recorded_ends[0]]
+            targets.add(part(own), bone, unit(along) @ world.T, _BONE)
+            # The reference holds this bone otherwise than our rest pose does; the shortest turn between them carries the hinge along.
+            to_reference = _shortest(bone, reference.direction(*recorded_ends))
+            if near in ("upper_arm", "thigh"):
+                hinge = model.dof_axis[model.dof_names.index(f"{side}_{far}.flexion")]
+                turn(own, hinge, _HINGE, to_reference @ hinge)
+            elif near == "forearm":
+                hand = joint(f"{side}_fingers") - joint(f"{side}_hand")
+                turn(f"{side}_hand", hand, _HAND, to_reference @ hand)
+    return targets
+
+
+def _leaps(recorded: RecordedMotion) -> bool:
+    """Tells whether the first frame stands apart: its step to the next is far longer than the steps that follow."""
+    relative = recorded.positions - recorded.positions[:, :1]
+    steps = np.linalg.norm(np.diff(relative[:30], axis=0), axis=2).max(axis=1)
+    return steps[0] > 3 * steps[1:].max()
+
+
+def _world_from_file(up: NDArray) -> NDArray[np.float64]:
+    if up[2] < -0.5:
+        return np.diag([1.0, -1.0, -1.0])
+    return _shortest(up, _Z)
+
+
+def _shortest(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Returns the smallest rotation (3, 3) that turns unit vector a into b."""
+    cross, cosine = np.cross(a, b), float(a @ b)
+    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    return np.eye(3) + skew + skew @ skew / max(1 + cosine, 1e-9)
+
+
+def _scale(recorded: RecordedMotion, model: BodyModel) -> float:
+    """Returns metres of our body for a unit of the file: the ratio of the legs' lengths."""
+    joint, first = lambda role: model.joints_m[model.names.index(role)], recorded.positions[0]
+    own = theirs = 0.0
+    for side in _SIDES:
+        for near, far in (("thigh", "shin"), ("shin", "foot")):
+            own += np.linalg.norm(joint(f"{side}_{far}") - joint(f"{side}_{near}"))
+            theirs += np.linalg.norm(first[recorded.roles[f"{side}_{far}"]] - first[recorded.roles[f"{side}_{near}"]])
+    return float(own / theirs)
+
+
+def _heights(recorded: RecordedMotion, model: BodyModel, world: NDArray, quaternion: NDArray, angles: NDArray) -> NDArray[np.float64]:
+    """Returns the root's height (T,) in metres."""
+    joints = [recorded.roles[role] for side in _SIDES for role in (f"{side}_foot", f"{side}_toes") if role in recorded.roles]
+    level = recorded.positions[:, joints] @ world[2]
+    floor = np.percentile(level, 2, axis=0)  # each joint's own: an ankle stands higher than a toe
+    scale = _scale(recorded, model)
+    above = scale * (level - floor).min(axis=1)
+    slack = 0.02 * model.sizes.stature_m  # the foot rolls while it stands
+    return np.maximum(above - slack, 0.0) - lowest_foot(model, quaternion, angles)
+
+
+def lowest_foot(model: BodyModel, quaternion: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (T,) the height in metres of the lowest point of the feet while the pelvis is at height 0."""
+    feet = [part for part, name in enumerate(model.names) if name.endswith(("_foot", "_toes"))]
+    mine = np.unique(model.faces[np.isin(model.face_part, feet)])
+    rotation, origin = kinematics.forward(model, np.zeros((len(angles), 3)), quaternion, angles)
+    height = np.zeros((len(angles), len(mine)))
+    for k in range(model.skin_parts.shape[1]):
+        part, weight = model.skin_parts[mine, k], model.skin_weights[mine, k]
+        local = model.vertices_m[mine] - model.joints_m[part]
+        height += weight * (np.einsum("tvi,vi->tv", rotation[:, part, 2], local) + origin[:, part, 2])
+    return height.min(axis=1)
