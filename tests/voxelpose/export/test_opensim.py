@@ -55,7 +55,9 @@ def motion(request) -> Motion:
         return take
     random, low, high = np.random.default_rng(3), *take.model.dof_limits_rad.T
     heading = unit(random.normal(size=(5, 4)))
-    return replace(take, angles_rad=random.uniform(low, high, take.angles_rad.shape), root_quaternion=heading)  # every joint turned
+    angles = random.uniform(low, high, take.angles_rad.shape)  # every joint turned
+    angles[:, take.model.dof_held] = 0  # as estimators leave them: an elbow that turns too is no hinge
+    return replace(take, angles_rad=angles, root_quaternion=heading)
 
 
 def test_trc_has_the_points_where_they_are(tmp_path, motion):

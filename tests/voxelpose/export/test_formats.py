@@ -1,0 +1,59 @@
+"""Several formats at once: whole or not at all."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from tests.takes import waving
+from voxelpose.export import opensim
+from voxelpose.export.formats import FORMATS, export_motion
+
+
+def test_every_format_is_written_and_named(tmp_path):
+    files = export_motion(waving(3), tmp_path / "new" / "out")
+    assert {path.name for path in files} == {
+        "motion.bvh", "motion.glb", "motion.trc", "motion.mot", "motion.c3d", "joints.csv", "joints_wide.csv", "angles.csv", "motion.npz",
+    }  # fmt: skip
+    assert sorted(path.name for path in (tmp_path / "new" / "out").iterdir()) == sorted(path.name for path in files)
+    assert all(path.stat().st_size > 100 for path in files)
+    assert set(FORMATS) == {"bvh", "glb", "trc", "c3d", "csv", "npz"}
+
+
+def test_what_exists_is_kept_unless_told(tmp_path):
+    (tmp_path / "motion.mot").write_text("mine")
+    with pytest.raises(InputError, match=r"motion\.mot exists"):
+        export_motion(waving(3), tmp_path, ["csv", "trc"])
+    assert [path.name for path in tmp_path.iterdir()] == ["motion.mot"]
+    export_motion(waving(3), tmp_path, ["trc"], overwrite=True)
+    assert (tmp_path / "motion.mot").read_text().startswith("Coordinates")
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("a bug")])
+def test_nothing_is_left_of_what_fails(tmp_path, monkeypatch, error):
+    def fail(motion, path):
+        path.write_text("half")
+        raise error
+
+    monkeypatch.setattr(opensim, "write_mot", fail)
+    with pytest.raises(InputError if isinstance(error, OSError) else type(error)) as raised:
+        export_motion(waving(3), tmp_path / "out", ["csv", "trc"])
+    assert list(tmp_path.iterdir()) == []
+    if isinstance(error, OSError):
+        assert "the disk is full" in str(raised.value)
+
+
+@pytest.mark.parametrize(("formats", "line"), [(["fbx"], "no format 'fbx'"), (["csv", ""], "no format ''")])
+def test_unknown_formats(tmp_path, formats, line):
+    with pytest.raises(InputError, match=line):
+        export_motion(waving(2), tmp_path, formats)
+
+
+def test_no_pose_at_all(tmp_path):
+    with pytest.raises(InputError, match="nothing to export"):
+        export_motion(waving(2).select(np.zeros(0, int)), tmp_path)
+
+
+def test_a_file_in_the_way(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(InputError, match="out cannot be written to"):
+        export_motion(waving(2), tmp_path / "out", ["csv"])

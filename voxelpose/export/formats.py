@@ -1,0 +1,72 @@
+"""All formats by name, and the writing of several at once: whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import shutil
+import uuid
+from collections.abc import Iterable
+from pathlib import Path
+
+from calib.errors import InputError
+from silhouette_core.motion.motion import Motion
+
+# format: its files, each with the module of this package and the function that writes it
+_WRITERS = {
+    "bvh": {"motion.bvh": ("bvh", "write_bvh")},
+    "glb": {"motion.glb": ("gltf", "write_glb")},
+    "trc": {"motion.trc": ("opensim", "write_trc"), "motion.mot": ("opensim", "write_mot")},
+    "c3d": {"motion.c3d": ("c3d", "write_c3d")},
+    "csv": {
+        "joints.csv": ("joints", "write_joints"),
+        "joints_wide.csv": ("tables", "write_wide_joints"),
+        "angles.csv": ("tables", "write_angles"),
+    },
+    "npz": {"motion.npz": ("tables", "write_npz")},
+}
+FORMATS = tuple(_WRITERS)
+
+
+def export_motion(motion: Motion, folder: Path | str, formats: Iterable[str] = FORMATS, overwrite: bool = False) -> list[Path]:
+    """Writes a motion in several formats.
+
+    Args:
+        motion: at least one pose.
+        folder: where the files go; it is made if need be.
+        formats: of `FORMATS`.
+        overwrite: whether files of the same names are replaced.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: a format is unknown, the motion has no pose, a file exists, or the folder cannot be written to.
+    """
+    folder, files = Path(folder), {}
+    for name in formats:
+        if name not in _WRITERS:
+            raise InputError(f"there is no format {name!r}: the formats are {', '.join(FORMATS)}")
+        files |= _WRITERS[name]
+    if not len(motion):
+        raise InputError("no frame of this result has a pose: there is nothing to export")
+    if not overwrite:
+        for name in files:
+            if (folder / name).exists():
+                raise InputError(f"{folder / name} exists: give --out another folder, or add --overwrite")
+    made = not folder.exists()
+    part = folder / f".export-{uuid.uuid4().hex[:8]}"
+    try:
+        part.mkdir(parents=True)
+        for name, (module, function) in files.items():
+            getattr(importlib.import_module(f"voxelpose.export.{module}"), function)(motion, part / name)
+        for name in files:
+            (part / name).replace(folder / name)
+        made = False
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise InputError(f"the disk is full: nothing was exported to {folder}; free some space or give --out another disk") from error
+        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(folder if made else part, ignore_errors=True)
+    return [folder / name for name in files]

@@ -1,0 +1,83 @@
+"""Tables as CSV and arrays as NPZ, for spreadsheets, R, MATLAB and Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.motion.motion import Motion
+
+
+def write_wide_joints(motion: Motion, path: Path) -> None:
+    """Writes joints_wide.csv: what joints.csv has, with one row per pose: `frame,time_s,pelvis_x_m,pelvis_y_m,...`.
+
+    Axes are the world's, metres. Lost frames have no row.
+
+    Args:
+        motion: T poses.
+        path: the CSV file.
+    """
+    names = [f"{joint}_{axis}_m" for joint in LANDMARK_NAMES for axis in "xyz"]
+    _write(motion, names, motion.landmarks().reshape(len(motion), -1), 6, path)
+
+
+def write_angles(motion: Motion, path: Path) -> None:
+    """Writes angles.csv: the anatomical angles of every pose, in degrees: `frame,time_s,pelvis_tilt_deg,...`.
+
+    What they mean is said in `silhouette_core.motion.anatomical`. Lost frames have no row.
+
+    Args:
+        motion: T poses.
+        path: the CSV file.
+    """
+    angles = anatomical_angles(motion)
+    _write(motion, [f"{name}_deg" for name in angles.names], angles.degrees, 3, path)
+
+
+def write_npz(motion: Motion, path: Path) -> None:
+    """Writes everything as NumPy arrays, compressed; nothing in it needs pickle.
+
+    Axes are the world's, z up; metres, radians (`angles_rad`) and degrees (`anatomical_deg`). Arrays with a row per pose: `frames`,
+    `time_s`, `root_m`, `root_quaternion` (w x y z), `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world from part,
+    `part_origin` (T, 27, 3) the joints, `landmarks` and `landmark_confidence` (the 15 joints of joints.csv). Beside them `fps`,
+    `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`, `angle_names`, `anatomical_names`, `landmark_names`.
+    Lost frames have no row.
+
+    Args:
+        motion: T poses.
+        path: the file.
+    """
+    model, angles = motion.model, anatomical_angles(motion)
+    rotation, origin = motion.parts()
+    with path.open("wb") as file:  # savez would add .npz to another name
+        np.savez_compressed(
+            file,
+            fps=np.float64(motion.fps),
+            frames=motion.frames,
+            time_s=motion.time_s,
+            root_m=motion.root_m,
+            root_quaternion=motion.root_quaternion,
+            angles_rad=motion.angles_rad,
+            angle_names=np.array(model.dof_names),
+            anatomical_deg=angles.degrees,
+            anatomical_names=np.array(angles.names),
+            part_names=np.array(model.names),
+            part_rotation=rotation,
+            part_origin=origin,
+            parents=model.parents,
+            rest_joints=model.joints_m,
+            landmark_names=np.array(LANDMARK_NAMES),
+            landmarks=motion.landmarks(),
+            landmark_confidence=motion.landmark_confidence(),
+        )
+
+
+def _write(motion: Motion, names: list[str], table: NDArray[np.float64], digits: int, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(["frame", "time_s", *names]) + "\n")
+        for frame, time_s, row in zip(motion.frames.tolist(), motion.time_s, table, strict=True):
+            file.write(f"{frame},{time_s:.6f}," + ",".join(f"{value:.{digits}f}" for value in row) + "\n")
