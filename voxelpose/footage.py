@@ -3,8 +3,8 @@
 import queue
 import re
 import threading
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -29,6 +29,7 @@ class Footage:
         size: image (width, height), px, as the frames come (a rotation noted in the video is applied).
         frame_count: frames that can be read.
         fps: frames per second; None where the files do not tell.
+        numbers: which of the file's frames these are, in order, some perhaps left out or repeated; None for all.
     """
 
     path: Path
@@ -36,6 +37,7 @@ class Footage:
     size: tuple[int, int]
     frame_count: int
     fps: float | None
+    numbers: tuple[int, ...] | None = None
 
     @classmethod
     def open(cls, path: Path) -> "Footage":
@@ -68,25 +70,38 @@ class Footage:
         Raises:
             InputError: a frame is missing, unreadable, or of another size.
         """
-        for number, frame in enumerate(self._stills(start, stop) if self.stills else self._video(start, stop), start):
+        numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
+        for number, frame in zip(numbers, self._stills(numbers) if self.stills else self._video(numbers), strict=True):
             if frame.shape[1::-1] != self.size:
                 raise InputError(f"{self.path}: frame {number} is {_by(frame.shape[1::-1])} px, the first {_by(self.size)}: make all alike")
             yield frame
 
-    def _stills(self, start: int, stop: int) -> Iterator[Frame]:
-        for file in self.stills[start:stop]:
-            yield read_still(file)
+    def pick(self, numbers: Sequence[int]) -> "Footage":
+        """Returns the same pictures with only some of the frames.
 
-    def _video(self, start: int, stop: int) -> Iterator[Frame]:
+        Args:
+            numbers: of the frames, never falling; one may come twice.
+        """
+        chosen = tuple(int(number) if self.numbers is None else self.numbers[number] for number in numbers)
+        return replace(self, numbers=chosen, frame_count=len(chosen))
+
+    def _stills(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        for number in numbers:
+            yield read_still(self.stills[number])
+
+    def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
         capture = cv2.VideoCapture(str(self.path))
+        at, frame = 0, None
         try:
-            # Skipped by decoding: seeking lands on a wrong frame in some containers.
-            readable = all(capture.grab() for _ in range(start))
-            for number in range(start, stop):
-                good, frame = capture.read() if readable else (False, None)
+            for number in numbers:
+                # Skipped by decoding: seeking lands on a wrong frame in some containers.
+                good = all(capture.grab() for _ in range(at, number))
+                if good and (at <= number or frame is None):
+                    good, frame = capture.read()
+                    at = number + 1
                 if not good or frame is None:
                     raise InputError(f"{self.path} cannot be read beyond frame {number}: repair it, or give --frames 0:{number}")
-                yield _three_channels(frame)
+                yield _three_channels(frame if self.numbers is None else frame.copy())  # one that comes twice may be drawn on
         finally:
             capture.release()
 

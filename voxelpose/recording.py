@@ -1,6 +1,5 @@
 """A recording folder: videos, empty backgrounds, calibration, and who was filmed. See docs/recordings.md."""
 
-import csv
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import read_rig
 from voxelpose.footage import STILLS, VIDEOS, Footage, Frame, together
+from voxelpose.timestamps import NAME, in_step, read_timestamps
 
 _CALIBRATIONS = ("calibration.toml", "calibration.yml", "calibration.yaml", "calibration.json", "calibration.xml", "calibration")
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "calibration"})
@@ -111,8 +111,13 @@ class Recording:
             rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
             rig = _matching(rig, footage, calibration, cameras)
         footage = {name: footage[name] for name in rig.names}
-        start, stop = _range(footage, frames)
-        rate, times_s = _times(folder, footage, fps)
+        stamped = fps is None and (folder / NAME).exists()
+        if stamped:
+            footage, rate, times_s = _stamped(folder / NAME, footage)
+            start, stop = _range(footage, frames)
+        else:
+            start, stop = _range(footage, frames)
+            rate, times_s = _times(folder, footage, fps)
         subject = _read_subject(folder / "subject.toml")
         return cls(folder, calibration, rig, footage, start, stop - start, rate, times_s[start:stop], subject, given)
 
@@ -124,6 +129,22 @@ class Recording:
         """
         for step, frames in enumerate(together(self.footage, self.first, self.first + self.frame_count)):
             yield self.first + step, float(self.times_s[step]), frames
+
+    def at(self, steps: Sequence[int]) -> Iterator[dict[str, Frame]]:
+        """Yields the pictures, (H, W, 3) uint8 BGR by camera name, of some time steps only, counted from `first`, never falling.
+
+        Raises:
+            InputError: a file cannot be read so far.
+        """
+        wanted = [self.first + int(step) for step in steps]
+        return together({name: one.pick(wanted) for name, one in self.footage.items()}, 0, len(wanted))
+
+    def file_times(self) -> dict[str, NDArray[np.float64]]:
+        """Returns when every frame of every camera's file was taken, s: by timestamps.csv, else at the file's rate from a common start."""
+        files = {name: Footage.open(one.path) for name, one in self.footage.items()}
+        if (self.folder / NAME).exists():
+            return read_timestamps(self.folder / NAME, files)
+        return {name: np.arange(one.frame_count) / (one.fps or self.fps) for name, one in files.items()}
 
     def backgrounds(self) -> dict[str, Footage]:
         """Returns the pictures of the empty view for each camera that has them in background/.
@@ -242,8 +263,6 @@ def _times(folder: Path, footage: Mapping[str, Footage], fps: float | None) -> t
         if not (np.isfinite(fps) and fps > 0):
             raise InputError(f"{fps} frames per second are impossible: give --fps as a positive number")
         return fps, np.arange(count) / fps
-    if (folder / "timestamps.csv").exists():
-        return _read_timestamps(folder / "timestamps.csv", footage)
     rates = {name: one.fps for name, one in footage.items() if one.fps is not None}
     if not rates:
         if count > 1:
@@ -259,34 +278,12 @@ def _times(folder: Path, footage: Mapping[str, Footage], fps: float | None) -> t
     return rate, np.arange(count) / rate
 
 
-def _read_timestamps(path: Path, footage: Mapping[str, Footage]) -> tuple[float, NDArray[np.float64]]:
-    """Reads rows of cam_id (the camera's name, or 1 for cam_1) and frame_time (seconds), in the order of the frames."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [(row["cam_id"].strip(), float(row["frame_time"])) for row in csv.DictReader(file)]
-    except (KeyError, AttributeError, TypeError, ValueError, OSError) as error:
-        raise InputError(f"{path} is not a table of cam_id,frame_time (seconds): {error}; correct or remove it") from None
-    times: dict[str, NDArray[np.float64]] = {}
-    for name, one in footage.items():
-        of_camera = np.array([time for camera, time in rows if name in (camera, f"cam_{camera}")])
-        if len(of_camera) != one.frame_count:
-            raise InputError(
-                f"{path} has {len(of_camera)} times for camera {name}, its video {one.frame_count} frames: correct or remove it"
-            )
-        if not np.isfinite(of_camera).all() or (np.diff(of_camera) <= 0).any():
-            raise InputError(f"{path}: the times of camera {name} do not increase: correct or remove it")
-        times[name] = of_camera
-    count = min(len(one) for one in times.values())
-    if count < 2:
-        return 1.0, np.zeros(count)
-    table = np.stack([one[:count] for one in times.values()])
-    middle = np.median(table, axis=0)
-    period = float(np.median(np.diff(middle)))
-    late = np.abs(table - middle).max(axis=1)
-    if late.max() > 0.5 * period:
-        name = list(times)[int(late.argmax())]
-        raise InputError(f"{path}: camera {name} is up to {late.max():.3f} s away from the others: cut the videos so that frames coincide")
-    return 1 / period, middle - middle[0]
+def _stamped(path: Path, footage: Mapping[str, Footage]) -> tuple[dict[str, Footage], float, NDArray[np.float64]]:
+    """Puts the frames in step that were taken at the same moment; returns them, their rate, and their times since the first."""
+    moments, numbers = in_step(read_timestamps(path, footage), path)
+    steps = {name: one.pick(numbers[name].tolist()) for name, one in footage.items()}
+    rate = 1 / float(np.median(np.diff(moments))) if len(moments) > 1 else 1.0
+    return steps, rate, moments - moments[0]
 
 
 def _read_subject(path: Path) -> Subject:

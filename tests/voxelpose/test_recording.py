@@ -10,6 +10,7 @@ import pytest
 
 from calib.errors import InputError
 from voxelpose.recording import Recording
+from voxelpose.timestamps import write_timestamps
 
 WIDTH, HEIGHT = 96, 64
 
@@ -54,8 +55,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def number_of(frame: np.ndarray) -> int:
+    return round((float(frame.mean()) - 20) / 10)
+
+
 def numbers(recording: Recording) -> list[tuple[int, list[int]]]:
-    return [(index, [round((float(frame.mean()) - 20) / 10) for frame in frames.values()]) for index, _, frames in recording]
+    return [(index, [number_of(frame) for frame in frames.values()]) for index, _, frames in recording]
 
 
 def test_frames_come_in_order_from_every_camera(folder: Path):
@@ -136,8 +141,38 @@ def test_timestamps_give_rate_and_times(folder: Path):
     np.testing.assert_allclose(recording.times_s, np.arange(8) / 20)
 
 
+def write_times(folder: Path, times: dict[str, list[float]]) -> None:
+    write_timestamps(folder / "timestamps.csv", {name: np.array(one) for name, one in times.items()})
+
+
+def test_timestamps_put_a_late_camera_in_step(folder: Path):
+    write_times(folder, {"cam_1": [n / 25 for n in range(8)], "cam_2": [(n + 2.3) / 25 for n in range(8)]})
+    recording = Recording.open(folder)
+    assert numbers(recording) == [(step, [step + 2, step]) for step in range(6)]
+    np.testing.assert_allclose(recording.times_s, np.arange(6) / 25)
+    assert numbers(Recording.open(folder, frames=(2, 4))) == [(2, [4, 2]), (3, [5, 3])]
+    assert [number_of(frames["cam_1"]) for frames in recording.at([1, 4])] == [3, 6]
+
+
+def test_timestamps_put_cameras_of_different_rates_and_lengths_in_step(folder: Path):
+    write_video(folder / "cam_2.avi", 5, fps=12.5)
+    write_times(folder, {"cam_1": [n / 25 for n in range(8)], "cam_2": [0.015 + n / 12.5 for n in range(5)]})
+    recording = Recording.open(folder)
+    assert recording.fps == pytest.approx(12.5)
+    assert numbers(recording) == [(0, [0, 0]), (1, [2, 1]), (2, [4, 2]), (3, [6, 3])]
+
+
+def test_a_frame_that_comes_twice_is_not_drawn_on_twice(folder: Path):
+    footage = Recording.open(folder).footage["cam_1"].pick([1, 1, 4])
+    frames = []
+    for frame in footage:
+        frames.append(number_of(frame))
+        frame[:] = 255
+    assert frames == [1, 1, 4]
+
+
 def late_camera(folder: Path) -> None:
-    rows = [f"{camera},{n / 20 + 0.3 * camera}" for n in range(8) for camera in (1, 2)]
+    rows = [f"{camera},{n / 20 + 3 * camera}" for n in range(8) for camera in (1, 2)]
     (folder / "timestamps.csv").write_text("cam_id,frame_time\n" + "\n".join(rows) + "\n")
 
 
@@ -157,7 +192,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "other length": (lambda f: write_video(f / "cam_2.avi", 5), r"cam_1 8, cam_2 5 frames\).*--frames 0:5"),
     "other rate": (lambda f: write_video(f / "cam_2.avi", fps=30), "differ in rate .*cam_1 25, cam_2 30"),
     "two of one name": (lambda f: write_stills(f / "cam_2"), "both cam_2 and cam_2.avi"),
-    "late camera": (late_camera, "cut the videos"),
+    "late camera": (late_camera, "at no moment all cameras filmed"),
     "too few times": (lambda f: (f / "timestamps.csv").write_text("cam_id,frame_time\n1,0\n"), "1 times for camera cam_1"),
     "no table of times": (lambda f: (f / "timestamps.csv").write_text("a,b\n1,0\n"), "not a table"),
     "subject misspelt": (lambda f: (f / "subject.toml").write_text("statue = 1.7"), "statue is not known"),
