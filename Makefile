@@ -7,11 +7,12 @@ BIN := $(VENV)/bin
 OUT ?= demo
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast check format bench accuracy clean
+.PHONY: help install demo test test-fast browser check format bench accuracy clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
 	@echo "make test      runs all tests (make test-fast leaves out the slow ones)"
+	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
 	@echo "make check     style, types and layers"
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  fits the shared recordings and scores them (VOXELPOSE_SHARED=folder, by default ../shared)"
@@ -28,6 +29,9 @@ test: $(VENV)/.ready-dev
 
 test-fast: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -m "not slow"
+
+browser: $(VENV)/.ready-dev
+	$(BIN)/python -m tests.browsing
 
 check: $(VENV)/.ready-dev
 	$(BIN)/ruff check

@@ -10,6 +10,9 @@ import numpy as np
 from calib.camera import Camera, Rig
 from calib.files import write_rig
 from silhouette_core.estimator import GROUP
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion import kinematics
+from silhouette_core.motion.motion import Motion
 
 
 def ring(count: int = 3, size: tuple[int, int] = (160, 120), distortion: tuple[float, ...] = ()) -> Rig:
@@ -58,6 +61,23 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
         writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), fps, camera.size)
         for _ in range(frame_count):
             writer.write(np.full((camera.size[1], camera.size[0], 3), 90, np.uint8))
+        writer.release()
+    return folder
+
+
+def write_staged(folder: Path, motion: Motion, rig: Rig) -> Path:
+    """Writes a recording of a posed body before an empty room: videos, backgrounds and calibration."""
+    (folder / "background").mkdir(parents=True)
+    write_rig(rig, folder / "calibration.toml")
+    rotation, origin = motion.parts()
+    for camera in rig:
+        room = np.full((camera.size[1], camera.size[0], 3), (70, 60, 50), np.uint8)
+        cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
+        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), motion.fps, camera.size)
+        for row in range(len(motion)):
+            seen = kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
+            parts, _ = render_parts(seen, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)
+            writer.write(np.where(parts[..., None] > 0, np.array([90, 160, 230], np.uint8), room))
         writer.release()
     return folder
 

@@ -4,36 +4,51 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+
+if TYPE_CHECKING:
+    from voxelpose.view.exhibit import Exhibit
 
 
 @dataclass(frozen=True)
 class View:
     """The arguments of `voxelpose view`."""
 
-    help: ClassVar[str] = """Shows the carved hull of a frame and the skeleton fitted to it.
+    help: ClassVar[str] = """Shows a result in the browser: cameras, voxels, body and skeleton over time.
 
+The page comes from this machine and is for this machine only, unless --host says otherwise; Ctrl-C ends it.
 The hull is carved again from the recording that the result was made from.
-Given a recording instead of a result, it shows the hull alone.
+Given a recording instead of a result, it shows cameras and hull.
 
   voxelpose view walk_fit
   voxelpose view walk_fit --frame 40 --png hull.png
+  voxelpose view walk_fit --mp4 hull.mp4
 """
 
     folder: Annotated[Positional[Path], arg(metavar="OUT")]
     """Folder of a fit, or a recording."""
     frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     """Number of the frame. Left out: the middle one."""
+    open3d: bool = False
+    """A window with hull and skeleton of one frame instead of the browser."""
     png: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Write a picture instead of opening a window: no screen is needed."""
+    """Write a picture of one frame instead: no screen is needed."""
+    mp4: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write a video of all frames instead: no screen is needed."""
+    host: Annotated[str, arg(metavar="NAME")] = "localhost"
+    """Where the page answers; 0.0.0.0 lets everyone in your network see it."""
+    port: Annotated[int, arg(metavar="N")] = 8080
+    """Port of the page; the next free one if it is taken."""
+    browser: bool = True
+    """Open the page; --no-browser only says where it is."""
     recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
     """The recording, if it has moved since the fit."""
     voxel: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
-    """Edge of a voxel in metres. Left out: chosen by the program."""
+    """Edge of a voxel in metres. Left out: that of the fit."""
     unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
     """Unit of the calibration's lengths, where the file does not say it."""
     overwrite: bool = False
@@ -41,54 +56,76 @@ Given a recording instead of a result, it shows the hull alone.
 
     def run(self) -> int:
         """Shows."""
-        from voxelpose.carving.recording import CarveSettings, carve_recording
-        from voxelpose.results import Result, is_result
-        from voxelpose.view.hull import hull_picture, show_hull
-
-        if self.png is not None and self.png.exists() and not self.overwrite:
-            raise InputError(f"{self.png} exists: give --png another name, or add --overwrite")
-        if self.png is None:
+        for name, path in (("--png", self.png), ("--mp4", self.mp4)):
+            if path is not None and path.exists() and not self.overwrite:
+                raise InputError(f"{path} exists: give {name} another name, or add --overwrite")
+        if self.open3d:
             from voxelpose.open3d_import import import_open3d
 
             import_open3d(screen=True)  # before the work, not after
-        if is_result(self.folder):
-            result = Result.open(self.folder)
-            told: Any = result.settings
-            recording, cameras = self.recording or (result.folder / told["recording"]).resolve(), result.rig.names
-            if not recording.is_dir():
-                raise InputError(f"the recording {recording} of this result is not there any more: say where with --recording")
-            frame, skeleton = _skeleton(result, self.frame)
-        else:
-            recording, cameras, frame, skeleton = self.folder, None, self.frame or 0, None
-        hull = carve_recording(recording, None, CarveSettings(frame, self.voxel, cameras=cameras, unit=self.unit))
-        if self.png is None:
-            show_hull(hull.grid, hull.occupancy, skeleton, f"{self.folder} frame {frame}")
-            return 0
-        import cv2
+        if self.voxel is not None and not 0.004 <= self.voxel <= 0.2:
+            raise InputError(f"voxels of {self.voxel:g} m are not to be shown: choose from 0.004 to 0.2, for example 0.02")
+        from voxelpose.view.exhibit import Exhibit
 
-        good, data = cv2.imencode(".png", hull_picture(hull.grid, hull.occupancy, skeleton))
+        exhibit = Exhibit(self.folder, self.recording, self.voxel, self.unit)
         try:
-            self.png.write_bytes(data.tobytes() if good else b"")
-        except OSError as error:
-            self.png.unlink(missing_ok=True)
-            raise InputError(f"{self.png} cannot be written: {error.strerror}") from error
-        print(f"{self.png}: frame {frame}, hull of {hull.volume_l:.1f} litres{' and skeleton' if skeleton else ''}")
+            self._show(exhibit)
+        finally:
+            exhibit.close()
         return 0
 
+    def _show(self, exhibit: Exhibit) -> None:
+        pictures = self.open3d or self.png is not None or self.mp4 is not None
+        if exhibit.recording is None and (pictures or self.recording is not None):
+            raise InputError(exhibit.missing)
+        frame = self._frame(exhibit, posed=pictures)
+        if self.png is not None:
+            from voxelpose.view.film import write_picture
 
-def _skeleton(result: Any, frame: int | None):
-    """Returns the frame to show and its skeleton; the middle one where none is named."""
-    import numpy as np
+            litres = write_picture(exhibit, frame, self.png)
+            print(f"{self.png}: frame {frame}, hull of {litres:.1f} litres{' and skeleton' if exhibit.motion is not None else ''}")
+        if self.mp4 is not None:
+            from voxelpose.cli.progress import Progress
+            from voxelpose.view.film import write_film
 
-    from voxelpose.view.figure import skeleton_bones, skeleton_joints
-    from voxelpose.view.hull import Skeleton
+            with Progress() as progress:
+                count = write_film(exhibit, self.mp4, progress)
+            print(f"{self.mp4}: {count} frames")
+        if self.open3d:
+            from voxelpose.view.film import skeleton_of
+            from voxelpose.view.hull import show_hull
 
-    motion = result.motion
-    if frame is None:
-        frame = int(motion.frames[len(motion) // 2])
-    if frame not in motion.frames:
-        raise InputError(f"frame {frame} has no pose in {result.folder}: choose one from {motion.frames[0]} to {motion.frames[-1]}")
-    pose = motion.select(np.flatnonzero(motion.frames == frame))
-    rotation, origin = pose.parts()
-    bones = np.array([bone[:2] for bone in skeleton_bones()])
-    return frame, Skeleton(skeleton_joints(motion.model, rotation[0], origin[0]), bones)
+            scene = exhibit.scene(frame)
+            if scene.hull is None:
+                raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
+            show_hull(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene), f"{self.folder} frame {frame}")
+        if not pictures:
+            self._serve(exhibit, frame)
+
+    def _frame(self, exhibit: Exhibit, posed: bool) -> int:
+        """Returns the frame to show; the middle one where none is named."""
+        frames = exhibit.motion.frames if posed and exhibit.motion is not None else exhibit.frames
+        if self.frame is None:
+            return int(frames[len(frames) // 2])
+        if self.frame not in frames:
+            fault = "has no pose" if self.frame in exhibit.frames else "is not there"
+            raise InputError(f"frame {self.frame} {fault} in {self.folder}: choose one from {frames[0]} to {frames[-1]}")
+        return self.frame
+
+    def _serve(self, exhibit: Exhibit, frame: int) -> None:
+        import webbrowser
+
+        from voxelpose.view.browser import Address, Browser
+
+        browser = Browser(exhibit, Address(self.host, self.port), frame)
+        print(f"{exhibit.title}: {browser.url} (Ctrl-C ends it)", flush=True)
+        if exhibit.missing:
+            print(f"note: {exhibit.missing}")
+        if self.browser:
+            webbrowser.open(browser.url)
+        try:
+            browser.run()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            browser.close()

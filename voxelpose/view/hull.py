@@ -37,6 +37,7 @@ def hull_picture(
     skeleton: Skeleton | None = None,
     azimuths_deg: tuple[float, ...] = (-90.0, -30.0, 30.0, 90.0),
     size: tuple[int, int] = (480, 720),
+    box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
     """Draws the hull's surface from several sides, beside each other, without a screen.
 
@@ -46,13 +47,14 @@ def hull_picture(
         skeleton: Drawn over the surface.
         azimuths_deg: Where the viewer stands, one picture each: 0 is along +x, 90 along +y; -90 sees the face of who looks along -y.
         size: Width and height of each, px.
+        box_m: Low and high corner (3,) of what fills the picture; None: of the hull.
 
     Returns:
         (height, width * number of sides, 3) uint8, BGR.
     """
-    held, inside = grid.cropped(occupancy)
-    vertices, faces = surface(held, inside)
-    return np.concatenate([_one_side(vertices, faces, skeleton, azimuth, size) for azimuth in azimuths_deg], axis=1)
+    vertices, faces = surface(*grid.cropped(occupancy))
+    box = box_m or (vertices.min(axis=0), vertices.max(axis=0))
+    return np.concatenate([_one_side((vertices, faces), box, skeleton, azimuth, size) for azimuth in azimuths_deg], axis=1)
 
 
 def show_hull(grid: VoxelGrid, occupancy: NDArray[np.bool_], skeleton: Skeleton | None = None, title: str = "voxelpose") -> None:
@@ -93,14 +95,17 @@ def _drawn(skeleton: Skeleton) -> NDArray[np.integer]:
 
 
 def _one_side(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], skeleton: Skeleton | None, azimuth_deg: float, size: tuple[int, int]
+    skin: tuple[NDArray[np.float64], NDArray[np.int64]],
+    box_m: tuple[NDArray[np.float64], NDArray[np.float64]],
+    skeleton: Skeleton | None,
+    azimuth_deg: float,
+    size: tuple[int, int],
 ) -> NDArray[np.uint8]:
     """Draws the surface from one side, lit from above the viewer's shoulder."""
-    width, height = size
+    (vertices, faces), (low, high), (width, height) = skin, box_m, size
     angle = np.radians(azimuth_deg)
     forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
     camera_from_world = np.stack([np.cross(forward, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], forward])
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle, diagonal = 0.5 * (low + high), float(np.linalg.norm((high - low)[:2]))
     # Far enough for the nearest corner to fit, for any azimuth.
     focal = _FOCAL * height

@@ -1,0 +1,87 @@
+"""A headless Chromium for the tests of pages. `python -m tests.browsing` (make browser) gets one where there is none.
+
+Playwright's own build is taken where it can be downloaded, else the distribution's. WebGL runs on the processor: no GPU is needed.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+_FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+# As root, as in most containers, Chromium wants no sandbox.
+_FLAGS += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+
+
+@contextmanager
+def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
+    """Opens an empty page; skips the test where there is no browser.
+
+    Yields:
+        The page (playwright.sync_api.Page), and a list that gathers what goes wrong in it: errors of the console, exceptions, failed
+        and outside requests.
+    """
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (make install)")
+    with sync_api.sync_playwright() as playwright:
+        path = _executable(playwright)
+        if path is None:
+            pytest.skip("no Chromium here: make browser gets one")
+        browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
+        page = browser.new_page(viewport={"width": width, "height": height})
+        faults: list[str] = []
+        page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("requestfailed", lambda request: faults.append(f"failed: {request.url}"))
+        page.on("request", lambda request: None if _own(request.url) else faults.append(f"outside: {request.url}"))
+        try:
+            yield page, faults
+        finally:
+            browser.close()
+
+
+def _own(url: str) -> bool:
+    return url.startswith(("http://localhost:", "http://127.0.0.1:", "ws://localhost:", "file:", "blob:", "data:"))
+
+
+def _executable(playwright) -> str | None:
+    """Returns Playwright's Chromium, else one on the path."""
+    own = playwright.chromium.executable_path
+    if os.path.exists(own):  # noqa: PTH110 (a string, as Playwright gives it)
+        return own
+    return next((found for found in map(shutil.which, _NAMES) if found), None)
+
+
+def main() -> int:
+    """Gets a Chromium. Never fails: without one, the tests of pages are skipped."""
+    from playwright.sync_api import sync_playwright
+
+    def there() -> str | None:
+        with sync_playwright() as playwright:
+            return _executable(playwright)
+
+    root = [] if hasattr(os, "geteuid") and os.geteuid() == 0 else ["sudo", "-n"]
+    ways = [[sys.executable, "-m", "playwright", "install", "chromium"]]
+    if shutil.which("apt-get"):
+        ways += [[*root, "apt-get", "update", "-qq"], [*root, "apt-get", "install", "-qq", "--no-install-recommends", "chromium"]]
+    for way in ways:
+        if there():
+            break
+        print(" ".join(way), flush=True)
+        try:
+            subprocess.run(
+                way, check=False, timeout=600, stdout=subprocess.DEVNULL, env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            print(f"not so: {error}")
+    found = there()
+    print(f"Chromium: {found}" if found else "no Chromium could be had: install one by hand; until then the tests of pages are skipped")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

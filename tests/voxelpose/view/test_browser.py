@@ -1,0 +1,72 @@
+"""The viewer in a real browser, without a screen."""
+
+import threading
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.browsing import new_page
+from tests.sources import ring, write_staged
+from tests.takes import waving
+from voxelpose.cli import run
+from voxelpose.view.browser import Address, Browser
+from voxelpose.view.exhibit import Exhibit
+
+
+@pytest.fixture
+def served(desk):
+    """A browser's server of a small result, drawing in its own thread."""
+    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
+    browser = Browser(Exhibit("out", voxel_size_m=0.04), Address(port=8391))
+    over = threading.Event()
+
+    def draw() -> None:
+        while not over.is_set():
+            browser.step(0.1)
+
+    thread = threading.Thread(target=draw)
+    thread.start()
+    yield browser
+    over.set()
+    thread.join()
+    browser.close()
+
+
+@pytest.mark.slow
+def test_the_page(served, tmp_path):
+    with new_page(900, 600) as (page, faults):
+        page.goto(served.url)
+        page.get_by_text("Frame 2", exact=True).wait_for(timeout=60_000)
+        page.locator("canvas").first.wait_for()
+        slider = page.get_by_role("slider").first
+        assert slider.get_attribute("aria-valuenow") == "2"
+        slider.focus()
+        page.keyboard.press("ArrowRight")
+        page.get_by_text("Frame 3", exact=True).wait_for()
+        page.keyboard.press("Home")
+        page.get_by_text("no pose was found in this frame").wait_for()
+        page.keyboard.press("End")
+        page.locator("input[value=none]").first.click()
+        page.get_by_role("option", name="left thigh").click()
+        page.get_by_text("Matched with").wait_for()
+        page.wait_for_timeout(500)
+        page.screenshot(path=str(tmp_path / "page.png"))
+        assert faults == []
+    picture = cv2.imread(str(tmp_path / "page.png"))
+    assert picture is not None
+    stage = picture[150:, :480].astype(int)
+    turquoise = (stage[..., 0] - stage[..., 2] > 40) & (stage[..., 1] - stage[..., 2] > 40)
+    assert np.count_nonzero(turquoise) > 50  # the movable area is on the stage
+
+
+def test_wishes_are_drawn_once(served):
+    """Without any browser: what the panel asks for arrives at the scene."""
+    served._wish(row=1, hull=False)
+    for _ in range(200):
+        if served._drawn == served.choice:
+            break
+        threading.Event().wait(0.05)
+    assert served._drawn == served.choice and served.choice.row == 1 and not served.choice.hull
+    assert "**Frame 1**" in served._status.content

@@ -1,0 +1,117 @@
+"""What the viewer shows, before it is drawn."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from tests.sources import ring, write_staged
+from tests.takes import waving
+from voxelpose.cli import run
+from voxelpose.view.exhibit import Exhibit
+from voxelpose.view.hypotheses import LANDMARK_BONES, read_hypotheses
+from voxelpose.view.legend import area_words, frame_words, legend_html, overlap_colours
+from voxelpose.view.stage import camera_picture
+
+CAMERAS, FRAMES = 4, 4
+
+
+@pytest.fixture
+def fitted(desk):
+    """A result "out" whose poses are those of the recording "walk"; the first frame is lost."""
+    write_staged(desk / "walk", waving(FRAMES), ring(CAMERAS, (320, 240)))
+    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
+    return desk
+
+
+def test_a_scene_holds_what_the_fit_saw(fitted):
+    exhibit = Exhibit("out", voxel_size_m=0.03)
+    scene = exhibit.scene(2)
+    assert scene.frame == 2 and scene.time_s == pytest.approx(2 / 25) and not scene.notes
+    assert [shot.camera.name for shot in scene.shots] == [f"cam_{k + 1}" for k in range(CAMERAS)]
+    for shot in scene.shots:
+        pixels, _ = shot.camera.project(scene.body.joints_m)
+        columns, rows = np.rint(pixels).astype(int).T
+        assert shot.mask[rows, columns].mean() > 0.85  # the pose lies in the silhouettes, so frames are not mixed up
+        assert shot.picture[shot.mask].mean(0)[0] > shot.picture[~shot.mask].mean(0)[0] + 80  # red, the person's most in RGB
+    hull = scene.hull
+    held = hull.grid.indices(scene.body.joints_m)
+    assert hull.occupancy[tuple(held.T)].mean() > 0.85
+    assert len(hull.off_m) == len(hull.unexplained_m) < np.count_nonzero(hull.occupancy)
+    assert hull.off_m.max() > 0.05 and hull.occupancy[tuple(hull.grid.indices(hull.unexplained_m).T)].all()
+    assert exhibit.scene(2) is scene
+    exhibit.close()
+
+
+def test_frames_in_any_order_are_the_same(fitted):
+    one, other = Exhibit("out", voxel_size_m=0.04), Exhibit("out", voxel_size_m=0.04)
+    forward = [one.scene(frame) for frame in (1, 2, 3)]
+    backward = [other.scene(frame) for frame in (3, 2, 1)][::-1]
+    for a, b in zip(forward, backward, strict=True):
+        np.testing.assert_array_equal(a.shots[0].picture, b.shots[0].picture)
+        np.testing.assert_array_equal(a.hull.occupancy, b.hull.occupancy)
+    assert (forward[0].shots[0].picture != forward[2].shots[0].picture).any()
+
+
+def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
+    exhibit = Exhibit("out", voxel_size_m=0.04)
+    scene = exhibit.scene(0)
+    assert scene.body is None and scene.hull.occupancy.any() and scene.notes == ("no pose was found in this frame",)
+    assert "no pose" in frame_words(scene) and exhibit.areas(0) == {}
+    assert "no pose" in area_words("neck", {})
+
+
+def test_movable_areas(fitted):
+    exhibit = Exhibit("out", voxel_size_m=0.04)
+    areas = exhibit.areas(2)
+    assert {"left_thigh", "right_forearm", "neck"} <= set(areas)
+    thigh = areas["left_thigh"]
+    assert 0 < len(thigh.disputed_m) < len(thigh.points_m) and "right_thigh" in thigh.interferes
+    assert "right thigh" in area_words("left_thigh", areas)
+
+
+def test_a_recording_that_is_gone(fitted):
+    shutil.rmtree("walk")
+    exhibit = Exhibit("out")
+    scene = exhibit.scene(1)
+    assert scene.hull is None and scene.body is not None and scene.shots[0].picture is None
+    assert "say where with --recording" in frame_words(scene)
+    assert exhibit.areas(1) == {} and camera_picture(scene.shots[0], "both") is None
+
+
+def test_a_recording_alone(fitted):
+    exhibit = Exhibit("walk", voxel_size_m=0.04)
+    scene = exhibit.scene(1)
+    assert scene.body is None and scene.hull.occupancy.any() and not scene.notes and len(exhibit.frames) == FRAMES
+
+
+def test_pictures_of_cameras(fitted):
+    shot = Exhibit("out", voxel_size_m=0.04).scene(1).shots[0]
+    silhouette, plain = camera_picture(shot, "silhouette"), camera_picture(shot, "picture")
+    assert set(np.unique(silhouette)) == {30, 255} and (silhouette[..., 0] == 255).sum() == shot.mask.sum()
+    np.testing.assert_array_equal(plain, shot.picture)
+    assert camera_picture(shot, "both")[~shot.mask].mean() < 0.6 * plain[~shot.mask].mean()
+
+
+def test_hypotheses(fitted, tmp_path):
+    lines = ["frame,rank,probability,joint,x_m,y_m,z_m"]
+    lines += [f"{frame},{rank},{0.7 if rank == 1 else 0.2},neck,{frame},{rank},1.5" for frame in (1, 3) for rank in (2, 1)]
+    (tmp_path / "out" / "hypotheses.csv").write_text("\n".join(lines) + "\n")
+    exhibit = Exhibit("out", voxel_size_m=0.05)
+    guesses = exhibit.scene(3).guesses
+    assert exhibit.has_guesses and [guess.rank for guess in guesses] == [1, 2] and guesses[0].probability == 0.7
+    assert np.nansum(guesses[1].joints_m) == 3 + 2 + 1.5 and exhibit.scene(2).guesses == ()
+    assert "Pose 2: 20 %" in frame_words(exhibit.scene(3)) and "other poses" in legend_html(True)
+    (tmp_path / "out" / "hypotheses.csv").write_text("frame,rank,probability,joint,x_m,y_m,z_m\n1,1,0.5,tail,0,0,0\n")
+    with pytest.raises(InputError, match=r"hypotheses.csv is damaged"):
+        read_hypotheses(tmp_path / "out" / "hypotheses.csv")
+
+
+def test_every_joint_of_a_hypothesis_is_drawn():
+    assert set(LANDMARK_BONES.ravel()) == set(range(15))
+
+
+def test_colours_tell_good_from_bad():
+    bad, half, good, unknown = overlap_colours(np.array([0.0, 0.5, 1.0, np.nan])).astype(int)
+    assert bad[0] > good[0] + 100 and good[2] > bad[2] + 100 and unknown.std() == 0 and half[1] > max(bad[1], good[1])
