@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 from calib.errors import InputError
 from silhouette_core.library.library import LibrarySettings
 from silhouette_core.library.thinning import pose_features, thin
-from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.kinematics import forward, landmarks, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.turning import mirrored, split_heading
 
 _FPS = 30.0
 _LEAST_SIGMA_RAD = np.radians(0.5)
-_WIDEST_DEG = 90.0
+_WIDEST_M = 1.0
 _DRAWN = 2000
 
 
@@ -32,7 +32,7 @@ class BasePoses:
         source: (B, 2) int32, clip and frame.
         mirrored: (B,) bool.
         clips: names of the clips.
-        tolerance_deg: what they were thinned by.
+        spacing_m: how far apart, along some axis, some joint of any two is at least, where 5 degrees left too many; else 0.
         frames: how many poses there were before thinning.
         sigma_rad: (D,) float32 and root_sigma_rad: see `spreads`.
     """
@@ -42,7 +42,7 @@ class BasePoses:
     source: NDArray[np.int32]
     mirrored: NDArray[np.bool_]
     clips: tuple[str, ...]
-    tolerance_deg: float
+    spacing_m: float
     frames: int
     sigma_rad: NDArray[np.float32]
     root_sigma_rad: float
@@ -56,7 +56,7 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
         settings: how many samples at most, from how many views, the least tolerance, mirror images or not.
 
     Returns:
-        The base poses; the tolerance is the least, from `settings.tolerance_deg` up, at which the samples are not too many.
+        The base poses: thinned by `settings.tolerance_deg`, then by the places of the joints until the samples are not too many.
 
     Raises:
         InputError: there is no motion.
@@ -73,7 +73,9 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
     tilt = np.concatenate([split_heading(motion.root_quaternion)[1] for _, _, motion in takes])
     source = np.concatenate([np.column_stack([np.full(len(motion), k), motion.frames]) for k, _, motion in takes])
     turned = np.concatenate([np.full(len(motion), flag) for _, flag, motion in takes])
-    kept, tolerance = _thin_to(features, settings.poses // settings.views_count, settings.tolerance_deg)
+    kept = thin(features, np.radians(settings.tolerance_deg))
+    places = np.concatenate([_places(motion) for _, _, motion in takes])
+    kept, tolerance = _thin_to(places, kept, settings.poses // settings.views_count)
     quantised = _quantisation(features, angles, tilt, kept)
     sigma, root_sigma = spreads([motion for _, flag, motion in takes if not flag], quantised, settings)
     return BasePoses(
@@ -89,22 +91,31 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
     )
 
 
-def _thin_to(features: NDArray[np.float64], most: int, least_deg: float) -> tuple[NDArray[np.integer], float]:
-    """Thins by the least tolerance at which at most `most` poses are left."""
-    kept = thin(features, np.radians(least_deg))
+def _places(motion: Motion) -> NDArray[np.float64]:
+    """Returns where the joints are, (T, 45) m, seen from the pelvis, heading removed."""
+    _, tilt = split_heading(motion.root_quaternion)
+    joints = landmarks(motion.model, *forward(motion.model, np.zeros((len(motion), 3)), tilt, motion.angles_rad))
+    return (joints - joints[:, :1]).reshape(len(motion), -1)
+
+
+def _thin_to(places: NDArray[np.float64], kept: NDArray[np.integer], most: int) -> tuple[NDArray[np.integer], float]:
+    """Thins further, by where the joints are: the least distance (m, along each axis) at which at most `most` poses are left.
+
+    Joint angles would spend the poses on what a silhouette does not show, such as the twist of an upper arm.
+    """
     if len(kept) <= most:
-        return kept, least_deg
-    low, high, found = least_deg, _WIDEST_DEG, thin(features, np.radians(_WIDEST_DEG))
+        return kept, 0.0
+    low, high, found = 0.0, _WIDEST_M, thin(places[kept], _WIDEST_M)
     if len(found) > most:
-        return found[:: -(-len(found) // most)], _WIDEST_DEG
-    while high - low > 0.02 * low:
+        return kept[found[:: -(-len(found) // most)]], _WIDEST_M
+    while high - low > 0.02 * _WIDEST_M / 10:
         middle = (low + high) / 2
-        kept = thin(features, np.radians(middle))
-        if len(kept) <= most:
-            high, found = middle, kept
+        some = thin(places[kept], middle)
+        if len(some) <= most:
+            high, found = middle, some
         else:
             low = middle
-    return found, high
+    return kept[found], high
 
 
 def _quantisation(
