@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from voxelpose.trc import POSE2SIM_AXES, read_trc
 
 _LOST_MM = 300.0
 _CORRECT_MM = 150.0
@@ -35,7 +37,7 @@ class Score:
     """Errors of an estimate. Means are over the frames that have a pose; millimetres and degrees; shares from 0 to 1.
 
     Attributes:
-        frames: frames of the truth.
+        frames: frames whose truth is known.
         lost: share of frames without a pose or with a root-relative error over 300 mm.
         mpjpe_mm: mean distance of the joints in the world.
         root_mm: the same with both pelvises put on each other.
@@ -65,17 +67,21 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
     """Scores joint positions.
 
     Args:
-        truth_m: (T, 15, 3) float64, metres, in the order of LANDMARK_NAMES.
+        truth_m: (T, 15, 3) float64, metres, in the order of LANDMARK_NAMES. Frames with NaN in them are unknown, and not scored.
         estimate_m: (T, 15, 3) float64, NaN in frames without a pose.
 
     Returns:
         The errors.
 
     Raises:
-        ValueError: shapes differ.
+        ValueError: shapes differ, or the truth is unknown throughout.
     """
     if truth_m.shape != estimate_m.shape or truth_m.shape[1:] != (len(LANDMARK_NAMES), 3):
         raise ValueError(f"truth and estimate must both be (T, {len(LANDMARK_NAMES)}, 3), got {truth_m.shape} and {estimate_m.shape}")
+    known = np.isfinite(truth_m).all(axis=(1, 2))
+    if not known.any():
+        raise ValueError("no frame of the truth has all its joints")
+    truth_m, estimate_m = truth_m[known], estimate_m[known]
     count = len(truth_m)
     posed = np.isfinite(estimate_m).all(axis=(1, 2))
     if not posed.any():
@@ -100,25 +106,53 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
     )
 
 
-def read_truth(path: Path) -> NDArray[np.float64]:
-    """Reads a truth.json: `{"joints": {name: [[x, y, z] per frame]}}`, metres.
+def markdown_table(scores: Mapping[str, Score]) -> str:
+    """Returns scores as a Markdown table, a line per name, and below several their mean, each counting the same."""
+    columns = ("mpjpe_mm", "root_mm", "pa_mm", "pck150", "angle_deg", "jitter_mm", "jitter_truth_mm", "flips", "lost")
+    lines = ["| recording | frames | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
+
+    def line(name: str, frames: int, values: NDArray[np.float64]) -> str:
+        digits = [3 if column in ("pck150", "flips", "lost") else 1 for column in columns]
+        cells = (f"{value:.{places}f}" if np.isfinite(value) else "–" for value, places in zip(values, digits, strict=True))
+        return f"| {name} | {frames} | " + " | ".join(cells) + " |"
+
+    table = np.array([[getattr(score, column) for column in columns] for score in scores.values()])
+    lines += [line(name, score.frames, row) for (name, score), row in zip(scores.items(), table, strict=True)]
+    if len(scores) > 1:
+        lines.append(line("**mean**", sum(score.frames for score in scores.values()), table.mean(axis=0)))
+    return "\n".join(lines) + "\n"
+
+
+def read_truth(path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES) -> NDArray[np.float64]:
+    """Reads known joint positions: a TRC, or a truth.json: `{"joints": {name: [[x, y, z] per frame]}}`, metres.
 
     Args:
         path: the file.
+        markers: for a TRC, as `trc.read_trc` has it.
+        axes: likewise.
 
     Returns:
-        (T, 15, 3) float64.
+        (T, 15, 3) float64; NaN where a position is unknown (null in JSON).
 
     Raises:
         InputError: the file cannot be read or lacks joints.
     """
+    if path.suffix.lower() == ".trc":
+        return _with_something_known(read_trc(path, axes, markers), path)
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document.get("unit", "m") != "m":
             raise InputError(f"{path} is in {document['unit']}: convert it to metres")
-        return np.stack([np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1)
+        truth = np.stack([np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}") from error
+    return _with_something_known(truth, path)
+
+
+def _with_something_known(truth: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
+    if truth.ndim != 3 or truth.shape[2] != 3 or not np.isfinite(truth).all(axis=(1, 2)).any():
+        raise InputError(f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints")
+    return truth
 
 
 def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:

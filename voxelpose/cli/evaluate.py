@@ -4,47 +4,119 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from tyro.conf import Positional, arg
+
+from calib.errors import InputError
+
+if TYPE_CHECKING:
+    from voxelpose.evaluation import Score
+
+_TRUTH_FILES = (".json", ".trc")
 
 
 @dataclass(frozen=True)
 class Evaluate:
     """The arguments of `voxelpose evaluate`."""
 
-    help: ClassVar[str] = """Scores a result against known joint positions.
+    help: ClassVar[str] = """Scores results against known joint positions.
 
-TRUTH is a truth.json: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...], ...}},
-the 15 joints of joints.csv in world coordinates, one position per frame.
+The truth is a truth.json: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...], ...}},
+the 15 joints of joints.csv in world coordinates, one position per frame; or a TRC.
+It may also follow the result as the last word. Left out, it is RECORDING/truth.json.
 
-  voxelpose evaluate walk_fit walk/truth.json
-  voxelpose evaluate walk_fit walk/truth.json --json
+  voxelpose evaluate walk_fit --truth walk/truth.json
+  voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
+  voxelpose evaluate fits/* --markdown > table.md
 """
 
-    result: Annotated[Positional[Path], arg(metavar="OUT")]
-    """Folder of a fit, or a joints.csv."""
-    truth: Annotated[Positional[Path], arg(metavar="TRUTH")]
-    """File with the true positions."""
+    results: Annotated[Positional[tuple[Path, ...]], arg(metavar="RESULT")]
+    """Folder of a fit, or a joints.csv; several make a table."""
+    truth: Annotated[tuple[Path, ...], arg(metavar="FILE", help_behavior_hint="")] = ()
+    """File with the true positions: one for all results, or one for each."""
     offset: Annotated[int, arg(metavar="FRAMES")] = 0
     """Added to the result's frame numbers before they are compared."""
+    markers: Annotated[str | None, arg(metavar="JOINT=NAME,...", help_behavior_hint="")] = None
+    """Which markers of a TRC stand for joints, where their names do not say it."""
+    axes: Annotated[str, arg(metavar="AXES")] = "yzx"
+    """Which axes of the world x, y and z of a TRC are; Pose2Sim's and ours: yzx."""
+    markdown: bool = False
+    """Print a Markdown table, as for several results."""
     json: bool = False
     """Print JSON instead of a table."""
 
     def run(self) -> int:
         """Scores."""
-        from silhouette_core.body.joints import LANDMARK_NAMES
-        from voxelpose.evaluation import read_joints, read_truth, score_motion
         from voxelpose.results import as_json
 
-        truth = read_truth(self.truth)
-        path = self.result / "joints.csv" if self.result.is_dir() else self.result
-        score = score_motion(truth, read_joints(path, len(truth), self.offset))
+        results, truths = _told_apart(self.results, self.truth)
+        scores = {
+            name: self._score(result, truth)
+            for name, result, truth in zip(_names(results), results, truths or [None] * len(results), strict=True)
+        }
         if self.json:
-            joints = dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False))
-            print(as_json({**asdict(score), "joint_root_mm": joints}), end="")
-            return 0
-        from voxelpose.cli.closing import print_score
+            documents = {name: _document(score) for name, score in scores.items()}
+            print(as_json(documents if len(results) > 1 else documents.popitem()[1]), end="")
+        elif self.markdown or len(results) > 1:
+            from voxelpose.evaluation import markdown_table
 
-        print_score(score)
+            print(markdown_table(scores), end="")
+        else:
+            from voxelpose.cli.closing import print_score
+
+            print_score(*scores.values())
         return 0
+
+    def _score(self, result: Path, truth: Path | None) -> Score:
+        from voxelpose.evaluation import read_joints, read_truth, score_motion
+
+        positions = read_truth(truth or _truth_of(result), _markers(self.markers), self.axes)
+        joints = result / "joints.csv" if result.is_dir() else result
+        return score_motion(positions, read_joints(joints, len(positions), self.offset))
+
+
+def _told_apart(words: tuple[Path, ...], truths: tuple[Path, ...]) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Returns results and truths: none, or as many as there are results."""
+    if not truths and len(words) > 1 and words[-1].suffix.lower() in _TRUTH_FILES:
+        words, truths = words[:-1], words[-1:]
+    if not words:
+        raise InputError("no result is named: give the folder of a fit")
+    if len(truths) not in (0, 1, len(words)):
+        raise InputError(f"there are {len(words)} results and {len(truths)} truths: give one truth for all, or one for each")
+    return words, truths * len(words) if len(truths) == 1 else truths
+
+
+def _names(results: tuple[Path, ...]) -> list[str]:
+    """Returns what the results are called: their last names, or all of their paths where those are not unique."""
+    short = [result.resolve().name for result in results]
+    return short if len(set(short)) == len(short) else [str(result) for result in results]
+
+
+def _truth_of(result: Path) -> Path:
+    from voxelpose.results import Result, is_result
+
+    if not is_result(result):
+        raise InputError(f"{result} does not say which recording it is of: give --truth FILE")
+    told: Any = Result.open(result).settings
+    truth = (result / told["recording"]).resolve() / "truth.json"
+    if not truth.is_file():
+        raise InputError(f"there is no {truth}: give --truth FILE")
+    return truth
+
+
+def _markers(text: str | None) -> dict[str, str]:
+    from silhouette_core.body.joints import LANDMARK_NAMES
+
+    pairs = [pair.partition("=") for pair in (text or "").split(",") if pair.strip()]
+    markers = {joint.strip(): name.strip() for joint, _, name in pairs}
+    for joint, name in markers.items():
+        if joint not in LANDMARK_NAMES or not name:
+            raise InputError(f"--markers {text} is not understood: give JOINT=NAME, the joints being {', '.join(LANDMARK_NAMES)}")
+    return markers
+
+
+def _document(score: Score) -> dict[str, object]:
+    from silhouette_core.body.joints import LANDMARK_NAMES
+
+    return {**asdict(score), "joint_root_mm": dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False))}
