@@ -5,7 +5,8 @@ face has z pointing away. Corners are numbered row by row.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from calib.errors import InputError
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
+Effort = Literal["quick", "patient", "thorough"]
 
 _MIN_SQUARE_PX = 8.0
 _MAX_BLUR = 0.25  # width of an edge in squares
@@ -85,12 +87,13 @@ class Board:
         """Whether half a turn leaves the pattern as it was, so that a picture cannot say which end is which."""
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
-    def find(self, picture: Image, thorough: bool = True) -> View | Refusal:
+    def find(self, picture: Image, effort: Effort = "thorough") -> View | Refusal:
         """Finds the board.
 
         Args:
             picture: (H, W) or (H, W, 3) uint8.
-            thorough: Whether to try the slow detector too where the fast one finds nothing (stills: yes; every frame of a video: no).
+            effort: "quick" gives up where no board is likely, in a hundredth of a second; "patient" looks all the same, ten times as long;
+                "thorough" then tries another detector, a hundred times as long.
 
         Returns:
             The view, or the reason why there is none.
@@ -98,7 +101,7 @@ class Board:
         if picture.dtype != np.uint8 or picture.ndim not in (2, 3):
             raise TypeError(f"picture must be (H, W) or (H, W, 3) uint8, got {picture.shape} {picture.dtype}")
         grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-        return self._find_checkerboard(grey, thorough) if self.marker_m is None else self._find_charuco(grey)
+        return self._find_checkerboard(grey, effort) if self.marker_m is None else self._find_charuco(grey)
 
     def instead(self, picture: Image) -> str | None:
         """Says what board is in a picture in which this one was not found: of other numbers, or with other markers; None: no board."""
@@ -110,6 +113,8 @@ class Board:
         if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
             return None
         there, asked = (f"{max(numbers)} x {min(numbers)}" for numbers in (meta.shape[:2], (self.columns, self.rows)))
+        if all(one <= other for one, other in zip(sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True)):
+            return f"only {there} of {asked} inner corners are to be made out: part of it hidden or in bad light, or are the numbers wrong?"
         return f"a board with {there} inner corners is there, not {asked}: count where four squares meet, not squares"
 
     def _other_markers(self, picture: Image) -> str | None:
@@ -154,10 +159,11 @@ class Board:
             return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
         return corners.reshape(-1, 2).astype(np.float64), ids.ravel().astype(np.int64)
 
-    def _find_checkerboard(self, grey: Image, thorough: bool) -> View | Refusal:
+    def _find_checkerboard(self, grey: Image, effort: Effort) -> View | Refusal:
         """Finds all corners of a plain board."""
         refusal = Refusal(f"no board with {self.columns} x {self.rows} inner corners found: all of it in view, flat and evenly lit?")
-        for detector in (self._fast_corners, self._slow_corners) if thorough else (self._fast_corners,):
+        detectors = partial(self._fast_corners, give_up=True), partial(self._fast_corners, give_up=False), self._slow_corners
+        for detector in detectors[: {"quick": 1, "patient": 2, "thorough": 3}[effort]]:
             corners = detector(grey)
             if corners is None:
                 continue
@@ -167,11 +173,11 @@ class Board:
             refusal = Refusal(reason)
         return refusal
 
-    def _fast_corners(self, grey: Image) -> FloatArray | None:
-        """Finds corners in a small copy of the picture and refines them in the whole one."""
+    def _fast_corners(self, grey: Image, give_up: bool) -> FloatArray | None:
+        """Finds corners in a small copy of the picture and refines them in the whole one; perhaps gives up where no board is likely."""
         scale = min(1.0, _MAX_COARSE_PX / max(grey.shape))
         small = grey if scale == 1 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | (cv2.CALIB_CB_FAST_CHECK if give_up else 0)
         found, corners = cv2.findChessboardCorners(small, (self.columns, self.rows), flags=flags)
         if not found:
             return None

@@ -26,13 +26,13 @@ _ODD_ONE_OUT = 1.5  # times the other cameras' median error
 
 @dataclass(frozen=True)
 class CameraError:
-    """One line of the table: a camera, how many boards it saw, its error (px, rms), and the standard errors of its place.
+    """One line of the table: a camera, how many boards (or points) it saw, its error (px, rms), and the standard errors of its place.
 
-    The standard errors are relative to the first camera; NaN for itself.
+    The standard errors are relative to the first camera, NaN for itself; with points, relative to the world.
     """
 
     camera: str
-    boards: int
+    seen: int
     rms_px: float
     position_mm: float
     rotation_deg: float
@@ -78,7 +78,8 @@ def calibrate_extrinsics(board: Board, lenses: Rig, views: Views, floor: str | N
     cameras = adjusted.scene.cameras
     if floor is not None:
         cameras = _on_floor(floor, moments, adjusted.scene)
-    table = tuple(_line(index, camera, adjusted, seen) for index, camera in enumerate(adjusted.scene.cameras))
+    counts = [len(np.unique(seen.board[seen.camera == index])) for index in range(len(cameras))]
+    table = tuple(camera_error(index, adjusted, seen, count) for index, count in enumerate(counts))
     return Extrinsics(Rig(cameras), table, rms_px(adjusted.residuals_px), shared, _advice(table))
 
 
@@ -164,17 +165,24 @@ def _on_floor(floor: str, moments: list[str], scene: Scene) -> tuple[Camera, ...
     return tuple(moved)
 
 
-def _line(index: int, camera: Camera, adjusted: Adjusted, seen: Observations) -> CameraError:
-    """Makes a camera's line of the table."""
+def camera_error(index: int, adjusted: Adjusted, seen: Observations, count: int) -> CameraError:
+    """Returns a camera's line of the table.
+
+    Args:
+        index: The camera's number.
+        adjusted: The scene it is in.
+        seen: What all cameras saw.
+        count: Of how many boards or points that was made by this one.
+    """
+    name, covariance = adjusted.scene.cameras[index].name, adjusted.covariances[index]
     rows = seen.camera == index
     error = rms_px(adjusted.residuals_px[rows]) if rows.any() else np.nan
-    covariance = adjusted.covariances[index]
     if not covariance.any():
-        return CameraError(camera.name, len(np.unique(seen.board[rows])), error, np.nan, np.nan)
+        return CameraError(name, count, error, np.nan, np.nan)
     # The centre is -R' t with t moved by the block's last three numbers.
     position = float(np.sqrt(np.trace(covariance[3:, 3:])))
     turn = float(np.sqrt(np.trace(covariance[:3, :3])))
-    return CameraError(camera.name, len(np.unique(seen.board[rows])), error, 1000 * position, float(np.degrees(turn)))
+    return CameraError(name, count, error, 1000 * position, float(np.degrees(turn)))
 
 
 def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
@@ -186,8 +194,8 @@ def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
             said.append(
                 f"camera {line.camera} disagrees with the others ({line.rms_px:.1f} px): wrong lens, mirrored picture or out of sync?"
             )
-        if line.boards < 5:
-            said.append(f"camera {line.camera} saw {line.boards} boards only: carry the board before it for longer")
+        if line.seen < 5:
+            said.append(f"camera {line.camera} saw {line.seen} boards only: carry the board before it for longer")
     return tuple(said)
 
 

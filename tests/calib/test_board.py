@@ -58,7 +58,7 @@ def test_a_picture_in_perspective_and_colour():
 def test_every_refusal_says_why():
     picture = drawn(ODD)
     assert "no board with 8 x 5 inner corners found" in reason(ODD.find(np.full((300, 400), 128, np.uint8)))
-    assert "no board with 7 x 5" in reason(EVEN.find(picture, thorough=False))
+    assert "no board with 7 x 5" in reason(EVEN.find(picture, "quick"))
     assert "squares of 6 px are too small" in reason(ODD.find(cv2.resize(picture, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA)))
     blurred = cv2.GaussianBlur(picture, (0, 0), 12)
     assert "blurred" in reason(ODD.find(blurred))

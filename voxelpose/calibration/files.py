@@ -41,6 +41,22 @@ def png(picture: Image) -> bytes:
     return data.tobytes()
 
 
+def write_png(picture: Image, path: Path) -> None:
+    """Writes a picture, whole or not at all.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        partial.write_bytes(png(picture))
+        partial.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def write_calibration(rig: Rig, out: Path, notes: Mapping[str, Any], others: Mapping[Path, bytes]) -> None:
     """Writes a calibration and what goes with it; nothing is left half written.
 

@@ -1,5 +1,6 @@
 """Boards in stills and videos: which cameras there are, which of their pictures show the board, and which of these to use."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.board import Board, Refusal, View
+from calib.board import Board, Effort, Refusal, View
 from calib.errors import InputError
 from silhouette_core.estimator import Reporter
 from voxelpose.footage import STILLS, Footage, Frame, read_still, together
@@ -17,6 +18,7 @@ from voxelpose.recording import pictures_by_camera
 _EXAMINED = 400  # frames of a video in which the board is looked for, at most
 _NEW_VIEW = 0.02  # of the picture's size: boards nearer to each other say the same
 _HASTY = 2.0  # times the median speed
+_PATIENCE = 20  # of so many frames one is looked at longer
 _LOOKED_AT = 5  # refused pictures in which another board is looked for
 NOT_NEW = "shows the board much as another frame does"
 
@@ -110,21 +112,49 @@ def find_views(board: Board, pictures: CameraPictures, wanted: int, reporter: Re
         InputError: A picture cannot be read, or none shows the board; if they show another board, it is told.
     """
     views: dict[str, View | Refusal] = {}
-    refused: list[Frame] = []
+    find = _Finder(board, stills=pictures.video is None)
     for name, picture in pictures.examined():
-        views[name] = found = board.find(picture, thorough=pictures.video is None)
-        if isinstance(found, Refusal) and len(refused) < _LOOKED_AT:
-            refused.append(picture)
+        views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, View) for view in views.values()):
-        others = [other for picture in refused if (other := board.instead(picture))]
-        reasons = [view.reason for view in views.values() if isinstance(view, Refusal)]
-        raise InputError(f"the board was found in none of {len(views)} pictures: {(others or _commonest(reasons))[0]}")
+        raise InputError(f"the board was found in none of {len(views)} pictures: {find.why()}")
     if pictures.video is None:
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, View)}
     kept = choose(board, seen, wanted)
     return {name: Refusal(NOT_NEW) if name in seen and name not in kept else view for name, view in views.items()}
+
+
+class _Finder:
+    """Looks for the board in one camera's pictures, in a video no longer than that camera needs."""
+
+    def __init__(self, board: Board, stills: bool) -> None:
+        self.board = board
+        self.effort: Effort = "thorough" if stills else "quick"
+        self.count = 0
+        self.reasons: Counter[str] = Counter()
+        self.refused: list[Frame] = []
+
+    def __call__(self, picture: Frame, important: bool = False) -> View | Refusal:
+        """Returns the view or the refusal; spares nothing where it is important."""
+        found = self.board.find(picture, "thorough" if important else self.effort)
+        if isinstance(found, Refusal) and self.effort == "quick" and self.count % _PATIENCE == 0:
+            found = self.board.find(picture, "patient")
+            if isinstance(found, View):
+                self.effort = "patient"  # small boards, far away, are given up too early
+        self.count += 1
+        if isinstance(found, Refusal):
+            self.reasons[found.reason] += 1
+            if len(self.refused) < _LOOKED_AT:
+                self.refused.append(picture)
+        return found
+
+    def why(self) -> str:
+        """Says why the board was not found: what was amiss with what looked like one, else which other board there is."""
+        (common, _), *others = self.reasons.most_common()
+        if not common.startswith("no board"):
+            return common
+        return next((said for picture in self.refused if (said := self.board.instead(picture))), others[0][0] if others else common)
 
 
 def choose(board: Board, views: Mapping[str, View], wanted: int) -> set[str]:
@@ -163,10 +193,6 @@ def _outline(board: Board, view: View) -> FloatArray:
     return np.clip(cv2.perspectiveTransform(ends[None], homography).ravel() / view.size[0], -1, 2)
 
 
-def _commonest(reasons: Sequence[str]) -> list[str]:
-    return [max(set(reasons), key=reasons.count)] if reasons else ["there are no pictures"]
-
-
 @dataclass(frozen=True, eq=False)
 class Moments:
     """What synchronous cameras saw of a board.
@@ -199,24 +225,19 @@ def board_moments(board: Board, footage: Mapping[str, Footage], floor: int | Non
     if floor is not None and not 0 <= floor < count:
         raise InputError(f"--floor {floor} is not in the recording: it has frames 0 to {count - 1}")
     step = stride(count)
-    thorough = all(one.stills for one in footage.values())
+    finders = {name: _Finder(board, bool(one.stills)) for name, one in footage.items()}
     views: dict[str, dict[str, View]] = {}
-    refused: dict[str, list[Frame]] = {name: [] for name in footage}
     reporter.stage("looking for the board", -(-count // step))
     for number, frames in enumerate(together(footage, 0, count)):
         if number % step and number != floor:
             continue
-        found = {name: board.find(frame, thorough or number == floor) for name, frame in frames.items()}
+        found = {name: finders[name](frame, number == floor) for name, frame in frames.items()}
         views[f"frame {number}"] = {name: view for name, view in found.items() if isinstance(view, View)}
-        for name, view in found.items():
-            if isinstance(view, Refusal) and len(refused[name]) < _LOOKED_AT:
-                refused[name].append(frames[name])
         reporter.advance()
     seen = {name: sum(name in moment for moment in views.values()) for name in footage}
     if never := [name for name, times in seen.items() if not times]:
-        others = [other for name in never for picture in refused[name] if (other := board.instead(picture))]
-        hint = others[0] if others else "carry it before that camera, nearer or slower; are its numbers right?"
-        raise InputError(f"{', '.join(never)} never saw the board in {len(views)} moments: {hint}")
+        reasons = "; ".join(f"{name}: {finders[name].why()}" for name in never)
+        raise InputError(f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it nearer, and slowly")
     return Moments(_thinned(views, wanted, f"frame {floor}"), len(views), seen)
 
 

@@ -11,7 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.estimator import Reporter
-from voxelpose.calibration.pictures import Moments, board_moments
+from voxelpose.calibration.pictures import board_moments
 from voxelpose.footage import Footage
 from voxelpose.recording import pictures_by_camera
 
@@ -33,7 +33,7 @@ class PlaceSettings:
     cameras: Sequence[str] | None = None
 
 
-def calibrate_places(board: Board, lenses: Rig, folder: Path, settings: PlaceSettings, reporter: Reporter) -> tuple[Extrinsics, Moments]:
+def calibrate_places(board: Board, lenses: Rig, folder: Path, settings: PlaceSettings, reporter: Reporter) -> Extrinsics:
     """Finds where cameras stand.
 
     Args:
@@ -52,7 +52,7 @@ def calibrate_places(board: Board, lenses: Rig, folder: Path, settings: PlaceSet
         seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
         raise InputError(f"no two cameras saw the board at the same moment (moments: {seen}): carry it where two see it at once")
     reporter.stage("bundle adjustment")
-    return calibrate_extrinsics(board, lenses, moments.views, None if settings.floor is None else f"frame {settings.floor}"), moments
+    return calibrate_extrinsics(board, lenses, moments.views, None if settings.floor is None else f"frame {settings.floor}")
 
 
 def _footage(folder: Path, lenses: Rig, cameras: Sequence[str] | None, reporter: Reporter) -> tuple[dict[str, Footage], Rig]:
@@ -90,7 +90,7 @@ def place_notes(found: Extrinsics) -> dict[str, object]:
     """Returns what to keep beside the numbers: how sure each camera's place is."""
     notes = {}
     for line in found.table:
-        note: dict[str, object] = {"rms_px": round(line.rms_px, 4), "seen": line.boards}
+        note: dict[str, object] = {"rms_px": round(line.rms_px, 4), "seen": line.seen}
         if np.isfinite(line.position_mm):
             note |= {"position_standard_error_mm": round(line.position_mm, 3), "rotation_standard_error_deg": round(line.rotation_deg, 4)}
         notes[line.camera] = note
@@ -104,7 +104,7 @@ def place_report(found: Extrinsics) -> dict[str, object]:
         "cameras": {
             camera.name: {
                 "center_m": camera.center_m,
-                "seen": line.boards,
+                "seen": line.seen,
                 "rms_px": line.rms_px,
                 "position_standard_error_mm": line.position_mm,
                 "rotation_standard_error_deg": line.rotation_deg,

@@ -10,9 +10,13 @@ from tyro.conf import Positional, arg
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import camera_names
+from voxelpose.cli.calibrate_check import CalibrationCheck
 
 if TYPE_CHECKING:
     from calib.board import Board
+    from calib.camera import Rig
+    from calib.extrinsics import Extrinsics
+    from voxelpose.cli.progress import Progress
 
 _LONGEST_SQUARE_M = 2.0
 
@@ -167,6 +171,93 @@ Beside OUT come a picture of where boards were seen and a report as JSON.
         return 0
 
 
+@dataclass(frozen=True, kw_only=True)
+class PlaceCalibration:
+    """The arguments of `voxelpose calibrate extrinsics`."""
+
+    help: ClassVar[str] = """Finds where the cameras stand, from a board carried about before them or from listed points.
+
+RECORDING: a folder with a video per camera, filmed at the same time, named as in the calibration of the lenses.
+Let the board lie on the floor for a moment and say at which frame: its first corner is the world's origin, up is up.
+Beside OUT come a picture of the rig and a report as JSON.
+
+  voxelpose calibrate extrinsics board_walk --intrinsics lenses.toml --board 8x5 --square 0.029 --floor 0 --out calibration.toml
+  voxelpose calibrate extrinsics --points points.csv --intrinsics lenses.toml --out calibration.toml
+"""
+
+    recording: Annotated[Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")] = None
+    """Folder with a video (or a still) of the board per camera."""
+    intrinsics: Annotated[Path, arg(metavar="FILE")]
+    """Calibration with the lenses."""
+    out: Annotated[Path, arg(metavar="OUT")]
+    """Calibration to be written; .toml keeps most."""
+    board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
+    """Inner corners along and down: where four squares meet."""
+    square: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
+    """Side of a square in metres, measured on the print."""
+    marker: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
+    """Side of a marker in metres, for a ChArUco board. Left out: a plain checkerboard."""
+    dictionary: Annotated[str, arg(metavar="NAME")] = "DICT_4X4_50"
+    """OpenCV's name of a ChArUco board's markers."""
+    floor: Annotated[int | None, arg(metavar="FRAME", help_behavior_hint="")] = None
+    """Frame at which the board lies on the floor, face up. Left out: the world is the first camera's."""
+    points: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Instead of a board: CSV of camera,point,x_px,y_px,x_m,y_m,z_m; metres only where measured, z up."""
+    moments: Annotated[int, arg(metavar="N")] = 150
+    """Moments of the recording to use, at most."""
+    cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
+    """Cameras to use, by name. Left out: all."""
+    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    """Unit of the lenses' calibration, where it does not say it."""
+    overwrite: bool = False
+    """Replace OUT if it exists."""
+
+    def run(self) -> int:
+        """Calibrates."""
+        from voxelpose.cli.progress import Progress
+
+        with Progress() as progress:
+            progress.stage("opening")
+            from calib.files import read_rig
+            from voxelpose.calibration.files import beside, notes_of, png, refuse_existing, report_json, write_calibration
+            from voxelpose.calibration.places import place_notes, place_report
+            from voxelpose.calibration.rig_picture import rig_picture
+
+            picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
+            refuse_existing([self.out, picture, report], self.overwrite and self.out.resolve() != self.intrinsics.resolve())
+            found = self._found(read_rig(self.intrinsics, self.unit), progress)
+        from voxelpose.cli.calibrate_tables import print_places
+
+        grounded = self.points is not None or self.floor is not None
+        print_places(found, "points" if self.points is not None else "boards")
+        others = {picture: png(rig_picture(found.rig, grounded)), report: report_json(place_report(found))}
+        write_calibration(found.rig, self.out, notes_of(self.intrinsics) | {"extrinsics": place_notes(found)}, others)
+        print(f"{self.out}: {len(found.rig)} cameras with their places, in metres")
+        print(f"{picture}: the rig from above and from the side; does it look like the room?")
+        if not grounded:
+            print("note: without --floor the world is the first camera's, and z is not up: voxelpose fit needs z up")
+        return 0
+
+    def _found(self, lenses: Rig, progress: Progress) -> Extrinsics:
+        """Finds the places, one way or the other."""
+        if (self.points is None) == (self.recording is None):
+            raise InputError("give either RECORDING, a folder of videos of a board, or --points, a list of points")
+        if self.points is not None:
+            from calib.points import calibrate_from_points
+            from voxelpose.calibration.points_file import read_points
+
+            points = read_points(self.points)
+            names = camera_names(self.cameras) or [name for name in lenses.names if name in points.cameras()]
+            return calibrate_from_points(lenses.select(names), points)
+        from voxelpose.calibration.places import PlaceSettings, calibrate_places
+
+        if self.board is None or self.square is None or self.recording is None:
+            raise InputError("what does the board look like? give --board, as in 8x5, and --square in metres, as in 0.029")
+        board = BoardArguments(board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary).made()
+        settings = PlaceSettings(self.floor, self.moments, camera_names(self.cameras))
+        return calibrate_places(board, lenses, self.recording, settings, progress)
+
+
 @dataclass(frozen=True)
 class Convert:
     """The arguments of `voxelpose calibrate convert`."""
@@ -206,11 +297,19 @@ JSON of cameras or of 3x4 matrices. The suffix of OUT chooses what is written: .
         rig = read_rig(self.source, self.unit, size)
         write_rig(rig, self.out, self.to, notes_of(self.source))
         print(f"{self.out}: {len(rig)} cameras ({', '.join(rig.names)}), in metres")
+        if self.picture is not None:
+            from voxelpose.calibration.files import write_png
+            from voxelpose.calibration.rig_picture import rig_picture
+
+            write_png(rig_picture(rig), self.picture)
+            print(f"{self.picture}: the rig from above and from the side")
         return 0
 
 
 SUBCOMMANDS = {
     "board": BoardSheet,
     "intrinsics": LensCalibration,
+    "extrinsics": PlaceCalibration,
     "convert": Convert,
+    "check": CalibrationCheck,
 }

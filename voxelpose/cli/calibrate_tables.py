@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 if TYPE_CHECKING:
+    from calib.extrinsics import Extrinsics
     from voxelpose.calibration.lenses import Lens
 
 _MANY = 60  # pictures beyond which those left out are counted by reason
@@ -37,3 +38,28 @@ def print_lenses(lenses: list[Lens]) -> None:
         )
         for advice in found.advice:
             console.print(f"  [yellow]{advice}[/yellow]")
+
+
+def print_places(found: Extrinsics, what: str) -> None:
+    """Prints a table of cameras, how many boards (or points) each pair shares, and what is odd.
+
+    Args:
+        found: What was found.
+        what: "boards" or "points".
+    """
+    console = Console(highlight=False, soft_wrap=True)
+    width = max(6, *(len(line.camera) for line in found.table))
+    console.print(f"[dim]{'camera':<{width}}  {what}  error px  position ± mm  rotation ± deg      x       y       z  m[/dim]")
+    for camera, line in zip(found.rig, found.table, strict=True):
+        sure = (
+            f"{line.position_mm:>13.2f}  {line.rotation_deg:>14.3f}"
+            if line.position_mm == line.position_mm
+            else f"{'reference':>13}  {'':>14}"
+        )
+        place = " ".join(f"{value:7.3f}" for value in camera.center_m)
+        console.print(f"{escape(f'{line.camera:<{width}}')}  {line.seen:>{len(what)}}  {line.rms_px:>8.2f}  {sure}  {place}")
+    console.print(f"{found.rms_px:.3f} px in all")
+    pairs = ", ".join(f"{a}-{b} {count}" for (a, b), count in found.shared_boards.items())
+    console.print(f"{what} that pairs of cameras share: {escape(pairs)}")
+    for advice in found.advice:
+        console.print(f"[yellow]{escape(advice)}[/yellow]")

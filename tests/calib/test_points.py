@@ -1,0 +1,71 @@
+"""Where cameras stand, from points of the scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from boards import room
+
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.extrinsics import apart
+from calib.points import ScenePoints, calibrate_from_points
+
+
+def listed(rig: Rig, measured: int, noise_px: float = 0.3, seed: int = 0) -> ScenePoints:
+    """Lists 24 points of a room as the cameras see them; the first few are measured."""
+    rng = np.random.default_rng(seed)
+    scene = rng.uniform([-1.5, -1.5, 0], [1.5, 1.5, 2], (24, 3))
+    pixels = {f"p{index}": {} for index in range(len(scene))}
+    for camera in rig:
+        for index, pixel in enumerate(camera.project(scene)[0]):
+            pixels[f"p{index}"][camera.name] = pixel + rng.normal(0, noise_px, 2)
+    return ScenePoints(pixels, {f"p{index}": scene[index] for index in range(measured)})
+
+
+def lost(rig: Rig) -> Rig:
+    return Rig(tuple(replace(camera, rotation=np.eye(3), translation=np.zeros(3)) for camera in rig))
+
+
+def test_cameras_stand_in_the_world_of_the_measured_points():
+    truth = room(4)
+    found = calibrate_from_points(lost(truth), listed(truth, measured=8))
+    assert found.advice == ()
+    for camera, line in zip(truth, found.table, strict=True):
+        millimetres, degrees = apart(found.rig[camera.name], camera)
+        assert millimetres < min(25, 4 * line.position_mm)
+        assert degrees < min(0.3, 4 * line.rotation_deg)
+        assert line.seen == 24
+    assert found.shared_boards["cam_0", "cam_1"] == 24
+
+
+def test_a_camera_without_measured_points_is_reached_by_shared_ones():
+    truth = room(3)
+    points = listed(truth, measured=8, noise_px=0.1)
+    pixels = {name: {camera: pixel for camera, pixel in seen.items() if camera != "cam_2" or name not in points.known_m}
+              for name, seen in points.pixels.items()}  # fmt: skip
+    found = calibrate_from_points(lost(truth), ScenePoints(pixels, points.known_m))
+    assert apart(found.rig["cam_2"], truth["cam_2"])[0] < 25
+    alone = {name: {camera: pixel for camera, pixel in seen.items() if camera == "cam_2" or name in points.known_m}
+             for name, seen in pixels.items()}  # fmt: skip
+    with pytest.raises(InputError, match=r"too few points to place cam_2 \(.*: cam_2 0; 4 are needed\)"):
+        calibrate_from_points(lost(truth), ScenePoints(alone, points.known_m))
+
+
+def test_a_point_that_was_mistaken_is_named():
+    truth = room(3)
+    points = listed(truth, measured=10)
+    points.pixels["p3"]["cam_1"] += 25
+    found = calibrate_from_points(lost(truth), points)
+    assert found.advice[0].startswith("point p3 in camera cam_1 is off by ")
+    assert apart(found.rig["cam_1"], truth["cam_1"])[0] < 40
+    points.pixels["lonely"] = {"cam_0": np.array([600.0, 300.0])}
+    assert "of no use: lonely" in calibrate_from_points(lost(truth), points).advice[-1]
+
+
+def test_what_cannot_work_is_refused():
+    truth = room(2)
+    with pytest.raises(InputError, match="3 points have world coordinates, 4 are needed"):
+        calibrate_from_points(lost(truth), listed(truth, measured=3))
+    with pytest.raises(InputError, match="points are listed for camera cam_1, which has no lens"):
+        calibrate_from_points(lost(truth.select(["cam_0"])), listed(truth, measured=8))

@@ -1,0 +1,225 @@
+"""Do the cameras of a recording agree with what they filmed? If not: which one is wrong, by how much, and what would mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.agreement import Agreement, agreement
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.files import write_rig
+from calib.repair import Repair, explain
+from calib.tangency import Outline, Track
+from silhouette_core.estimator import Frame, Reporter, Silent
+from silhouette_core.image.silhouettes import Silhouettes
+from voxelpose.recording import Recording
+from voxelpose.results import ResultWriter
+from voxelpose.timestamps import NAME, write_timestamps
+
+LONG_SIDE_PX = 480
+_ENDS = 0.04  # of the recording at either end are not looked at: people come and go
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """How a recording is checked.
+
+    Attributes:
+        moments: how many frames are looked at, spread over the recording.
+        most_late: how many frames out of step are tried, each way.
+        shown: how many moments are kept for the picture.
+    """
+
+    moments: int = 12
+    most_late: int = 12
+    shown: int = 3
+
+    def __post_init__(self) -> None:
+        """Checks what the user gave."""
+        if self.moments < 3:
+            raise InputError(f"{self.moments} moments are too few to judge cameras: give at least 3")
+        if self.most_late < 0:
+            raise InputError(f"{self.most_late} frames out of step cannot be tried: give 0 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What one camera showed at one moment, kept for the picture: (h, w, 3) uint8 BGR and (h, w) bool."""
+
+    frame: Frame
+    mask: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """A recording's check.
+
+    Attributes:
+        rig: the cameras as calibrated.
+        tracks: their outlines at the moments.
+        moments: numbers of the frames that were looked at.
+        times_s: when they were taken.
+        found: what was found.
+        repairs: what happened to the cameras that do not agree.
+        repaired: the rig with those put right; None where nothing could be.
+        after: what a check of `repaired` finds.
+        sights: moment -> camera name -> what it showed, for some of the moments.
+        notes: what could not be known, and what makes the answer less sure.
+    """
+
+    rig: Rig
+    tracks: dict[str, Track]
+    moments: NDArray[np.int64]
+    times_s: NDArray[np.float64]
+    found: Agreement
+    repairs: tuple[Repair, ...]
+    repaired: Rig | None
+    after: Agreement | None
+    sights: dict[int, dict[str, Sight]]
+    notes: tuple[str, ...]
+
+
+def check_recording(recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None) -> Check:
+    """Checks a recording's cameras against its silhouettes.
+
+    Args:
+        recording: at least two cameras.
+        settings: how.
+        reporter: told of every stage.
+
+    Returns:
+        What was found.
+
+    Raises:
+        InputError: one camera only, nobody seen, or a file that cannot be read.
+    """
+    settings, reporter = settings or CheckSettings(), reporter or Silent()
+    if len(recording.rig) < 2:
+        raise InputError(f"{recording.folder} has one camera: whether it agrees with itself cannot be asked; `check` needs two or more")
+    moments = spread_moments(recording.frame_count, settings.moments)
+    reporter.stage("backgrounds")
+    silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
+    tracks, sights = _look(recording, silhouettes, moments, settings, reporter)
+    times = recording.times_s[moments]
+    found = agreement(list(tracks.values()), times)
+    repairs: list[Repair] = []
+    if not found.agrees and len(tracks) > 2:
+        dense = dict(tracks)
+        most = min(settings.most_late, (recording.frame_count - 1) // 3)
+        for name in found.culprits if most else ():
+            dense[name] = _follow(recording, silhouettes, name, moments, most, reporter)
+        reporter.stage("looking for what happened")
+        repairs = explain(dense, found, times, most / recording.fps)
+        tracks |= {name: dense[name] for name in found.culprits}
+    rig, after = _mended(recording.rig, tracks, times, repairs)
+    numbers = moments + recording.first
+    return Check(recording.rig, tracks, numbers, times, found, tuple(repairs), rig, after, sights, _notes(recording, silhouettes, found))
+
+
+def spread_moments(count: int, wanted: int) -> NDArray[np.int64]:
+    """Returns at most `wanted` of `count` frames, evenly over all but the ends."""
+    first, last = _ENDS * (count - 1), (1 - _ENDS) * (count - 1)
+    return np.unique(np.linspace(first, last, min(wanted, count)).round().astype(np.int64))
+
+
+def _look(
+    recording: Recording, silhouettes: Silhouettes, moments: NDArray[np.int64], settings: CheckSettings, reporter: Reporter
+) -> tuple[dict[str, Track], dict[int, dict[str, Sight]]]:
+    """Takes the outlines of all cameras at the moments, and keeps some pictures."""
+    reporter.stage("silhouettes", len(moments))
+    outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
+    shown = {int(moments[at]) for at in np.linspace(0, len(moments) - 1, settings.shown + 2).round().astype(int)[1:-1]}
+    sights: dict[int, dict[str, Sight]] = {}
+    for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
+        masks = silhouettes.of(frames)
+        for name, mask in masks.items():
+            outlines[name].append(Outline.from_mask(recording.rig[name], mask))
+        if moment in shown:
+            sights[moment + recording.first] = {name: _sight(frames[name], mask) for name, mask in masks.items()}
+        reporter.advance()
+    times = recording.times_s[moments]
+    return {name: Track(recording.rig[name], times, tuple(seen)) for name, seen in outlines.items()}, sights
+
+
+def _sight(frame: Frame, mask: NDArray[np.bool_]) -> Sight:
+    small = cv2.resize(frame, mask.shape[::-1], interpolation=cv2.INTER_AREA)
+    return Sight(np.asarray(small, np.uint8), mask)
+
+
+def _follow(recording: Recording, silhouettes: Silhouettes, name: str, moments: NDArray[np.int64], most: int, reporter: Reporter) -> Track:
+    """Takes one camera's outlines at all frames around the moments."""
+    near = np.unique(np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1))
+    reporter.stage(f"{name} frame by frame", len(near))
+    outlines = []
+    for frame in recording.footage[name].pick((near + recording.first).tolist()):
+        outlines.append(Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name]))
+        reporter.advance()
+    return Track(recording.rig[name], recording.times_s[near], tuple(outlines))
+
+
+def _mended(
+    rig: Rig, tracks: dict[str, Track], times: NDArray[np.float64], repairs: Sequence[Repair]
+) -> tuple[Rig | None, Agreement | None]:
+    """Believes the explanations, and checks again."""
+    done = [repair for repair in repairs if repair.kind != "unexplained"]
+    if not done:
+        return None, None
+    mended = rig
+    for repair in done:
+        mended = exchanged(mended, repair.camera, repair.with_camera) if repair.with_camera else repair.rig(mended)
+    late = {repair.camera: repair.late_s for repair in done}
+    return mended, agreement([track.with_camera(mended[name]) for name, track in tracks.items()], times, late_s=late)
+
+
+def exchanged(rig: Rig, first: str, second: str) -> Rig:
+    """Returns a rig in which two cameras have each other's name."""
+    other = {first: second, second: first}
+    return Rig(tuple(replace(rig[other.get(name, name)], name=name) for name in rig.names))
+
+
+def _notes(recording: Recording, silhouettes: Silhouettes, found: Agreement) -> tuple[str, ...]:
+    """Says what cannot be known here."""
+    notes = []
+    if silhouettes.without_background:
+        who = ", ".join(silhouettes.without_background)
+        notes.append(f"no empty view of {who}: its background was guessed, so its silhouettes are less sure, and this check with them")
+    if len(recording.rig) == 2:
+        notes.append("with two cameras it can be seen that one is wrong, not which one; a third tells")
+    elif len(recording.rig) == 3:
+        notes.append("with three cameras a small error can be laid at the wrong one's door; a fourth makes it sure")
+    few = [line.camera for line in found.table if line.moments < len(recording.rig) or line.planes < 12]
+    if few:
+        notes.append(f"{', '.join(few)}: nobody is seen whole there at most of the moments; little can be said of it")
+    return tuple(notes)
+
+
+def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
+    """Writes the repaired calibration, and timestamps.csv where a camera is out of step.
+
+    Args:
+        check: a check with something to repair.
+        recording: what was checked.
+        out: a folder to be made.
+
+    Returns:
+        The folder.
+
+    Raises:
+        InputError: nothing can be repaired, or the folder exists or cannot be made.
+    """
+    if check.repaired is None:
+        reason = "all cameras agree" if check.found.agrees else "what happened is not known"
+        raise InputError(f"there is nothing to repair: {reason}; {out} was not written")
+    late = {repair.camera: repair.late_s for repair in check.repairs if repair.late_s}
+    with ResultWriter(out) as folder:
+        write_rig(check.repaired, folder / "calibration.toml")
+        if late:
+            times = recording.file_times()
+            write_timestamps(folder / NAME, {name: one - late.get(name, 0.0) for name, one in times.items()})
+    return Path(out)
