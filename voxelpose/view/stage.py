@@ -102,12 +102,13 @@ class Stage:
 
     def _hull(self, scene: Scene, choice: Choice) -> None:
         hull = scene.hull
-        if hull is not None and choice.hull:
-            # A net where there is a body inside: a surface, even one seen through, would hide parts of it.
-            net, faint = scene.body is not None, None if scene.body is None else 0.12
-            self._api.add_mesh_simple("/hull", hull.vertices_m, hull.faces, color=HULL, opacity=faint, wireframe=net, cast_shadow=False)
+        # Dots where there is a body inside: a surface, even one seen through, would hide parts of it.
+        dots = hull.vertices_m if hull is not None and choice.hull and scene.body is not None else _NOTHING
+        self._points("hull/dots", dots, HULL, 0.003)
+        if hull is not None and choice.hull and scene.body is None:
+            self._api.add_mesh_simple("/hull/surface", hull.vertices_m, hull.faces, color=HULL)
         else:
-            self._api.remove_by_name("/hull")
+            self._api.remove_by_name("/hull/surface")
         points = hull.unexplained_m[hull.off_m > OFF_M] if hull is not None and choice.unexplained else _NOTHING
         self._points("unexplained", points, UNEXPLAINED, 0.3 * self._voxel_size_m)
 
@@ -122,7 +123,7 @@ class Stage:
         for mesh, (inside, _), colour in zip(self._meshes, self._skin, overlap_colours(body.overlap), strict=True):
             mesh.vertices = body.vertices_m[inside].astype(np.float32)
             mesh.color = tuple(colour.tolist())
-            mesh.opacity = 0.6 if choice.skeleton else None
+            mesh.opacity = 0.7 if choice.skeleton else None
             mesh.visible = True
 
     def _skeleton(self, body: Posed | None) -> None:
