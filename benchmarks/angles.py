@@ -1,0 +1,106 @@
+"""Anatomical angles of balancing4 beside those that OpenSim found for its keypoints: python -m benchmarks.angles [RESULT]
+
+RESULT is a fit of balancing4; left out, it is fitted first, into out/angles/balancing4. A line per angle, in degrees: mean of ours minus
+theirs, RMS of what is left without that mean, correlation, and the span of theirs. The recording is in ../shared/data, or in
+$VOXELPOSE_SHARED/data.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from benchmarks.accuracy import ROOT, SHARED
+from silhouette_core.estimator import Settings
+from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
+from silhouette_core.motion.motion import Motion
+from voxelpose.export.opensim import mot_coordinates
+from voxelpose.fitting import Output, fit
+from voxelpose.recording import Recording
+from voxelpose.results import Result
+
+DATA = SHARED / "data" / "balancing4"
+OURS = (
+    "pelvis_tilt pelvis_list pelvis_rotation hip_flexion_r hip_flexion_l hip_adduction_r hip_adduction_l hip_rotation_r hip_rotation_l "
+    "knee_angle_r knee_angle_l ankle_angle_r ankle_angle_l subtalar_angle_r subtalar_angle_l arm_flex_r arm_flex_l arm_add_r arm_add_l "
+    "arm_rot_r arm_rot_l elbow_flex_r elbow_flex_l"
+).split()
+# Their model bends in six lumbar joints and ours between pelvis and thorax at once: their sums stand for it.
+LUMBAR = {"lumbar_extension": "Flex_Ext", "lumbar_bending": "Lat_Bending", "lumbar_rotation": "axial_rotation"}
+DOWN = np.array([0.0, -1.0, 0.0])
+
+
+def main(words: list[str]) -> int:
+    """Compares."""
+    if not DATA.is_dir():
+        print(f"no recording {DATA}: set VOXELPOSE_SHARED", file=sys.stderr)
+        return 2
+    folder = Path(words[0]) if words else ROOT / "out" / "angles" / "balancing4"
+    if not words:
+        fit(Recording.open(DATA), Output(folder, overwrite=True, pictures=False), Settings())
+    motion = Result.open(folder).motion
+    theirs = read_mot(DATA / "reference_opensim.mot", motion.frames)
+    print(f"{'angle':<34}{'mean':>8}{'rms':>8}{'corr':>8}{'theirs from':>14}{'to':>6}")
+    for name, ours, reference in compared(motion, theirs):
+        off = (ours - reference + 180) % 360 - 180
+        rest = off - off.mean()
+        agreement = np.corrcoef(ours, reference)[0, 1]
+        span = f"{reference.min():>14.0f}{reference.max():>6.0f}"
+        print(f"{name:<34}{off.mean():>8.1f}{np.sqrt((rest**2).mean()):>8.1f}{agreement:>8.2f}{span}")
+    for side in ("right", "left"):
+        away = np.degrees(np.arccos(np.clip((arm(motion, side) * arm_of(theirs, side)).sum(axis=1), -1, 1)))
+        print(f"{side} upper arm against the thorax: directions {away.mean():.1f} degrees apart, {away.max():.1f} at most")
+    return 0
+
+
+def compared(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, NDArray, NDArray]]:
+    """Yields a name, ours and theirs, (T,) degrees each."""
+    ours = mot_coordinates(motion)
+    for name in OURS:
+        yield name, ours[name], theirs[name]
+    for name, ending in LUMBAR.items():
+        yield name, ours[name], sum(values for other, values in theirs.items() if other.endswith(ending) and other.startswith("L"))
+    angles = anatomical_angles(motion)
+    for side in ("right", "left"):
+        elevation = np.degrees(np.arccos(arm_of(theirs, side) @ DOWN))
+        yield f"{side}_shoulder_elevation", angles[f"{side}_shoulder_elevation"], elevation
+    points = json.loads((DATA / "truth.json").read_text())["joints"]
+    for side in ("right", "left"):
+        for joint, chain in (("knee", ("hip", "knee", "ankle")), ("elbow", ("shoulder", "elbow", "wrist"))):
+            keypoints = [np.array(points[f"{side}_{name}"])[motion.frames] for name in chain]
+            yield f"{side}_{joint}_flexion, keypoints", angles[f"{side}_{joint}_flexion"], bend(*keypoints)
+
+
+def arm(motion: Motion, side: str) -> NDArray:
+    """Returns (T, 3) our upper arm's direction in the axes of the thorax, the left one mirrored."""
+    return joint_rotations(motion)[f"{side}_shoulder"] @ DOWN
+
+
+def arm_of(theirs: dict[str, NDArray], side: str) -> NDArray:
+    """Returns (T, 3) the same from arm_flex, arm_add and arm_rot."""
+    turns = np.column_stack([theirs[f"arm_{name}_{side[0]}"] for name in ("flex", "add", "rot")])
+    return Rotation.from_euler("ZXY", turns, degrees=True).as_matrix() @ DOWN
+
+
+def bend(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
+    """Returns (T,) by how many degrees the way a, b, c is bent at b."""
+    first, second = ((to - start) / np.linalg.norm(to - start, axis=1, keepdims=True) for start, to in ((a, b), (b, c)))
+    return np.degrees(np.arccos(np.clip((first * second).sum(axis=1), -1, 1)))
+
+
+def read_mot(path: Path, frames: NDArray) -> dict[str, NDArray]:
+    """Returns the columns of a MOT of 60 rows a second, at frames of the recording (its first row is frame 0)."""
+    lines = path.read_text().splitlines()
+    end = lines.index("endheader")
+    table = np.array([line.split() for line in lines[end + 2 :] if line.strip()], float)
+    return dict(zip(lines[end + 1].split(), table[frames].T, strict=True))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
