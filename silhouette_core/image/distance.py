@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from silhouette_core.image.kernels import distance as kernels
 from silhouette_core.scoring.backend import Spans
 
-Weighting = Literal["xor", "wxor", "nwxor"]
-WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor")
+Weighting = Literal["xor", "wxor", "nwxor", "balanced"]
+WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor", "balanced")
+_REACH = 12 / 240  # of the window's height: where the balanced weight outside is 1; about the half width of a trunk
 _HEIGHT = 240
 _FEW = 512  # silhouettes for which starting threads costs more than it brings
 
@@ -63,8 +64,12 @@ def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> ND
 
 
 def _distances(image: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Returns each pixel's Euclidean distance to the nearest zero."""
-    return cv2.distanceTransform(np.ascontiguousarray(image), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # type: ignore[return-value]
+    """Returns each pixel's Euclidean distance to the nearest zero, (h, w) float32."""
+    found: NDArray[np.float32] = cv2.distanceTransform(np.ascontiguousarray(image), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # type: ignore[assignment]
+    # OpenCV's last digit depends on where the image lies in memory; the square is an integer.
+    np.multiply(found, found, out=found)
+    np.rint(found, out=found)
+    return np.sqrt(found, out=found)
 
 
 def thin(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

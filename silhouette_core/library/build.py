@@ -160,12 +160,12 @@ def _tree(
             if settings.thresholds is not None:
                 threshold = settings.thresholds[number]
             elif known is not None:
-                threshold = float(known["threshold"])
+                threshold = float(known["threshold"][0])
             elif number == 0:
                 threshold = first_threshold(count, wanted, poses, score, reporter)
             else:
                 threshold = next_threshold(sets, wanted, poses, score)
-            shop.save(f"threshold{number}", {"threshold": np.array(threshold)})
+            shop.save(f"threshold{number}", {"threshold": np.array([threshold])})
             if number == 0:
                 groups = [_first_level(count, poses, score, threshold, shop, reporter)]
             else:
@@ -173,9 +173,9 @@ def _tree(
                 groups = divide(sets, poses, score, threshold, reporter)
             level = Nodes.of(groups, poses)
             done = {name: getattr(level, name) for name in ("representative", "parent", "offsets", "members")}
-            done["threshold"] = np.array(threshold)
+            done["threshold"] = np.array([threshold])
             shop.save(f"tree{number}", done)
-        thresholds.append(float(done.pop("threshold")))
+        thresholds.append(float(done.pop("threshold")[0]))
         nodes.append(Nodes(**done))
         sets = nodes[-1].sets()
     return nodes, thresholds

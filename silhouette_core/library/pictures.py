@@ -108,8 +108,9 @@ def take_pictures(model: BodyModel, surfaces: NDArray[np.float32], which: NDArra
 
 def reduce_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Halves a silhouette (…, h, w) bool; a pixel is in where at least two of its four were. Observations are to be reduced likewise."""
-    count = sum(mask[..., y::2, x::2].astype(np.uint8) for y in range(2) for x in range(2))
-    return count >= 2
+    one, two, three, four = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
+    # Two of four: both of one pair, or one of each.
+    return (one & two) | (three & four) | ((one | two) & (three | four))
 
 
 def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
@@ -142,8 +143,8 @@ def join_spans(parts: Sequence[Spans]) -> Spans:
     """Returns the silhouettes of all parts, one after the other."""
     before = np.cumsum([0, *(len(part.rows) for part in parts)])
     offsets = [part.offsets[1:] + start for part, start in zip(parts, before[:-1], strict=True)]
-    runs = (np.concatenate([getattr(part, name) for part in parts]) for name in ("rows", "starts", "ends"))
-    return Spans(*runs, np.concatenate([[0], *offsets]).astype(np.int64))
+    rows, starts, ends = (np.concatenate([getattr(part, name) for part in parts]) for name in ("rows", "starts", "ends"))
+    return Spans(rows, starts, ends, np.concatenate([[0], *offsets]).astype(np.int64))
 
 
 def masks_of(spans: Spans, which: NDArray[np.integer], size_px: tuple[int, int] = WINDOW_PX) -> NDArray[np.bool_]:

@@ -10,8 +10,9 @@ import json
 import mmap
 import uuid
 import zlib
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ _PLAIN = (
     "areas", "occluded", "cut", "leaf_offsets", "leaf_samples", "sigma_rad",
 )  # fmt: skip
 _LARGEST_HEADER = 10_000_000
+_MARKED = 100_000  # the format's name stands within so many bytes
 
 
 def write_library(library: PoseLibrary, path: Path) -> None:
@@ -74,6 +76,15 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         beside.unlink(missing_ok=True)
 
 
+def is_library(path: Path) -> bool:
+    """Says whether a file is a pose library, of whatever version and however damaged."""
+    try:
+        with path.open("rb") as file:
+            return _FORMAT.encode() in file.read(_MARKED)
+    except OSError:
+        return False
+
+
 def read_library(path: Path) -> PoseLibrary:
     """Opens a library.
 
@@ -98,8 +109,7 @@ def read_library(path: Path) -> PoseLibrary:
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     """Puts a library together from its file's arrays and facts."""
-    settings = {name: tuple(value) if isinstance(value, list) else value for name, value in about["settings"].items()}
-    known = {field.name for field in fields(LibrarySettings)}
+    settings: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in about["settings"].items()}
     model = BodyModel.from_sizes(BodySizes(**about["sizes"])).reshaped(arrays["body_shape"])
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
         raise ValueError("made with a body that has other joints")
@@ -112,7 +122,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         levels.append(Level(representative, parent, spans, tuple(facts["size_px"]), facts["threshold"]))
     return PoseLibrary(
         model=model,
-        settings=LibrarySettings(**{name: value for name, value in settings.items() if name in known}),
+        settings=LibrarySettings(**settings),
         clips=tuple(about["clips"]),
         levels=tuple(levels),
         root_sigma_rad=about["root_sigma_rad"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 import numba
 import numpy as np
@@ -42,6 +43,14 @@ class Poses:
             values = values.astype(np.float64)
             found += ((values - values.mean(axis=0)) ** 2).sum(axis=1)
         return int(samples[np.argmin(found)])
+
+
+class Distances(Protocol):
+    """Something that knows how far a representative is from samples."""
+
+    def __call__(self, representative: int, samples: NDArray[np.int64], threads: bool) -> NDArray[np.float64]:
+        """Returns the distances (n,) from a representative to `samples` (n,)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +97,7 @@ class Split:
         count = len(samples)
         return cls(samples, [first], np.zeros(count), np.full(count, np.inf), np.zeros(count, np.int32))
 
-    def run(self, score: Scorer, threshold: float, after: Callable[[Split], None] = lambda split: None, threads: bool = False) -> None:
+    def run(self, score: Distances, threshold: float, after: Callable[[Split], None] = lambda split: None, threads: bool = False) -> None:
         """Steps 2 and 3: takes the newest representative's distances, then chooses the next, until all samples are near one.
 
         A representative is scored against all samples and not only those still far from the others: a sample belongs to the nearest of

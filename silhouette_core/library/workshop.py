@@ -72,10 +72,10 @@ class Workshop:
             self.save(name, found)
         return found
 
-    def close(self) -> None:
+    @staticmethod
+    def remove(folder: Path) -> None:
         """Removes the folder: the work is done."""
-        if self.folder is not None:
-            shutil.rmtree(self.folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _inputs(folder: Path) -> str | None:

@@ -15,7 +15,7 @@ class Build:
 
     help: ClassVar[str] = """Makes a pose library and its silhouette tree from recorded motion, once per body.
 
-MOTION are BVH files, exponential-map files, or folders of them.
+MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it goes on where it was when it is called again.
 
   voxelpose library build mocap --out me.vplib --stature 1.75
   voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
@@ -36,7 +36,7 @@ MOTION are BVH files, exponential-map files, or folders of them.
     yaw_step: Annotated[float, arg(metavar="DEG")] = 15.0
     """Angle between the sides from which a pose is seen."""
     pitch: Annotated[UseAppendAction[tuple[float, ...]], arg(metavar="DEG")] = ()
-    """How far the camera looks down; may be given several times. Left out: 5."""
+    """How far the camera looks down; may be given several times. Left out: 8."""
     mirror: bool = True
     """Add the mirror image of every pose."""
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
@@ -48,9 +48,27 @@ MOTION are BVH files, exponential-map files, or folders of them.
 
     def run(self) -> int:
         """Builds."""
-        from calib.errors import InputError
+        from voxelpose.cli.progress import Progress
 
-        raise InputError("library build is not there yet")
+        with Progress() as progress:
+            progress.note_compilation()
+            progress.stage("opening")
+            from silhouette_core.body.model import BodyModel
+            from silhouette_core.body.sizes import BodySizes
+            from silhouette_core.jit import set_threads
+            from silhouette_core.library.library import LibrarySettings
+            from silhouette_core.library.make import make_library, read_clips
+
+            set_threads(self.threads)
+            pitches = self.pitch or LibrarySettings.pitches_deg
+            settings = LibrarySettings(poses=self.poses, yaw_step_deg=self.yaw_step, pitches_deg=pitches, mirror=self.mirror)
+            model = BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
+            clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
+            library = make_library(clips, model, self.out, settings, progress)
+        from silhouette_core.library.summary import summary
+
+        print(summary(library, self.out))
+        return 0
 
 
 @dataclass(frozen=True)
@@ -70,9 +88,17 @@ class Info:
 
     def run(self) -> int:
         """Tells."""
-        from calib.errors import InputError
+        from silhouette_core.library.store import read_library
+        from silhouette_core.library.summary import summary
 
-        raise InputError("library info is not there yet")
+        library = read_library(self.library)
+        print(summary(library, self.library))
+        if self.png is not None:
+            from silhouette_core.library.sheet import write_sheet
+
+            write_sheet(library, self.png)
+            print(f"contact sheet: {self.png}")
+        return 0
 
 
 SUBCOMMANDS = {"build": Build, "info": Info}
