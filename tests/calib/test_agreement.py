@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 from silhouettes import filmed, stage
 
-from calib.agreement import Agreement, body_middle, body_pieces, check_agreement, outline_pixels
+from calib.agreement import agreement, check_agreement, trimmed
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import apart
 from calib.files import read_rig
-from calib.repair import explain
+from calib.repair import Repair, explain
 from calib.rotation import matrix_from_rodrigues
+from calib.tangency import Outline, Track, between, body_pieces, tangency
 
-MOMENTS = [4, 8, 12, 16]
+MOMENTS = np.arange(3, 19, 2)
+FPS = 10.0
 Film = dict[str, list[np.ndarray]]
 
 
@@ -26,55 +28,125 @@ def rig() -> Rig:
 
 @pytest.fixture(scope="module")
 def film(rig) -> Film:
-    return filmed(rig, 21)
+    return filmed(rig, 22)
 
 
 def at(film: Film, moments=MOMENTS) -> list[dict[str, np.ndarray]]:
     return [{name: masks[moment] for name, masks in film.items()} for moment in moments]
 
 
-def bumped(rig: Rig, name: str, degrees: float) -> Rig:
-    turn = matrix_from_rodrigues(np.radians(degrees) * np.array([0.6, 0.8, 0]))
-    moved = [replace(one, rotation=turn @ one.rotation, translation=turn @ one.translation) if one.name == name else one for one in rig]
+def tracks(rig: Rig, film: Film) -> dict[str, Track]:
+    return {camera.name: Track.from_masks(camera, np.arange(len(film[camera.name])) / FPS, film[camera.name]) for camera in rig}
+
+
+def told(rig: Rig, film: Film) -> Repair:
+    """The one explanation."""
+    seen = tracks(rig, film)
+    (repair,) = explain(seen, agreement(list(seen.values()), MOMENTS / FPS), MOMENTS / FPS, 5 / FPS)
+    return repair
+
+
+def bumped(rig: Rig, name: str, degrees: float, shift_m=(0, 0, 0), axis=(0.6, 0.8, 0)) -> Rig:
+    turn = matrix_from_rodrigues(np.radians(degrees) * np.array(axis))
+    moved = [
+        replace(one, rotation=turn @ one.rotation, translation=turn @ one.translation + np.array(shift_m)) if one.name == name else one
+        for one in rig
+    ]
     return Rig(tuple(moved))
+
+
+def boxed(masks: list[np.ndarray], height: int) -> list[np.ndarray]:
+    """Scales pictures down to a height, between black bars."""
+    top = (masks[0].shape[0] - height) // 2
+    pictures = []
+    for mask in masks:
+        picture = np.zeros_like(mask)
+        small = cv2.resize(mask.astype(np.uint8) * 255, (mask.shape[1], height), interpolation=cv2.INTER_AREA)
+        picture[top : top + height] = small > 127
+        pictures.append(picture)
+    return pictures
 
 
 def test_a_right_rig_agrees(rig, film):
     found = check_agreement(rig, at(film))
     assert found.agrees
-    assert found.culprit is None
-    assert found.error_px < 0.02
+    assert found.culprits == ()
+    assert found.error_px < 0.3
     assert "all 4 cameras agree" in found.words
+    assert all(abs(line.outward_px) < 0.2 for line in found.table)
+
+
+def test_scaled_down_silhouettes_will_do(rig, film):
+    def small(mask: np.ndarray) -> np.ndarray:
+        return cv2.resize(mask.astype(np.uint8) * 255, (160, 120), interpolation=cv2.INTER_AREA) > 127
+
+    found = check_agreement(rig, [{name: small(mask) for name, mask in moment.items()} for moment in at(film)])
+    assert found.agrees
+    assert found.error_px < 0.5
 
 
 @pytest.mark.parametrize("name", ["cam_0", "cam_1", "cam_2", "cam_3"])
-def test_a_bumped_camera_is_named(rig, film, name):
-    found = check_agreement(bumped(rig, name, 2), at(film))
-    assert not found.agrees
-    assert found.culprit == name
-    assert f"{name} does not agree with the others" in found.words
-    line = next(line for line in found.table if line.camera == name)
-    assert line.others_px < 0.02 < found.error_px
+def test_a_camera_bumped_by_a_degree_is_named_and_put_back(rig, film, name):
+    wrong = bumped(rig, name, 1)
+    found = check_agreement(wrong, at(film))
+    assert found.culprits == (name,)
+    assert f"{name} (" in found.words
+    repair = told(wrong, film)
+    assert repair.kind == "turned"
+    assert f"{name} was turned by about 1." in repair.words or f"{name} was turned by about 0.9" in repair.words
+    assert apart(repair.after, rig[name])[1] < 0.2
+    assert repair.after_px < 0.3
+    assert check_agreement(repair.rig(wrong), at(film)).agrees
+
+
+def test_a_camera_carried_away_is_put_back(rig, film):
+    wrong = bumped(rig, "cam_1", 4, (0.3, 0.1, -0.2))
+    repair = told(wrong, film)
+    assert repair.kind == "moved"
+    millimetres, degrees = apart(repair.after, rig["cam_1"])
+    assert millimetres < 60
+    assert degrees < 1.2
+    assert repair.moved_mm == pytest.approx(apart(wrong["cam_1"], rig["cam_1"])[0], abs=60)
+
+
+def test_swapped_videos_are_told(rig, film):
+    repair = told(rig, film | {"cam_0": film["cam_1"], "cam_1": film["cam_0"]})
+    assert repair.words == "the videos of cam_0 and cam_1 are swapped"
+    assert repair.after_px < 0.3
+
+
+@pytest.mark.parametrize("frames", [3, -2])
+def test_a_video_out_of_step_is_told(rig, film, frames):
+    shifted = film | {"cam_2": [film["cam_2"][int(np.clip(step - frames, 0, 21))] for step in range(22)]}
+    repair = told(rig, shifted)
+    assert repair.kind == "out of step"
+    assert repair.late_s * FPS == pytest.approx(frames, abs=0.15)
+    assert ("late" if frames > 0 else "early") in repair.words
+
+
+def test_a_letterboxed_video_is_told(rig, film):
+    repair = told(rig, film | {"cam_3": boxed(film["cam_3"], 180)})
+    assert repair.kind == "scaled"
+    shape = np.diag(repair.after.matrix)[:2] / np.diag(rig["cam_3"].matrix)[:2]
+    np.testing.assert_allclose(shape, [1, 0.75], atol=0.02)
 
 
 def test_bad_silhouettes_are_told_from_bad_cameras(rig, film):
-    shadowed = []
-    for moment in at(film):
-        mask = moment["cam_2"].copy()
-        row, column = np.nonzero(mask)
-        mask[row.max() - 20 : row.max() + 1, column.min() : column.max() + 60] = True
-        shadowed.append(moment | {"cam_2": mask})
-    found = check_agreement(rig, shadowed)
-    assert found.culprit == "cam_2"
-    assert "it shows what no other sees" in found.words
-    headless = []
-    for moment in at(film):
-        mask = moment["cam_1"].copy()
-        mask[: np.nonzero(mask)[0].min() + 40] = False
-        headless.append(moment | {"cam_1": mask})
-    found = check_agreement(rig, headless)
-    assert found.culprit == "cam_1"
-    assert "it misses what all others see" in found.words
+    headless = [mask.copy() for mask in film["cam_1"]]
+    for mask in headless:
+        mask[: np.nonzero(mask)[0].min() + 30] = False
+    repair = told(rig, film | {"cam_1": headless})
+    assert repair.camera == "cam_1"
+    assert repair.kind == "unexplained"
+    assert "fall short of" in repair.words
+
+
+def test_two_bad_cameras_of_six(film):
+    rig = stage(6)
+    wrong = bumped(bumped(rig, "cam_2", 2), "cam_4", 3)
+    found = check_agreement(wrong, at(filmed(rig, 19), MOMENTS[:6]))
+    assert found.culprits == ("cam_2", "cam_4")
+    assert "do not agree" in found.words
 
 
 def test_flicker_far_from_the_body_does_not_matter(rig, film):
@@ -83,87 +155,71 @@ def test_flicker_far_from_the_body_does_not_matter(rig, film):
     assert check_agreement(rig, noisy).agrees
 
 
-def test_swapped_videos_are_told(rig, film):
-    swapped = film | {"cam_0": film["cam_1"], "cam_1": film["cam_0"]}
-    found = check_agreement(rig, at(swapped))
+def test_two_cameras_can_be_checked_but_not_told_apart(rig, film):
+    pair = rig.select(["cam_0", "cam_1"])
+    assert check_agreement(pair, at(film)).words.startswith("both cameras agree")
+    found = check_agreement(bumped(pair, "cam_0", 3), at(film))
     assert not found.agrees
-    told = explain(rig, swapped, found, MOMENTS)
-    assert told.words == "the videos of cam_0 and cam_1 are swapped"
-    assert told.after_px < 0.02
-
-
-def test_a_video_out_of_step_is_told(rig, film):
-    late = film | {"cam_2": [film["cam_2"][max(0, step - 3)] for step in range(21)]}
-    found = check_agreement(rig, at(late))
-    assert found.culprit == "cam_2"
-    told = explain(rig, late, found, MOMENTS, most_offset=4)
-    assert told.words == "cam_2 is out of step: 3 frames late"
-    assert told.offset_frames == 3
-
-
-@pytest.mark.slow
-def test_a_bumped_camera_is_put_back(rig, film):
-    wrong = bumped(rig, "cam_1", 2)
-    found = check_agreement(wrong, at(film))
-    told = explain(wrong, film, found, MOMENTS, most_offset=2)
-    assert "cam_1 was moved: turned by" in told.words
-    assert told.after_px < 0.05 < found.error_px
-    millimetres, degrees = apart(told.rig["cam_1"], rig["cam_1"])
-    assert degrees < 0.6
-    assert millimetres < 60
-    assert check_agreement(told.rig, at(film, [2, 6, 10, 14])).agrees
-
-
-@pytest.mark.slow
-def test_a_letterboxed_video_is_told(rig, film):
-    boxed = []
-    for mask in film["cam_3"]:
-        picture = np.zeros_like(mask)
-        picture[30:210] = cv2.resize(mask.astype(np.uint8), (320, 180), interpolation=cv2.INTER_AREA) > 0
-        boxed.append(picture)
-    broken = film | {"cam_3": boxed}
-    found = check_agreement(rig, at(broken))
-    assert found.culprit == "cam_3"
-    told = explain(rig, broken, found, MOMENTS, most_offset=2)
-    assert "cam_3's picture was scaled" in told.words
-    shape = np.diag(told.rig["cam_3"].matrix)[:2] / np.diag(rig["cam_3"].matrix)[:2]
-    np.testing.assert_allclose(shape, [1, 0.75], atol=0.03)
+    assert found.culprits == ()
+    assert "only a third could tell" in found.words
 
 
 def test_what_cannot_be_checked_is_refused(rig, film):
-    with pytest.raises(InputError, match="needs three cameras"):
-        check_agreement(rig.select(["cam_0", "cam_1"]), at(film))
-    empty = [{name: np.zeros_like(mask) for name, mask in moment.items()} for moment in at(film)]
-    with pytest.raises(InputError, match="nobody is seen by three cameras"):
+    with pytest.raises(InputError, match="one camera alone"):
+        check_agreement(rig.select(["cam_0"]), at(film))
+    empty = [moment | {"cam_2": np.zeros_like(moment["cam_2"])} for moment in at(film)]
+    with pytest.raises(InputError, match="cam_2 never sees somebody whole"):
         check_agreement(rig, empty)
-    with pytest.raises(ValueError, match=r"camera cam_0: silhouette must be \(240, 320\) bool, got \(3, 3\) float64"):
+    with pytest.raises(ValueError, match=r"camera cam_0: silhouette must be \(240, 320\) bool, or scaled, got \(3, 3\) float64"):
         check_agreement(rig, [at(film)[0] | {"cam_0": np.zeros((3, 3))}])
-    unblamed = Agreement(1e-9, (), None, False)  # so little that nothing can halve it
-    with pytest.raises(InputError, match="no single change brings the cameras to agree"):
-        explain(rig, film | {"cam_0": film["cam_1"]}, unblamed, MOMENTS)
+
+
+def test_tangency_errs_to_the_side_on_which_the_outline_is(rig, film):
+    seen = tracks(rig, film)
+    thicker = [cv2.dilate(mask.astype(np.uint8), np.ones((7, 7))).astype(bool) for mask in film["cam_0"]]
+    fat = Track.from_masks(rig["cam_0"], seen["cam_0"].time_s, thicker)
+    # A square of 7 px adds 3 px along the axes and 4.2 px along the diagonals.
+    assert 2.9 < np.nanmedian(tangency(fat, seen["cam_1"], MOMENTS / FPS)) < 4.3
+    assert -4.3 < np.nanmedian(tangency(seen["cam_1"], fat, MOMENTS / FPS)) < -2.9
+
+
+def test_a_body_that_leaves_the_picture_says_nothing_there(rig, film):
+    cut = [mask.copy() for mask in film["cam_0"]]
+    for mask in cut:
+        mask[: np.nonzero(mask)[0].max() - 60] = False
+    rolled = [np.roll(mask, 239 - np.nonzero(mask)[0].max(), axis=0) for mask in cut]
+    track = Track.from_masks(rig["cam_0"], np.arange(22) / FPS, rolled)
+    baseline = rig["cam_1"].center_m - rig["cam_0"].center_m
+    angle, _ = track.touching(baseline / np.linalg.norm(baseline), track.toward_body())
+    assert np.isnan(angle).any(axis=1).mean() > 0.5
+    assert np.isfinite(angle).any()
 
 
 def test_the_parts_do_what_they_say(rig, film):
-    masks = [film[camera.name][4] for camera in rig]
-    middle = body_middle(list(rig), masks)
-    assert 0.7 < middle[2] < 1.3
-    outline = outline_pixels(masks[0]).astype(int)
-    assert masks[0][outline[:, 1], outline[:, 0]].all()
-    assert len(outline) > 100
-    speckled = masks[0].copy()
+    outline = Outline.from_mask(rig["cam_0"], film["cam_0"][4])
+    row, column = np.nonzero(film["cam_0"][4])
+    assert outline is not None
+    np.testing.assert_allclose(outline.pixels.min(0), [column.min() - 0.5, row.min() - 0.5], atol=0.01)
+    np.testing.assert_allclose(outline.pixels.max(0), [column.max() + 0.5, row.max() + 0.5], atol=0.01)
+    assert outline.area_px == len(row)
+    assert Outline.from_mask(rig["cam_0"], np.zeros((240, 320), bool)) is None
+    speckled = film["cam_0"][4].copy()
     speckled[0, 0] = True
-    np.testing.assert_array_equal(body_pieces(speckled), masks[0])
-    whole = np.ones((10, 10), dtype=bool)
-    assert len(outline_pixels(whole)) == 0
+    np.testing.assert_array_equal(body_pieces(speckled), film["cam_0"][4])
+    values = between(np.array([0.0, 1, 2]), np.array([[0.0], [10], [np.nan]]), np.array([-0.5, 0, 0.25, 1, 1.5]))
+    np.testing.assert_array_equal(values[:, 0], [np.nan, 0, 2.5, 10, np.nan])
+    assert trimmed(np.array([1, -1, 1, -1, 100.0, np.nan])) == 1
 
 
 @pytest.mark.slow
-def test_walk4_agrees_and_its_bumped_camera_is_named(shared):
+def test_walk4_agrees_and_its_bumped_cameras_are_named(shared):
     folder = shared / "data" / "walk4"
     rig = read_rig(folder / "calibration.toml")
     packed = np.load(folder / "masks" / "masks.npz")
     width = int(packed["width"])
-    moments = [{name: np.unpackbits(packed[name][t], axis=-1)[:, :width].astype(bool) for name in rig.names} for t in (10, 25, 40, 55, 70)]
+    frames = np.linspace(3, 74, 12).astype(int)
+    moments = [{name: np.unpackbits(packed[name][t], axis=-1)[:, :width].astype(bool) for name in rig.names} for t in frames]
     assert check_agreement(rig, moments).agrees
     for name in rig.names:
-        assert check_agreement(bumped(rig, name, 1.5), moments).culprit == name
+        assert check_agreement(bumped(rig, name, 0.3, axis=(1, 0, 0)), moments).culprits == (name,)
+        assert check_agreement(bumped(rig, name, 1), moments).culprits == (name,)

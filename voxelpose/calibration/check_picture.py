@@ -11,7 +11,7 @@ from calib.tangency import Track
 from voxelpose.calibration.check import Check, Sight
 from voxelpose.view.canvas import FAINT, INK, LEFT, PAPER, WARNING, Image, stroke, text_width, write_text
 
-_GAP, _MARGIN, _HEAD, _CAPTION, _LABEL = 8, 28, 104, 30, 0
+_GAP, _MARGIN, _HEAD, _CAPTION = 8, 28, 104, 30
 _WIDEST, _TILE = 1900, 360
 _BEYOND = 0.35  # of the silhouette's size shown around it
 _GOOD: tuple[int, int, int] = LEFT
