@@ -73,8 +73,10 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
     return joints, numbers.reshape(count, columns), _rate(path, said[2])
 
 
-def local_transforms(path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Turns channels into transforms: parent_from_joint (T, J, 3, 3) and offsets (T, J, 3).
+def local_transforms(
+    path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64], wanted: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Turns the channels of some joints (W,) into transforms: parent_from_joint (T, W, 3, 3) and offsets (T, W, 3).
 
     Rotations apply in the order listed, R = R_first R_second R_third, degrees. Positions replace the joint's offset (Blender,
     MotionBuilder), the root's are added to it.
@@ -82,22 +84,21 @@ def local_transforms(path: Path, joints: list[BvhJoint], numbers: NDArray[np.flo
     Raises:
         InputError: a joint turns twice in succession about one axis.
     """
-    local = np.broadcast_to(np.eye(3), (len(numbers), len(joints), 3, 3)).copy()
-    offsets = np.tile(np.array([joint.offset for joint in joints]), (len(numbers), 1, 1))
-    column = 0
-    for j, joint in enumerate(joints):
-        own = numbers[:, column : column + len(joint.channels)]
-        column += len(joint.channels)
+    local = np.broadcast_to(np.eye(3), (len(numbers), len(wanted), 3, 3)).copy()
+    offsets = np.tile(np.array([joints[j].offset for j in wanted]), (len(numbers), 1, 1))
+    first = np.cumsum([0] + [len(joint.channels) for joint in joints])
+    for w, j in enumerate(wanted):
+        joint, own = joints[j], numbers[:, first[j] : first[j + 1]]
         turns = [k for k, (_, kind) in enumerate(joint.channels) if kind == "rotation"]
         if turns:
             order = "".join(joint.channels[k][0] for k in turns)
             try:
-                local[:, j] = Rotation.from_euler(order, own[:, turns], degrees=True).as_matrix()
+                local[:, w] = Rotation.from_euler(order, own[:, turns], degrees=True).as_matrix()
             except ValueError as error:
                 raise InputError(f"{path}: joint {joint.name} turns in the order {order}, which cannot be: {error}") from error
         for k, (axis, kind) in enumerate(joint.channels):
             if kind == "position":
-                offsets[:, j, "XYZ".index(axis)] = own[:, k] + (joint.offset["XYZ".index(axis)] if joint.parent < 0 else 0.0)
+                offsets[:, w, "XYZ".index(axis)] = own[:, k] + (joint.offset["XYZ".index(axis)] if joint.parent < 0 else 0.0)
     return local, offsets
 
 

@@ -34,7 +34,7 @@ def motion_files(paths: Iterable[Path]) -> list[Path]:
 
 
 def load_motions(paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = 30.0) -> list[Motion]:
-    """Reads recorded motion and retargets it; takes of one skeleton share the frame in which it stands straightest.
+    """Reads recorded motion and retargets it; takes of one skeleton share what is known of its trunk.
 
     Args:
         paths: files, and folders that are searched for them.
@@ -52,6 +52,6 @@ def load_motions(paths: Sequence[Path], model: BodyModel, names: Path | None = N
     best: dict[tuple, Reference] = {}
     for take in takes:
         reference = find_reference(take)
-        if take.skeleton not in best or reference.crooked_deg < best[take.skeleton].crooked_deg:
+        if take.skeleton not in best or reference.doubt_deg < best[take.skeleton].doubt_deg:
             best[take.skeleton] = reference
     return [retarget(take, model, best[take.skeleton]) for take in takes]

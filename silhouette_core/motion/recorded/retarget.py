@@ -1,14 +1,15 @@
 """From a recorded skeleton to our body.
 
-What is carried over are directions in the world: those of the limbs' bones as they are, those of trunk, head, shoulders, hands and feet
-as turned since the pose in which the skeleton stands as ours does at rest. Joint angles then bring our parts into those directions as
-nearly as the joints' ranges allow; what one joint cannot do, its neighbours take over. Freedoms that silhouettes do not show
-(`BodyModel.dof_held`) stay at rest.
+What is carried over are directions in the world: those of the limbs' bones as they are, those of trunk, head and shoulders as turned
+since the skeleton stood upright, feet as turned since they stood flat. No rest pose of the file is believed, since zero rotations mean a
+T-pose in one and a heap of bones in another: how a joint lies in its bone is read from the movement. Joint angles then bring our parts
+into those directions as nearly as the joints' ranges allow; what one joint cannot do, its neighbours take over. Freedoms that
+silhouettes do not show (`BodyModel.dof_held`) stay at rest.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,23 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.recorded.kernels.aiming import aim
-from silhouette_core.motion.recorded.reference import Reference, find_reference, unit, up_axis
+from silhouette_core.motion.recorded.reference import (
+    SIDES,
+    Reference,
+    direction,
+    find_reference,
+    hinge_axis,
+    mean_axis,
+    sole,
+    unit,
+    up_axis,
+)
 from silhouette_core.motion.recorded.skeleton import RecordedMotion
 
-_SIDES = ("left", "right")
 _BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
+_HINGES = ("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot")
 # How much each direction counts. A limb's own turn (its hinge) is known badly and matters little while the limb is straight.
-_BONE, _HINGE, _TRUNK, _LUMBAR, _HEAD, _CLAVICLE, _FOOT, _HAND = 1.0, 0.03, 1.0, 0.2, 0.3, 0.3, 0.2, 0.1
+_BONE, _HINGE, _TRUNK, _LUMBAR, _HEAD, _CLAVICLE, _FOOT, _HAND = 1.0, 0.02, 1.0, 0.2, 0.3, 0.3, 0.03, 0.1
 _REST = 1e-3
 _X, _Y, _Z = np.eye(3)
 
@@ -50,26 +61,22 @@ def retarget(recorded: RecordedMotion, model: BodyModel, reference: Reference | 
     The file's up axis is the one along which the body stands on average, and goes to z; y up becomes x, -z, y, so that a body which
     faces the file's +z faces -y. Its unit is not asked for: places scale by the ratio of the legs' lengths. Heights are those that put
     our lower foot on the floor, or as far above it as the recorded one was in its jumps; the floor is where the recorded feet are
-    lowest. A first frame that is the reference pose, and from which the body leaps into the motion, is left out.
+    lowest. A first frame that stands apart from the motion, as a T-pose put before it does, is left out.
 
     Args:
         recorded: the take, its joints named.
         model: the body.
-        reference: how the skeleton stands straight, where another take of it shows that better; None looks into this one.
+        reference: the axes of its trunk, where another take of the skeleton shows them better; None looks into this one.
 
     Returns:
         The motion, at the recording's rate.
     """
     reference = reference or find_reference(recorded)
     if len(recorded) > 3 and _leaps(recorded):
-        recorded = replace(recorded, rotations=recorded.rotations[1:], positions=recorded.positions[1:])
+        recorded = recorded.posed(recorded.rotations[1:], recorded.positions[1:])
     world = _world_from_file(up_axis(recorded))
-    # Turned since the reference, seen in our world and our body's rest frame: R = world G G_ref^T body.
-    turned = lambda role: (  # noqa: E731
-        world @ recorded.rotations[:, recorded.roles[role]] @ (reference.rotations[recorded.roles[role]].T @ reference.body)
-    )
-    roots = turned("pelvis")
-    targets = _targets(recorded, reference, model, world, turned)
+    targets = _targets(recorded, reference, model, world)
+    roots = _turned(recorded, "pelvis", reference.joint_from_body["pelvis"], world)
     free = ~model.dof_held
     angles = np.zeros((len(recorded), free.sum()))
     aim(
@@ -85,37 +92,42 @@ def retarget(recorded: RecordedMotion, model: BodyModel, reference: Reference | 
     return Motion(recorded.fps, model, place, quaternion, every)
 
 
-def _targets(recorded: RecordedMotion, reference: Reference, model: BodyModel, world: NDArray, turned) -> _Targets:
+def _turned(recorded: RecordedMotion, role: str, local: NDArray, world: NDArray) -> NDArray[np.float64]:
+    """Returns in our world, for each frame, what a joint carries: one axis (T, 3) or three as columns (T, 3, 3)."""
+    return world @ recorded.rotations[:, recorded.roles[role]] @ local
+
+
+def _targets(recorded: RecordedMotion, reference: Reference, model: BodyModel, world: NDArray) -> _Targets:
     targets = _Targets([], [], [], [])
     part = model.names.index
     joint = lambda name: model.joints_m[part(name)]  # noqa: E731
 
-    def turn(name: str, axis: NDArray, weight: float, wanted_axis: NDArray | None = None, role: str = "") -> None:
-        role = role or name
-        if role in recorded.roles:
-            targets.add(part(name), axis, turned(role) @ unit(axis if wanted_axis is None else wanted_axis), weight)
+    def turn(name: str, role: str, axis: NDArray, weight: float) -> None:
+        if role in reference.joint_from_body:
+            targets.add(part(name), axis, _turned(recorded, role, reference.joint_from_body[role] @ unit(axis), world), weight)
 
     for axis in (_X, _Z):
-        turn("lumbar", axis, _LUMBAR)
-        turn("thorax", axis, _TRUNK)
+        turn("lumbar", "lumbar", axis, _LUMBAR)
+        turn("thorax", "thorax", axis, _TRUNK)
     for axis in (_Y, _Z):
-        turn("neck", axis, _HEAD, role="head" if "head" in recorded.roles else "neck")
-    for side in _SIDES:
-        turn(f"{side}_clavicle", joint(f"{side}_upper_arm") - joint(f"{side}_clavicle"), _CLAVICLE)
-        turn(f"{side}_foot", -_Y, _FOOT)
+        turn("neck", "head" if "head" in recorded.roles else "neck", axis, _HEAD)
+    for side in SIDES:
+        clavicle, hand, foot = (f"{side}_{name}" for name in ("clavicle", "hand", "foot"))
+        turn(clavicle, clavicle, joint(f"{side}_upper_arm") - joint(clavicle), _CLAVICLE)
         for near, far in _BONES.items():
-            own, recorded_ends = f"{side}_{near}", [recorded.roles[f"{side}_{name}"] for name in (near, far)]
-            bone = unit(joint(f"{side}_{far}") - joint(own))
-            along = recorded.positions[:, recorded_ends[1]] - recorded.positions[:, recorded_ends[0]]
-            targets.add(part(own), bone, unit(along) @ world.T, _BONE)
-            # The reference holds this bone otherwise than our rest pose does; the shortest turn between them carries the hinge along.
-            to_reference = _shortest(bone, reference.direction(*recorded_ends))
-            if near in ("upper_arm", "thigh"):
-                hinge = model.dof_axis[model.dof_names.index(f"{side}_{far}.flexion")]
-                turn(own, hinge, _HINGE, to_reference @ hinge)
-            elif near == "forearm":
-                hand = joint(f"{side}_fingers") - joint(f"{side}_hand")
-                turn(f"{side}_hand", hand, _HAND, to_reference @ hand)
+            own, far = f"{side}_{near}", f"{side}_{far}"
+            targets.add(part(own), joint(far) - joint(own), direction(recorded, own, far) @ world.T, _BONE)
+        for bones in _HINGES:
+            own, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
+            if hinge is not None:
+                flexion = model.dof_axis[model.dof_names.index(f"{side}_{bones[1]}.flexion")]
+                targets.add(part(own), flexion, _turned(recorded, own, hinge, world), _HINGE)
+        along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
+        targets.add(part(hand), joint(f"{side}_fingers") - joint(hand), _turned(recorded, hand, along, world), _HAND)
+        flat = _turned(recorded, foot, sole(recorded, side), world)
+        toes = joint(f"{side}_toes") - joint(foot)
+        targets.add(part(foot), toes * (1, 1, 0), -flat[:, :, 1], _FOOT)
+        targets.add(part(foot), _Z, flat[:, :, 2], _FOOT)
     return targets
 
 
@@ -143,7 +155,7 @@ def _scale(recorded: RecordedMotion, model: BodyModel) -> float:
     """Returns metres of our body for a unit of the file: the ratio of the legs' lengths."""
     joint, first = lambda role: model.joints_m[model.names.index(role)], recorded.positions[0]
     own = theirs = 0.0
-    for side in _SIDES:
+    for side in SIDES:
         for near, far in (("thigh", "shin"), ("shin", "foot")):
             own += np.linalg.norm(joint(f"{side}_{far}") - joint(f"{side}_{near}"))
             theirs += np.linalg.norm(first[recorded.roles[f"{side}_{far}"]] - first[recorded.roles[f"{side}_{near}"]])
@@ -152,7 +164,7 @@ def _scale(recorded: RecordedMotion, model: BodyModel) -> float:
 
 def _heights(recorded: RecordedMotion, model: BodyModel, world: NDArray, quaternion: NDArray, angles: NDArray) -> NDArray[np.float64]:
     """Returns the root's height (T,) in metres."""
-    joints = [recorded.roles[role] for side in _SIDES for role in (f"{side}_foot", f"{side}_toes") if role in recorded.roles]
+    joints = [recorded.roles[role] for side in SIDES for role in (f"{side}_foot", f"{side}_toes") if role in recorded.roles]
     level = recorded.positions[:, joints] @ world[2]
     floor = np.percentile(level, 2, axis=0)  # each joint's own: an ankle stands higher than a toe
     scale = _scale(recorded, model)

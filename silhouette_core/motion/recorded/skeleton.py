@@ -16,7 +16,7 @@ class RecordedMotion:
     Attributes:
         name: of the file.
         fps: frames per second.
-        joints: the skeleton's J joint names, parents first.
+        joints: names of J joints, parents first.
         parents: (J,) int, -1 for the root.
         offsets: (J, 3) float64, each joint at zero rotation relative to its parent.
         rotations: (T, J, 3, 3) float64, world_from_joint.
@@ -39,8 +39,12 @@ class RecordedMotion:
 
     @property
     def skeleton(self) -> tuple:
-        """What tells skeletons apart: named joints of equal names and offsets have equal axes. The pelvis may hang from anything."""
-        return tuple((role, self.joints[j], *self.offsets[j].round(2)) for role, j in self.roles.items() if role != "pelvis")
+        """What tells skeletons apart: joints, and offsets to a hundredth of the file's unit."""
+        return self.joints, self.offsets.round(2).tobytes()
+
+    def posed(self, rotations: NDArray[np.float64], positions: NDArray[np.float64]) -> RecordedMotion:
+        """Returns the same skeleton in other poses."""
+        return replace(self, rotations=rotations, positions=positions)
 
     def at_rate(self, fps: float) -> RecordedMotion:
         """Returns the frames nearest to a slower clock; a recording that is slower already stays as it is."""
@@ -48,7 +52,7 @@ class RecordedMotion:
             return self
         rows = np.rint(np.arange(0, len(self) - 0.5, self.fps / fps)).astype(int)
         rows = rows[rows < len(self)]
-        return replace(self, fps=fps, rotations=self.rotations[rows], positions=self.positions[rows])
+        return replace(self.posed(self.rotations[rows], self.positions[rows]), fps=fps)
 
 
 def place_joints(
