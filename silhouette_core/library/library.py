@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import Weighting
 from silhouette_core.library.pictures import WINDOW_PX, Pictures, pose_surfaces, take_pictures
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
@@ -182,17 +183,17 @@ class PoseLibrary:
         return WINDOW_PX
 
 
-def require_body(library: PoseLibrary, model: BodyModel) -> None:
+def require_body(library: PoseLibrary, wanted: BodySizes) -> None:
     """Refuses a library that was made for another body.
 
     Args:
         library: the library.
-        model: the body that is to be tracked.
+        wanted: the body that is to be tracked.
 
     Raises:
-        InputError: another stature (by more than 1 cm), chest or sex, or other proportions.
+        InputError: another stature (by more than 1 cm), chest (by more than 2 cm) or sex.
     """
-    made, wanted = library.model.sizes, model.sizes
+    made = library.model.sizes
     chest = (made.chest_girth_m, wanted.chest_girth_m)
     same_chest = chest[0] == chest[1] or (None not in chest and abs(chest[0] - chest[1]) <= 0.02)  # type: ignore[operator]
     same_surface = made.sex == wanted.sex or "female" not in (made.sex, wanted.sex)  # an unknown sex takes the man's template
@@ -203,7 +204,7 @@ def require_body(library: PoseLibrary, model: BodyModel) -> None:
         )
 
 
-def describe(sizes: object) -> str:
+def describe(sizes: BodySizes) -> str:
     """Says a body's measurements in words."""
-    stature, chest, sex = sizes.stature_m, sizes.chest_girth_m, sizes.sex  # type: ignore[attr-defined]
-    return f"stature {stature:g} m, chest {'usual' if chest is None else f'{chest:g} m'}, sex {sex}"
+    chest = "usual" if sizes.chest_girth_m is None else f"{sizes.chest_girth_m:g} m"
+    return f"stature {sizes.stature_m:g} m, chest {chest}, sex {sizes.sex}"

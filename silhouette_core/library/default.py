@@ -1,0 +1,66 @@
+"""The library for whoever has none: the project's own motions, made at first use and kept."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Reporter, Silent
+from silhouette_core.library.library import LibrarySettings, PoseLibrary
+from silhouette_core.library.make import make_library
+from silhouette_core.library.store import VERSION, read_library
+
+SETTINGS = LibrarySettings(poses=24_000)
+
+
+def default_library(sizes: BodySizes, reporter: Reporter | None = None, folder: Path | None = None) -> PoseLibrary:
+    """Opens the default library of a body; makes it if it is not there yet.
+
+    Args:
+        sizes: the body, rounded to 1 cm of stature and 2 cm of chest girth.
+        reporter: told of the making.
+        folder: where it is kept; None: the user's cache.
+
+    Returns:
+        About 24,000 samples of `silhouette_core.motion.repertoire`.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    reporter = reporter or Silent()
+    chest = None if sizes.chest_girth_m is None else round(sizes.chest_girth_m / 0.02) * 0.02
+    body = BodySizes(round(sizes.stature_m, 2), chest, sizes.sex)
+    path = (folder or user_cache_path("voxelpose") / "libraries") / _name(body)
+    if path.exists():
+        try:
+            return read_library(path)
+        except InputError as error:
+            reporter.note(f"{error}; it is made again")
+            path.unlink(missing_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
+    reporter.note(
+        "first use with this body: a pose library is made from the program's own motions and kept (about two minutes, once); "
+        "voxelpose library build makes one from recorded motion"
+    )
+    from silhouette_core.motion.repertoire import repertoire
+
+    model = BodyModel.from_sizes(body)
+    return make_library(repertoire(model), model, path, SETTINGS, reporter)
+
+
+def _name(body: BodySizes) -> str:
+    """Names the file after all that decides its content."""
+    try:
+        program = version("voxelpose")
+    except PackageNotFoundError:
+        program = "unknown"
+    chest = "usual" if body.chest_girth_m is None else f"{body.chest_girth_m:.2f}"
+    return f"default-{program}-{VERSION}-{body.stature_m:.2f}-{chest}-{body.sex}.vplib"
