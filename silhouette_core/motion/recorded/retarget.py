@@ -9,15 +9,13 @@ silhouettes do not show (`BodyModel.dof_held`) stay at rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
+from silhouette_core.motion.aiming import Targets, lowest_foot
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.recorded.kernels.aiming import aim
 from silhouette_core.motion.recorded.reference import (
     SIDES,
     Reference,
@@ -35,24 +33,7 @@ _BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "f
 _HINGES = ("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot")
 # How much each direction counts. A limb's own turn (its hinge) is known badly and matters little while the limb is straight.
 _BONE, _HINGE, _TRUNK, _LUMBAR, _HEAD, _CLAVICLE, _FOOT, _HAND = 1.0, 0.02, 1.0, 0.2, 0.3, 0.3, 0.03, 0.1
-_REST = 1e-3
 _X, _Y, _Z = np.eye(3)
-
-
-@dataclass
-class _Targets:
-    """Directions for parts: `axes` fixed in a part at rest, `wanted` in our world for each frame."""
-
-    parts: list[int]
-    axes: list[NDArray]
-    wanted: list[NDArray]
-    weights: list[float]
-
-    def add(self, part: int, axis: NDArray, wanted: NDArray, weight: float) -> None:
-        self.parts.append(part)
-        self.axes.append(unit(np.asarray(axis, float)))
-        self.wanted.append(wanted)
-        self.weights.append(weight)
 
 
 def retarget(recorded: RecordedMotion, model: BodyModel, reference: Reference | None = None) -> Motion:
@@ -77,19 +58,11 @@ def retarget(recorded: RecordedMotion, model: BodyModel, reference: Reference | 
     world = _world_from_file(up_axis(recorded))
     targets = _targets(recorded, reference, model, world)
     roots = _turned(recorded, "pelvis", reference.joint_from_body["pelvis"], world)
-    free = ~model.dof_held
-    angles = np.zeros((len(recorded), free.sum()))
-    aim(
-        model.parents, model.joints_m, model.dof_part[free], model.dof_axis[free], model.dof_limits_rad[free], np.ascontiguousarray(roots),
-        np.array(targets.parts), np.array(targets.axes), np.ascontiguousarray(np.stack(targets.wanted, axis=1)),
-        np.array(targets.weights), _REST, angles,
-    )  # fmt: skip
-    every = np.zeros((len(recorded), model.dof_count))
-    every[:, free] = angles
+    angles = targets.angles(roots)
     place = _scale(recorded, model) * recorded.positions[:, recorded.roles["pelvis"]] @ world.T
     quaternion = kinematics.quaternions(roots)
-    place[:, 2] = _heights(recorded, model, world, quaternion, every)
-    return Motion(recorded.fps, model, place, quaternion, every)
+    place[:, 2] = _heights(recorded, model, world, quaternion, angles)
+    return Motion(recorded.fps, model, place, quaternion, angles)
 
 
 def _turned(recorded: RecordedMotion, role: str, local: NDArray, world: NDArray) -> NDArray[np.float64]:
@@ -97,14 +70,13 @@ def _turned(recorded: RecordedMotion, role: str, local: NDArray, world: NDArray)
     return world @ recorded.rotations[:, recorded.roles[role]] @ local
 
 
-def _targets(recorded: RecordedMotion, reference: Reference, model: BodyModel, world: NDArray) -> _Targets:
-    targets = _Targets([], [], [], [])
-    part = model.names.index
-    joint = lambda name: model.joints_m[part(name)]  # noqa: E731
+def _targets(recorded: RecordedMotion, reference: Reference, model: BodyModel, world: NDArray) -> Targets:
+    targets = Targets(model)
+    joint = lambda name: model.joints_m[model.names.index(name)]  # noqa: E731
 
     def turn(name: str, role: str, axis: NDArray, weight: float) -> None:
         if role in reference.joint_from_body:
-            targets.add(part(name), axis, _turned(recorded, role, reference.joint_from_body[role] @ unit(axis), world), weight)
+            targets.add(name, axis, _turned(recorded, role, reference.joint_from_body[role] @ axis, world), weight)
 
     for axis in (_X, _Z):
         turn("lumbar", "lumbar", axis, _LUMBAR)
@@ -113,21 +85,21 @@ def _targets(recorded: RecordedMotion, reference: Reference, model: BodyModel, w
         turn("neck", "head" if "head" in recorded.roles else "neck", axis, _HEAD)
     for side in SIDES:
         clavicle, hand, foot = (f"{side}_{name}" for name in ("clavicle", "hand", "foot"))
-        turn(clavicle, clavicle, joint(f"{side}_upper_arm") - joint(clavicle), _CLAVICLE)
+        turn(clavicle, clavicle, unit(joint(f"{side}_upper_arm") - joint(clavicle)), _CLAVICLE)
         for near, far in _BONES.items():
             own, far = f"{side}_{near}", f"{side}_{far}"
-            targets.add(part(own), joint(far) - joint(own), direction(recorded, own, far) @ world.T, _BONE)
+            targets.add(own, joint(far) - joint(own), direction(recorded, own, far) @ world.T, _BONE)
         for bones in _HINGES:
             own, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
             if hinge is not None:
                 flexion = model.dof_axis[model.dof_names.index(f"{side}_{bones[1]}.flexion")]
-                targets.add(part(own), flexion, _turned(recorded, own, hinge, world), _HINGE)
+                targets.add(own, flexion, _turned(recorded, own, hinge, world), _HINGE)
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
-        targets.add(part(hand), joint(f"{side}_fingers") - joint(hand), _turned(recorded, hand, along, world), _HAND)
+        targets.add(hand, joint(f"{side}_fingers") - joint(hand), _turned(recorded, hand, along, world), _HAND)
         flat = _turned(recorded, foot, sole(recorded, side), world)
         toes = joint(f"{side}_toes") - joint(foot)
-        targets.add(part(foot), toes * (1, 1, 0), -flat[:, :, 1], _FOOT)
-        targets.add(part(foot), _Z, flat[:, :, 2], _FOOT)
+        targets.add(foot, toes * (1, 1, 0), -flat[:, :, 1], _FOOT)
+        targets.add(foot, _Z, flat[:, :, 2], _FOOT)
     return targets
 
 
@@ -171,16 +143,3 @@ def _heights(recorded: RecordedMotion, model: BodyModel, world: NDArray, quatern
     above = scale * (level - floor).min(axis=1)
     slack = 0.02 * model.sizes.stature_m  # the foot rolls while it stands
     return np.maximum(above - slack, 0.0) - lowest_foot(model, quaternion, angles)
-
-
-def lowest_foot(model: BodyModel, quaternion: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T,) the height in metres of the lowest point of the feet while the pelvis is at height 0."""
-    feet = [part for part, name in enumerate(model.names) if name.endswith(("_foot", "_toes"))]
-    mine = np.unique(model.faces[np.isin(model.face_part, feet)])
-    rotation, origin = kinematics.forward(model, np.zeros((len(angles), 3)), quaternion, angles)
-    height = np.zeros((len(angles), len(mine)))
-    for k in range(model.skin_parts.shape[1]):
-        part, weight = model.skin_parts[mine, k], model.skin_weights[mine, k]
-        local = model.vertices_m[mine] - model.joints_m[part]
-        height += weight * (np.einsum("tvi,vi->tv", rotation[:, part, 2], local) + origin[:, part, 2])
-    return height.min(axis=1)
