@@ -33,6 +33,7 @@ OURS = (
 ).split()
 # Their model bends in six lumbar joints and ours between pelvis and thorax at once: their sums stand for it.
 LUMBAR = {"lumbar_extension": "Flex_Ext", "lumbar_bending": "Lat_Bending", "lumbar_rotation": "axial_rotation"}
+ARM = {side: tuple(f"arm_{name}_{side[0]}" for name in ("flex", "add", "rot")) for side in ("right", "left")}
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
@@ -53,9 +54,9 @@ def main(words: list[str]) -> int:
         agreement = np.corrcoef(ours, reference)[0, 1]
         span = f"{reference.min():>14.0f}{reference.max():>6.0f}"
         print(f"{name:<34}{off.mean():>8.1f}{np.sqrt((rest**2).mean()):>8.1f}{agreement:>8.2f}{span}")
-    for side in ("right", "left"):
-        away = np.degrees(np.arccos(np.clip((arm(motion, side) * arm_of(theirs, side)).sum(axis=1), -1, 1)))
-        print(f"{side} upper arm against the thorax: directions {away.mean():.1f} degrees apart, {away.max():.1f} at most")
+    for name, ours, reference in directions(motion, theirs):
+        away = np.degrees(np.arccos(np.clip((ours * reference).sum(axis=1), -1, 1)))
+        print(f"{name}: directions {away.mean():.1f} degrees apart, {away.max():.1f} at most")
     return 0
 
 
@@ -64,11 +65,11 @@ def compared(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, 
     ours = mot_coordinates(motion)
     for name in OURS:
         yield name, ours[name], theirs[name]
-    for name, ending in LUMBAR.items():
-        yield name, ours[name], sum(values for other, values in theirs.items() if other.endswith(ending) and other.startswith("L"))
+    for name in LUMBAR:
+        yield name, ours[name], lumbar_sum(theirs, name)
     angles = anatomical_angles(motion)
     for side in ("right", "left"):
-        elevation = np.degrees(np.arccos(arm_of(theirs, side) @ DOWN))
+        elevation = np.degrees(np.arccos(turned(theirs, *ARM[side]) @ DOWN @ DOWN))
         yield f"{side}_shoulder_elevation", angles[f"{side}_shoulder_elevation"], elevation
     points = json.loads((DATA / "truth.json").read_text())["joints"]
     for side in ("right", "left"):
@@ -77,15 +78,24 @@ def compared(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, 
             yield f"{side}_{joint}_flexion, keypoints", angles[f"{side}_{joint}_flexion"], bend(*keypoints)
 
 
-def arm(motion: Motion, side: str) -> NDArray:
-    """Returns (T, 3) our upper arm's direction in the axes of the thorax, the left one mirrored."""
-    return joint_rotations(motion)[f"{side}_shoulder"] @ DOWN
+def directions(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, NDArray, NDArray]]:
+    """Yields a name and the directions, ours and theirs, (T, 3) each; the left arm's are mirrored."""
+    rotations = joint_rotations(motion)
+    pelvis = turned(theirs, "pelvis_tilt", "pelvis_list", "pelvis_rotation")
+    lumbar = turned({name: lumbar_sum(theirs, name) for name in LUMBAR}, *LUMBAR)
+    yield "pelvis, upward, in the room", rotations["pelvis"] @ -DOWN, pelvis @ -DOWN
+    yield "thorax, upward, in the room", rotations["pelvis"] @ rotations["trunk"] @ -DOWN, pelvis @ lumbar @ -DOWN
+    for side, names in ARM.items():
+        yield f"{side} upper arm, against the thorax", rotations[f"{side}_shoulder"] @ DOWN, turned(theirs, *names) @ DOWN
 
 
-def arm_of(theirs: dict[str, NDArray], side: str) -> NDArray:
-    """Returns (T, 3) the same from arm_flex, arm_add and arm_rot."""
-    turns = np.column_stack([theirs[f"arm_{name}_{side[0]}"] for name in ("flex", "add", "rot")])
-    return Rotation.from_euler("ZXY", turns, degrees=True).as_matrix() @ DOWN
+def turned(columns: dict[str, NDArray], *names: str) -> NDArray:
+    """Returns (T, 3, 3) rotations by three columns, about z, x and y in this order."""
+    return Rotation.from_euler("ZXY", np.column_stack([columns[name] for name in names]), degrees=True).as_matrix()
+
+
+def lumbar_sum(theirs: dict[str, NDArray], name: str) -> NDArray:
+    return np.sum([values for other, values in theirs.items() if other.startswith("L") and other.endswith(LUMBAR[name])], axis=0)
 
 
 def bend(a: NDArray, b: NDArray, c: NDArray) -> NDArray:

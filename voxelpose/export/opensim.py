@@ -47,7 +47,7 @@ def write_trc(motion: Motion, path: Path) -> None:
     names, positions = named_points(motion)
     rows = dict(zip(motion.frames.tolist(), (positions @ LAB_FROM_WORLD.T).reshape(len(motion), -1), strict=True))
     frames = every_frame(motion)
-    rate = f"{motion.fps:g}"
+    rate = f"{motion.fps:.10g}"
     about = {
         "DataRate": rate,
         "CameraRate": rate,
