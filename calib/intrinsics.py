@@ -93,7 +93,9 @@ def calibrate_intrinsics(
     lines = {name: PictureError(name, 0, np.nan, view.reason) for name, view in views.items() if isinstance(view, Refusal)}
     sizes = {view.size for view in good.values()}
     if len(sizes) > 1:
-        raise InputError(f"camera {camera}: pictures of different sizes ({', '.join(f'{w}x{h}' for w, h in sorted(sizes))}): use one size")
+        first = {view.size: name for name, view in reversed(good.items())}
+        told = ", ".join(f"{first[size]} {size[0]}x{size[1]}" for size in sorted(sizes))
+        raise InputError(f"camera {camera}: pictures of different sizes ({told}): use one size")
     size = sizes.pop() if sizes else (0, 0)
     while True:
         if len(good) < _MIN_PICTURES:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boards import CHECKERBOARD, room, seen, waved_poses
+from boards import CHECKERBOARD, FACE_UP, board_views, lost, room, seen
 
 from calib.board import Board, View
 from calib.camera import Rig
@@ -14,30 +14,12 @@ from calib.extrinsics import apart, calibrate_extrinsics, same_world
 from calib.files import read_rig
 from calib.rotation import matrix_from_rodrigues
 
-Views = dict[str, dict[str, View]]
-
-
-def lost(rig: Rig) -> Rig:
-    """Forgets where cameras stand."""
-    return Rig(tuple(replace(camera, rotation=np.eye(3), translation=np.zeros(3)) for camera in rig))
-
-
-def board_views(rig: Rig, board: Board, count: int, noise_px: float, seed: int = 0) -> Views:
-    """Waves a board about in the middle of the room; board poses face any camera, and each camera sees those that face it."""
-    rng = np.random.default_rng(seed)
-    views: Views = {}
-    for index, (turn, place) in enumerate(waved_poses(count, seed)):
-        facing = rig.cameras[index % len(rig)].rotation.T
-        found = {camera.name: seen(camera, board, facing @ turn, place, noise_px, rng) for camera in rig}
-        views[f"moment_{index}"] = {name: view for name, view in found.items() if view is not None}
-    return views
-
 
 def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, View]:
     """Lays a board on the floor, face up: its z points down."""
     views = {}
     for camera in rig:
-        view = seen(camera, board, np.diag([1.0, -1, -1]), np.zeros(3), noise_px, np.random.default_rng(1))
+        view = seen(camera, board, (FACE_UP, np.zeros(3)), noise_px, np.random.default_rng(1))
         if view is not None:
             views[camera.name] = view
     return views
@@ -97,7 +79,9 @@ def test_the_floors_board_is_the_world():
 
 def test_a_floor_board_that_hangs_over_the_cameras_is_refused():
     truth = room(3)
-    ceiling = {camera.name: seen(camera, CHECKERBOARD, np.eye(3), np.array([0, 0, 2.6]), 0.0, np.random.default_rng(0)) for camera in truth}
+    ceiling = {
+        camera.name: seen(camera, CHECKERBOARD, (np.eye(3), np.array([0, 0, 2.6])), 0.0, np.random.default_rng(0)) for camera in truth
+    }
     views = board_views(truth, CHECKERBOARD, 30, 0.1) | {"ceiling": {name: view for name, view in ceiling.items() if view}}
     assert views["ceiling"]
     with pytest.raises(InputError, match=r"would be under the floor: the board must lie on it, face up, at the moment 'ceiling'"):

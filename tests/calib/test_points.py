@@ -1,10 +1,8 @@
 """Where cameras stand, from points of the scene."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from boards import room
+from boards import lost, room
 
 from calib.camera import Rig
 from calib.errors import InputError
@@ -21,10 +19,6 @@ def listed(rig: Rig, measured: int, noise_px: float = 0.3, seed: int = 0) -> Sce
         for index, pixel in enumerate(camera.project(scene)[0]):
             pixels[f"p{index}"][camera.name] = pixel + rng.normal(0, noise_px, 2)
     return ScenePoints(pixels, {f"p{index}": scene[index] for index in range(measured)})
-
-
-def lost(rig: Rig) -> Rig:
-    return Rig(tuple(replace(camera, rotation=np.eye(3), translation=np.zeros(3)) for camera in rig))
 
 
 def test_cameras_stand_in_the_world_of_the_measured_points():

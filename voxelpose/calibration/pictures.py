@@ -137,11 +137,13 @@ class _Finder:
 
     def __call__(self, picture: Frame, important: bool = False) -> View | Refusal:
         """Returns the view or the refusal; spares nothing where it is important."""
-        found = self.board.find(picture, "thorough" if important else self.effort)
+        found = self.board.find(picture, self.effort)
         if isinstance(found, Refusal) and self.effort == "quick" and self.count % _PATIENCE == 0:
             found = self.board.find(picture, "patient")
             if isinstance(found, View):
                 self.effort = "patient"  # small boards, far away, are given up too early
+        if isinstance(found, Refusal) and important:
+            found = self.board.find(picture, "thorough")
         self.count += 1
         if isinstance(found, Refusal):
             self.reasons[found.reason] += 1
@@ -151,10 +153,10 @@ class _Finder:
 
     def why(self) -> str:
         """Says why the board was not found: what was amiss with what looked like one, else which other board there is."""
-        (common, _), *others = self.reasons.most_common()
-        if not common.startswith("no board"):
-            return common
-        return next((said for picture in self.refused if (said := self.board.instead(picture))), others[0][0] if others else common)
+        for reason, _ in self.reasons.most_common():
+            if not reason.startswith("no board"):
+                return reason
+        return next((said for picture in self.refused if (said := self.board.instead(picture))), next(iter(self.reasons)))
 
 
 def choose(board: Board, views: Mapping[str, View], wanted: int) -> set[str]:

@@ -1,0 +1,216 @@
+"""From pictures of a board to a rig, through the command line; and what is said where that cannot be."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.board_scene import FACE_UP, Film, held_poses, lost, room, waved_poses
+from calib.board import Board
+from calib.camera import Rig
+from calib.extrinsics import apart
+from calib.files import read_rig, write_rig
+from voxelpose.cli import run
+
+BOARD = Board(8, 5, 0.15)
+LIKE_THIS = ["--board", "8x5", "--square", "0.15"]
+FLOOR_M = np.array([-0.4, -0.3, 0])  # the middle of the board on the floor
+SIZE = (480, 360)
+
+
+def write_video(path: Path, frames: list[np.ndarray]) -> None:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25, frames[0].shape[1::-1])
+    for frame in frames:
+        writer.write(frame)
+    writer.release()
+
+
+@pytest.fixture(scope="module")
+def truth() -> Rig:
+    return room(3, 2.4, size=SIZE, arc_deg=80)
+
+
+@pytest.fixture(scope="module")
+def studio(truth, tmp_path_factory) -> Path:
+    """Stills of the board before each camera, and videos of it being carried about after it lay on the floor."""
+    folder = tmp_path_factory.mktemp("studio")
+    floor = (FACE_UP, FLOOR_M)
+    facing = truth.cameras[1].rotation.T
+    walk = [floor, *((facing @ turn, place) for turn, place in waved_poses(18, 3, (0, 0, 1.0), 0.4))]
+    (folder / "walk").mkdir()
+    for number, camera in enumerate(truth):
+        film = Film(camera, BOARD, number)
+        write_video(folder / "walk" / f"{camera.name}.avi", [film.picture(pose) for pose in walk])
+        own = Film(replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number)
+        stills = folder / "stills" / camera.name
+        stills.mkdir(parents=True)
+        for index, pose in enumerate(held_poses(12, number, (1.5, 2.4))):
+            cv2.imwrite(str(stills / f"{index:02d}.png"), own.picture(pose))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def lenses(truth, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("lenses") / "lenses.toml"
+    write_rig(lost(truth), path)
+    return path
+
+
+def failure(capsys, *words) -> str:
+    """Runs a command that must fail with one line; returns the line."""
+    capsys.readouterr()
+    assert run([str(word) for word in words]) == 2
+    error = capsys.readouterr().err.splitlines()
+    return error[-1]
+
+
+def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_path, capsys):
+    calibration = tmp_path / "lenses.toml"
+    assert run(["calibrate", "intrinsics", str(studio / "stills"), *LIKE_THIS, "--out", str(calibration)]) == 0
+    said = capsys.readouterr().out
+    assert "used" in said
+    assert "distortion" in said
+    found = read_rig(calibration)
+    for camera in truth:
+        np.testing.assert_allclose(np.diag(found[camera.name].matrix)[:2], np.diag(camera.matrix)[:2], rtol=0.01)
+    assert tomllib.loads(calibration.read_text())["metadata"]["intrinsics"]["cam_0"]["rms_px"] < 0.3
+    assert json.loads((tmp_path / "lenses_lenses.json").read_text())["cam_1"]["pictures"][0]["picture"] == "00.png"
+    assert cv2.imread(str(tmp_path / "lenses_coverage.png")).std() > 10
+
+    rig_path = tmp_path / "calibration.toml"
+    assert run(["calibrate", "extrinsics", str(studio / "walk"), "--intrinsics", str(calibration), *LIKE_THIS, "--floor", "0",
+                "--out", str(rig_path)]) == 0  # fmt: skip
+    said = capsys.readouterr().out
+    assert "reference" in said
+    assert "boards that pairs of cameras share: cam_0-cam_1" in said
+    # The world begins at the board's first corner on the floor.
+    corner = FLOOR_M - FACE_UP @ BOARD.points_m.mean(axis=0)
+    rig = read_rig(rig_path)
+    for camera in truth:
+        moved = replace(camera, translation=camera.translation + camera.rotation @ corner)
+        millimetres, degrees = apart(rig[camera.name], moved)
+        assert millimetres < 30
+        assert degrees < 0.7
+    notes = tomllib.loads(rig_path.read_text())["metadata"]
+    assert notes["extrinsics"]["cam_2"]["position_standard_error_mm"] < 20
+    assert notes["intrinsics"]["cam_2"]["pictures"] > 4
+    assert cv2.imread(str(tmp_path / "calibration_rig.png")).std() > 5
+
+    assert run(["calibrate", "convert", str(rig_path), str(tmp_path / "easymocap")]) == 0
+    again = read_rig(tmp_path / "easymocap")
+    for camera in rig:
+        assert apart(again[camera.name], camera)[0] < 1e-6
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["calibration.toml", "calibration_places.json", "calibration_rig.png",
+        "easymocap", "lenses.toml", "lenses_coverage.png", "lenses_lenses.json"]  # fmt: skip
+
+
+def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
+    stills = sorted((studio / "stills" / "cam_0").glob("*.png"))
+    pictures = [cv2.imread(str(still)) for still in stills]
+    write_video(tmp_path / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
+    words = ["calibrate", "intrinsics", str(tmp_path / "cam_0.avi"), *LIKE_THIS, "--frames", "8", "--out", str(tmp_path / "lens.toml")]
+    assert run(words) == 0
+    said = capsys.readouterr().out
+    assert "shows the board much as another frame does" in said
+    report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
+    assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
+    assert "there are cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
+    assert "exists: give --out another name, or add --overwrite" in failure(capsys, *words)
+
+
+def test_boards_that_are_not_there_are_told_of(studio, tmp_path, capsys):
+    one = studio / "stills" / "cam_0"
+    out = ["--out", tmp_path / "lens.toml"]
+    start = ["calibrate", "intrinsics"]
+    assert "a board with 8 x 5 inner corners is there, not 9 x 4" in failure(
+        capsys, *start, one / "00.png", "--board", "9x4", "--square", "0.15", *out
+    )
+    assert "1 of 1 pictures serve, 4 are needed" in failure(capsys, *start, one / "00.png", *LIKE_THIS, *out)
+    assert "give metres, 0.15 for millimetres" in failure(capsys, *start, one, "--board", "8x5", "--square", "150", *out)
+    assert "--board 8by5 is not understood" in failure(capsys, *start, one, "--board", "8by5", "--square", "0.15", *out)
+    blank = tmp_path / "blank"
+    blank.mkdir()
+    cv2.imwrite(str(blank / "0.png"), np.full((120, 160), 128, np.uint8))
+    assert "camera blank: the board was found in none of 1 pictures: no board with 8 x 5" in failure(
+        capsys, *start, blank, *LIKE_THIS, *out
+    )
+    cv2.imwrite(str(blank / "0.png"), cv2.resize(cv2.imread(str(one / "00.png")), (720, 540)))
+    (blank / "1.png").write_bytes((one / "00.png").read_bytes())
+    assert "camera blank: pictures of different sizes (1.png 480x360, 0.png 720x540)" in failure(capsys, *start, blank, *LIKE_THIS, *out)
+    assert "holds no pictures" in failure(capsys, *start, studio, *LIKE_THIS, *out)
+    assert not (tmp_path / "lens.toml").exists()
+
+
+def test_cameras_that_never_see_the_board_together_are_told_of(studio, lenses, tmp_path, capsys):
+    walk = tmp_path / "walk"
+    walk.mkdir()
+    for name, kept in (("cam_0", slice(0, 9)), ("cam_1", slice(9, 19))):
+        capture = cv2.VideoCapture(str(studio / "walk" / f"{name}.avi"))
+        frames = [capture.read()[1] for _ in range(19)]
+        blank = np.full_like(frames[0], 128)
+        write_video(walk / f"{name}.avi", [frame if index in range(19)[kept] else blank for index, frame in enumerate(frames)])
+    start = ["calibrate", "extrinsics", walk, "--intrinsics", lenses, "--out", tmp_path / "rig.toml"]
+    together = failure(capsys, *start, *LIKE_THIS, "--cameras", "cam_0,cam_1")
+    assert "no two cameras saw the board at the same moment (moments: cam_0 " in together
+    assert "no pictures of cam_2" in failure(capsys, *start, *LIKE_THIS)
+    assert "what does the board look like?" in failure(capsys, *start)
+    assert "--floor 40 is not in the recording: it has frames 0 to 18" in failure(
+        capsys, *start, *LIKE_THIS, "--cameras", "cam_0,cam_1", "--floor", "40"
+    )
+    assert "give either RECORDING" in failure(capsys, "calibrate", "extrinsics", *start[3:])
+
+
+def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
+    walk = tmp_path / "walk"
+    walk.mkdir()
+    for name in ("cam_0", "cam_1", "cam_2"):
+        capture = cv2.VideoCapture(str(studio / "walk" / f"{name}.avi"))
+        frames = [capture.read()[1] for _ in range(19)]
+        write_video(walk / f"{name}.avi", [frame[:, ::-1] if name == "cam_1" else frame for frame in frames])
+    said = failure(capsys, "calibrate", "extrinsics", walk, "--intrinsics", lenses, *LIKE_THIS, "--out", tmp_path / "rig.toml")
+    assert "camera cam_1's pictures are mirrored" in said
+
+
+def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
+    scene = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 1.8], (12, 3))
+    lines = ["camera,point,x_px,y_px,x_m,y_m,z_m"]
+    for camera in truth:
+        for index, (pixel, place) in enumerate(zip(camera.project(scene)[0], scene, strict=True)):
+            measured = ",".join(map(str, place)) if index < 6 and camera.name == "cam_0" else ",,"
+            lines.append(f"{camera.name},p{index},{pixel[0]},{pixel[1]},{measured}")
+    points = tmp_path / "points.csv"
+    points.write_text("\n".join(lines))
+    words = ["calibrate", "extrinsics", "--points", str(points), "--intrinsics", str(lenses), "--out", str(tmp_path / "rig.json")]
+    assert run(words) == 0
+    assert "points that pairs of cameras share: cam_0-cam_1 12" in capsys.readouterr().out
+    for camera in read_rig(tmp_path / "rig.json"):
+        assert apart(camera, truth[camera.name])[0] < 1
+    points.write_text("\n".join(lines).replace("p3,", "p3,x", 1))
+    assert "points.csv line 5: x_px, y_px must be numbers" in failure(capsys, *words, "--overwrite")
+    points.write_text("camera,point,x_px\ncam_0,a,1")
+    assert "no column y_px" in failure(capsys, *words, "--overwrite")
+
+
+def test_units_are_stated_or_asked_for(truth, tmp_path, capsys):
+    write_rig(truth, tmp_path / "rig.toml")
+    text = (tmp_path / "rig.toml").read_text().replace('unit = "m"', "")
+    (tmp_path / "rig.toml").write_text(text)
+    words = ["calibrate", "convert", tmp_path / "rig.toml", tmp_path / "out.json"]
+    assert "in which unit are its lengths?" in failure(capsys, *words)
+    assert run([str(word) for word in words] + ["--unit", "mm", "--picture", str(tmp_path / "rig.png")]) == 0
+    assert "in metres" in capsys.readouterr().out
+    np.testing.assert_allclose(read_rig(tmp_path / "out.json")["cam_0"].center_m, truth["cam_0"].center_m / 1000, atol=1e-9)
+    assert cv2.imread(str(tmp_path / "rig.png")).std() > 5
+    assert "--size 640 is not understood" in failure(capsys, *words, "--unit", "m", "--overwrite", "--size", "640")
+
+
+def test_a_printed_board_says_what_to_measure(tmp_path, capsys):
+    assert run(["calibrate", "board", "--out", str(tmp_path / "board.pdf"), "--paper", "a3", "--charuco"]) == 0
+    said = capsys.readouterr().out
+    assert "9 squares in a row are 360 mm" in said
+    assert "--board 8x5 --square 0.04 --marker 0.03 --dictionary DICT_4X4_50" in said
+    assert "say how large a square is" in failure(capsys, "calibrate", "board", "--out", tmp_path / "b.pdf", "--paper", "large")
