@@ -8,10 +8,12 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 
+from calib.errors import InputError
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import every_frame, named_points
 
 _MM_PER_M = 1000.0
+_MOST_FRAMES = 65535  # ezc3d and other readers see no more: the format counts them in 16 bits
 _BYTES = 16  # of a point in one frame: x, y, z and residual, as float32
 
 
@@ -29,10 +31,13 @@ def write_c3d(motion: Motion, path: Path) -> None:
         path: the file.
 
     Raises:
+        InputError: the motion is too long for C3D.
         OSError: the disk is full.
     """
-    names, positions = named_points(motion)
     frames = every_frame(motion)
+    if len(frames) > _MOST_FRAMES:
+        raise InputError(f"C3D holds at most {_MOST_FRAMES} frames and this motion spans {len(frames)}: leave c3d out of --to")
+    names, positions = named_points(motion)
     points = np.full((4, len(names), len(frames)), np.nan)
     points[3] = 1.0
     seen = motion.frames - frames[0]

@@ -1,12 +1,14 @@
 """C3D as py-c3d reads it, which is not the library that wrote it."""
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import c3d
 import numpy as np
 import pytest
 
+from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from tests.takes import waving
 from voxelpose.export.c3d import write_c3d
@@ -52,3 +54,10 @@ def test_lost_frames_are_not_seen(tmp_path):
     assert len(points) == 6
     assert np.isnan(points[[2, 4]]).all()
     np.testing.assert_allclose(points[keep - 1], named_points(motion)[1][keep], atol=1e-6)
+
+
+def test_more_frames_than_the_format_counts_are_refused(tmp_path):
+    motion = replace(waving(2), frames=np.array([3, 65538]), time_s=np.array([0.0, 1.0]))
+    with pytest.raises(InputError, match="spans 65536: leave c3d out"):
+        write_c3d(motion, tmp_path / "motion.c3d")
+    assert not (tmp_path / "motion.c3d").exists()
