@@ -1,7 +1,7 @@
 """Biovision hierarchy (BVH) in.
 
 Why not a library: bvhio 1.5 loops for ever on a file with fewer rows than it announces, and makes an object for every joint and frame;
-pybvh 0.9 refuses joints with positions of their own, which Blender and MotionBuilder write, and brings matplotlib.
+pybvh 0.9 refuses joints with positions of their own, which Blender and MotionBuilder write.
 """
 
 from __future__ import annotations
