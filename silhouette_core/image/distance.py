@@ -178,9 +178,11 @@ class Target:
         shifts = np.zeros((1, 2), np.int64) if shifts_px is None else np.asarray(shifts_px, np.int64)
         if shifts.ndim != 2 or shifts.shape[1] != 2 or (len(shifts) and np.abs(shifts).max() > self.margin_px):
             raise ValueError(f"shifts_px must be (S, 2) of at most the margin, {self.margin_px} px, got {shifts.tolist()}")
-        moves = np.ascontiguousarray(shifts[:, ::-1] + self.margin_px)
-        found = np.empty((len(moves), len(chosen)))
-        score = kernels.span_distance_parallel if threads and len(chosen) * len(moves) >= _FEW else kernels.span_distance
+        width = self.prefix.shape[1]
+        origins = ((shifts[:, 1] + self.margin_px) * width + shifts[:, 0] + self.margin_px).astype(np.uint32)
+        found = np.empty((len(origins), len(chosen)))
+        score = kernels.span_distance_parallel if threads and len(chosen) * len(origins) >= _FEW else kernels.span_distance
         scale = 1.0 / (self.shape[0] * self.shape[1])
-        score(self.prefix, self.base, scale, spans.rows, spans.starts, spans.ends, spans.offsets, chosen, moves, found)
+        flat = np.ascontiguousarray(self.prefix).reshape(-1)
+        score(flat, np.uint32(width), self.base, scale, spans.rows, spans.starts, spans.ends, spans.offsets, chosen, origins, found)
         return found[0] if shifts_px is None else found

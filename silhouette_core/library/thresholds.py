@@ -1,14 +1,15 @@
 """Choosing the tree's thresholds so that its levels have about as many nodes as wanted.
 
-The first level is tried on samples drawn at random, once with each of several sizes, and what their numbers of nodes do is carried on to
-the whole library; the other levels are tried on some of the nodes above, whose children are counted exactly. All distances among the
-drawn samples are measured once, so that trying a threshold is quick.
+The first level is tried on samples drawn at random, of several sizes, and what their numbers of nodes do is carried on to the whole
+library; the other levels are tried on some of the nodes above, whose children are counted exactly. All distances among the samples of a
+small draw are measured once, so that trying a threshold is quick.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,10 @@ from silhouette_core.estimator import Reporter
 from silhouette_core.library.tree import Poses, Scorer, Split
 
 _DRAWN = 3200
-_HALVINGS = 2
+_LARGER = 12_800
+_CORRECTIONS = 2
+_NEARBY = 1.15
+_FALL = 0.88
 _STEPS = 24
 _SETS_DRAWN = 2000  # samples in the sets that are tried at the other levels, about
 
@@ -64,26 +68,39 @@ def first_threshold(count: int, wanted: int, poses: Poses, score: Scorer, report
         wanted: nodes wanted.
         poses: the pose space.
         score: distances at the first level.
-        reporter: told of the steps.
+        reporter: told of every distance row that is measured.
     """
-    rng = np.random.default_rng(0)
-    shuffled = rng.permutation(count)[: min(count, _DRAWN)].astype(np.int64)
-    reporter.stage("choosing thresholds", len(shuffled))
-    table = Table.of(np.sort(shuffled), score, reporter)
-    draws = [np.sort(shuffled[: len(shuffled) >> k]) for k in range(_HALVINGS, -1, -1)]
+    shuffled = np.random.default_rng(0).permutation(count).astype(np.int64)
+    reporter.stage("choosing thresholds")
+    table = Table.of(np.sort(shuffled[:_DRAWN]), score, reporter)
+    nodes = partial(table.nodes, table.samples, poses)
+    highest = float(table.distances.max())
+    if count <= _DRAWN:
+        return _bisect(nodes, wanted, highest)
+    half = np.sort(shuffled[: _DRAWN // 2])
+    threshold = _bisect(
+        lambda threshold: _carried_on(table.nodes(half, poses, threshold), nodes(threshold), count / _DRAWN), wanted, highest
+    )
+    larger = min(count, _LARGER)
+    for _ in range(_CORRECTIONS):
+        found = []
+        for draw in (larger // 2, larger):
+            split = Split.start(np.sort(shuffled[:draw]), poses)
+            split.run(score, threshold, lambda _: reporter.advance(), threads=True)
+            found.append(len(split.chosen))
+        # How steeply the number of nodes falls is taken from the small draw.
+        steepness = np.log(nodes(threshold / _NEARBY) / nodes(threshold * _NEARBY)) / np.log(_NEARBY**2)
+        threshold *= (_carried_on(found[0], found[1], count / larger) / wanted) ** (1 / max(float(steepness), 0.2))
+    return threshold
 
-    def expected(threshold: float) -> float:
-        found = np.log2([max(1, table.nodes(draw, poses, threshold)) for draw in draws])
-        if len(draws[-1]) == count:
-            return float(2 ** found[-1])
-        # Nodes per doubling of the samples grow ever less; what the last doubling lost, each further one loses again.
-        slope, before = found[-1] - found[-2], found[-2] - found[-3]
-        fall = min(1.0, max(0.5, slope / max(before, 1e-9)))
-        doublings = np.log2(count / len(draws[-1]))
-        further = slope * (doublings if fall == 1 else fall * (1 - fall**doublings) / (1 - fall))
-        return float(2 ** (found[-1] + further))
 
-    return _bisect(expected, wanted, float(table.distances.max()))
+def _carried_on(before: int, now: int, times: float) -> float:
+    """Returns how many nodes `times` as many samples make, if half as many as now made `before`.
+
+    Nodes grow by ever less with every doubling of the samples; on recorded motion the exponent fell by an eighth each time.
+    """
+    doublings = np.log2(times)
+    return float(now * (now / before) ** (_FALL * (1 - _FALL**doublings) / (1 - _FALL)))
 
 
 def next_threshold(sets: list[NDArray[np.int64]], wanted: int, poses: Poses, score: Scorer) -> float:

@@ -93,28 +93,32 @@ def padded_prefix(observation, weights, margin, prefix):
 
 
 @kernel
-def score_runs(prefix, first, last, rows, starts, ends, down, right):
-    """Returns the signed weights under the runs first to last, moved by (down, right) columns and rows of the prefix image."""
-    total = 0.0
+def score_runs(flat, width, first, last, rows, starts, ends, origin):
+    """Returns the signed weights under the runs first to last; flat is the prefix image, `width` wide, `origin` where the window begins.
+
+    Unsigned 32-bit places and a sum each for ends and starts: twice as fast as the plain expression.
+    """
+    to_ends, to_starts = 0.0, 0.0
     for n in range(first, last):
-        line = prefix[np.int64(rows[n]) + down]
-        total += line[np.int64(ends[n]) + right] - line[np.int64(starts[n]) + right]
-    return total
+        line = np.uint32(np.uint32(rows[n]) * width + origin)
+        to_ends += flat[np.uint32(line + np.uint32(ends[n]))]
+        to_starts += flat[np.uint32(line + np.uint32(starts[n]))]
+    return to_ends - to_starts
 
 
 @kernel
-def span_distance(prefix, base, scale, rows, starts, ends, offsets, which, moves, distances):
-    """Fills distances (S, K): scale (base + signed weights under the runs), for S moves (down, right) of the silhouettes `which` (K,)."""
+def span_distance(flat, width, base, scale, rows, starts, ends, offsets, which, origins, distances):
+    """Fills distances (S, K): scale (base + signed weights under the runs) of silhouettes `which` (K,), for windows at `origins` (S,)."""
     for k in range(len(which)):
         first, last = offsets[which[k]], offsets[which[k] + 1]
-        for s in range(len(moves)):
-            distances[s, k] = scale * (base + score_runs(prefix, first, last, rows, starts, ends, moves[s, 0], moves[s, 1]))
+        for s in range(len(origins)):
+            distances[s, k] = scale * (base + score_runs(flat, width, first, last, rows, starts, ends, origins[s]))
 
 
 @parallel_kernel
-def span_distance_parallel(prefix, base, scale, rows, starts, ends, offsets, which, moves, distances):
+def span_distance_parallel(flat, width, base, scale, rows, starts, ends, offsets, which, origins, distances):
     """As `span_distance`, in parallel over the silhouettes."""
     for k in prange(len(which)):
         first, last = offsets[which[k]], offsets[which[k] + 1]
-        for s in range(len(moves)):
-            distances[s, k] = scale * (base + score_runs(prefix, first, last, rows, starts, ends, moves[s, 0], moves[s, 1]))
+        for s in range(len(origins)):
+            distances[s, k] = scale * (base + score_runs(flat, width, first, last, rows, starts, ends, origins[s]))

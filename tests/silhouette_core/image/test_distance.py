@@ -36,7 +36,8 @@ def weights_as_written(mask, weighting):
     if weighting == "wxor":
         return (inside + outside) * 240 / len(mask)
     middle = to_set(thin(mask), mask.shape)
-    return np.where(mask, inside / np.where(mask, inside + middle, 1), 0) + outside / outside.max()
+    outside = np.minimum(outside / (0.05 * len(mask)), 1) if weighting == "balanced" else outside / outside.max()
+    return np.where(mask, inside / np.where(mask, inside + middle, 1), 0) + outside
 
 
 @pytest.mark.parametrize("weighting", WEIGHTINGS)

@@ -7,6 +7,7 @@ import pytest
 
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import set_threads
+from silhouette_core.library import thresholds
 from silhouette_core.library.build import build_library
 from silhouette_core.library.library import LibrarySettings
 from silhouette_core.library.pictures import masks_of, silhouette_levels
@@ -80,6 +81,13 @@ def test_the_tree_holds_every_sample_once_and_in_order(made):
 def test_node_counts_come_near_to_what_is_wanted(made):
     for level, share in zip(made.levels, SETTINGS.node_shares, strict=True):
         assert len(level) == pytest.approx(share * len(made), rel=0.15)
+
+
+def test_larger_libraries_are_tried_in_part(monkeypatch):
+    monkeypatch.setattr(thresholds, "_DRAWN", 64)
+    monkeypatch.setattr(thresholds, "_LARGER", 128)
+    library = build_library(small_bases(), swaying().model, SETTINGS)
+    assert len(library.levels[0]) == pytest.approx(SETTINGS.node_shares[0] * len(library), rel=0.4)
 
 
 def test_the_silhouettes_are_those_of_the_representatives(made):
