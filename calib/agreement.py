@@ -68,7 +68,7 @@ class Agreement:
         if len(self.table) == 2:
             return f"the two cameras do not agree ({self.error_px:.1f} px); which one is wrong, only a third could tell"
         if not self.culprits:
-            return f"the cameras do not agree ({self.error_px:.1f} px), and it is not one or two of them that are to blame"
+            return f"the cameras do not agree ({self.error_px:.1f} px), and no one of them alone is to blame"
         lines = [line for line in self.table if line.camera in self.culprits]
         said = " and ".join(f"{line.camera} ({line.error_px:.1f} px)" for line in lines)
         verb = "does" if len(lines) == 1 else "do"
