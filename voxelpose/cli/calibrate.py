@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 from calib.errors import InputError
 from voxelpose.cli.arguments import camera_names
 from voxelpose.cli.calibrate_check import CalibrationCheck
+from voxelpose.cli.calibrate_sync import CalibrationSync
 
 if TYPE_CHECKING:
     from calib.board import Board
@@ -312,4 +313,5 @@ SUBCOMMANDS = {
     "extrinsics": PlaceCalibration,
     "convert": Convert,
     "check": CalibrationCheck,
+    "sync": CalibrationSync,
 }
