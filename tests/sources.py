@@ -66,14 +66,14 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
 
 
 def write_staged(folder: Path, motion: Motion, rig: Rig) -> Path:
-    """Writes a recording of a posed body before an empty room: videos, backgrounds and calibration."""
+    """Writes a recording of a posed body before an empty room: lossless videos, backgrounds and calibration."""
     (folder / "background").mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
     rotation, origin = motion.parts()
     for camera in rig:
         room = np.full((camera.size[1], camera.size[0], 3), (70, 60, 50), np.uint8)
         cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
-        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), motion.fps, camera.size)
+        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mkv"), cv2.VideoWriter.fourcc(*"FFV1"), motion.fps, camera.size)
         for row in range(len(motion)):
             seen = kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
             parts, _ = render_parts(seen, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)

@@ -19,6 +19,7 @@ COMMANDS = {
     "library": "make or describe a pose library, from which one camera's motion is estimated",
     "view": "show a result in the browser: cameras, voxels and body over time; or as a window, picture or video",
     "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ, for other programs",
+    "report": "write one page about a result: pictures, joint angles, quality, what to do",
     "evaluate": "score a result against known joint positions",
     "doctor": "say what of this machine works, and what to do about the rest",
 }

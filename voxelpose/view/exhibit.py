@@ -187,6 +187,15 @@ class Exhibit:
         """
         return self._made.get(frame, self._make)[0]
 
+    def shots(self, frame: int) -> tuple[Shot, ...]:
+        """Returns what the cameras show at a frame, without carving."""
+        return self._pictures.shots(frame) if self._pictures else tuple(Shot(lens.pinhole) for lens in self._lenses.values())
+
+    def body(self, frame: int) -> Posed | None:
+        """Returns the fitted body of a frame; None where it was not found."""
+        row = self.row(frame)
+        return None if row is None or self.motion is None or self._parts is None else _posed(self.motion, self._parts, row)
+
     def areas(self, frame: int) -> dict[str, Area]:
         """Returns the movable areas by the name of the limb's first part, none where there is no pose or no hull.
 
@@ -226,9 +235,7 @@ class Exhibit:
 
     def _make(self, frame: int) -> tuple[Scene, Sight | None]:
         notes = [self.missing] if self.missing else []
-        shots = self._pictures.shots(frame) if self._pictures else tuple(Shot(lens.pinhole) for lens in self._lenses.values())
-        row = self.row(frame)
-        body = None if row is None or self.motion is None or self._parts is None else _posed(self.motion, self._parts, row)
+        shots, row, body = self.shots(frame), self.row(frame), self.body(frame)
         if self.motion is not None and row is None:
             notes.append("no pose was found in this frame")
         sight = self._look([shot.mask for shot in shots if shot.mask is not None], row, notes)

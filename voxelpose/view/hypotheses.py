@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from voxelpose.export.hypotheses import HYPOTHESES as HYPOTHESES
 
-HYPOTHESES = "hypotheses.csv"
 _CHAINS = (
     "pelvis neck head_top",
     *(f"neck {side}_shoulder {side}_elbow {side}_wrist" for side in ("left", "right")),

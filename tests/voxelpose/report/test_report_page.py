@@ -1,0 +1,139 @@
+"""The report: whole, alone, and right."""
+
+import re
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from calib.files import write_rig
+from tests.browsing import new_page
+from tests.sources import ring, write_staged
+from tests.takes import waving
+from voxelpose.cli import run
+from voxelpose.report.cameras import camera_lines
+from voxelpose.report.charts import TimeChart, time_chart
+from voxelpose.view.exhibit import Exhibit
+
+SECTIONS = ("overview", "findings", "sheet", "angles", "quality", "cameras", "timings", "settings", "words")
+VOID = {"meta", "link", "img", "input", "br", "hr"}
+
+
+class Page(HTMLParser):
+    """Gathers what a page refers to, and checks that its elements are nested rightly."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open, self.ids, self.references, self.pictures = [], [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.ids += [found["id"]] if "id" in found else []
+        self.references += [value for name, value in attrs if name in ("src", "href")]
+        if tag == "img" or found.get("role") == "img":
+            self.pictures.append(found.get("alt") or found.get("aria-label"))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+
+@pytest.fixture
+def fitted(desk):
+    """A result "out" of the recording "walk", the first of whose frames is lost."""
+    write_staged(desk / "walk", waving(6), ring(3, (320, 240)))
+    assert run(["fit", "walk", "--out", "out", "--estimator", "standing"]) == 0
+    return desk
+
+
+def test_one_page_without_anything_outside(fitted, capsys):
+    assert run(["report", "out"]) == 0
+    assert "report.html" in capsys.readouterr().out
+    text = (fitted / "out" / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert [name for name in page.ids if name in SECTIONS] == list(SECTIONS)
+    assert len(page.ids) == len(set(page.ids))
+    assert all(reference.startswith(("data:", "#")) for reference in page.references)
+    assert not re.search(r"https?://|url\((?!#)|@import|\bfetch\(", text)
+    assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(page.ids)
+    assert len(page.pictures) > 10 and all(page.pictures)
+    assert len(re.findall(r"data:image/webp", text)) == 6 + 1  # every frame, and the one shown first
+    assert "1 of 6 frames have no pose: frame 0." in text and "Careful." in text
+    assert run(["report", "out"]) == 0  # replaces its own
+
+
+def test_what_cannot_be_shown_is_said(fitted):
+    assert run(["fit", "walk", "--out", "bare", "--estimator", "standing", "--no-pictures"]) == 0
+    assert run(["report", "bare", "--out", "drawn.html"]) == 0
+    assert (fitted / "drawn.html").read_text().count("data:image/webp") == 6 + 1  # drawn anew
+    shutil.rmtree("walk")
+    assert run(["report", "bare", "--out", "gone.html"]) == 0
+    text = (fitted / "gone.html").read_text()
+    Page(text)
+    assert text.count("is not there any more: say where with --recording") == 2 and "data:image/webp" not in text
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["report", "walk"], "walk is not a result of voxelpose"),
+        (["report", "out", "--out", "mine.txt"], "mine.txt exists and is not a report"),
+        (["report", "out", "--out", "gone/report.html"], "gone/report.html cannot be written"),
+    ],
+)
+def test_mistakes(fitted, capsys, words, line):
+    (fitted / "mine.txt").write_text("precious")
+    assert run(words) == 2
+    assert line in capsys.readouterr().err.splitlines()[-1]
+    assert (fitted / "mine.txt").read_text() == "precious"
+
+
+def test_a_camera_that_was_moved_stands_out(desk):
+    motion, rig = waving(6), ring(4, (320, 240))
+    write_staged(desk / "walk", motion, rig)
+    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
+    lines = camera_lines(Exhibit("out"))
+    assert len(lines) == 4 and not any(line.apart for line in lines)
+    assert all(line.overlap > 0.9 and line.uncovered < 0.06 and line.beyond < 0.06 for line in lines)
+    moved_rig = Rig((replace(rig.cameras[0], translation=rig.cameras[0].translation + (0.15, 0, 0)), *rig.cameras[1:]))
+    write_rig(moved_rig, desk / "out" / "calibration.toml")
+    moved = camera_lines(Exhibit("out"))
+    assert [line.camera for line in moved if line.apart] == ["cam_1"]
+
+
+def test_a_gap_breaks_a_curve_and_words_tell_the_range():
+    time_s = np.array([0.0, 0.1, 0.2, 0.9, 1.0])
+    text = time_chart(TimeChart("Knee & <more>", "degrees", {"left": (np.array([5.0, 60, 10, 20, 30]), "#abcdef")}), time_s, "one")
+    assert 'aria-label="Knee &amp; &lt;more&gt; over time: left from 5 to 60 degrees"' in text
+    curve = next(path for path in re.findall(r'<path d="([^"]*)"[^>]*#abcdef', text))
+    assert curve.count("M") == 2 and "http" not in text and "#123456" not in text
+
+
+@pytest.mark.slow
+def test_the_page_plays(fitted):
+    assert run(["report", "out"]) == 0
+    with new_page(900, 700) as (page, faults):
+        page.goto((fitted / "out" / "report.html").as_uri())
+        first = page.get_attribute("#reel", "src")
+        cursor = page.locator("svg .cursor").first
+        before = cursor.get_attribute("transform")
+        page.locator("#seek").focus()
+        page.keyboard.press("ArrowRight")
+        assert page.text_content("#when") == "frame 4 · 0.16 s"
+        assert page.get_attribute("#reel", "src") != first and cursor.get_attribute("transform") != before
+        page.click("#play")
+        page.wait_for_function("() => document.getElementById('when').textContent.startsWith('frame 1')")
+        assert page.evaluate("document.documentElement.scrollWidth") == 900
+        assert faults == []

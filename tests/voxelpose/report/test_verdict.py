@@ -1,0 +1,50 @@
+"""What the report says of a result's numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.sources import ring
+from tests.takes import waving
+from voxelpose.report.verdict import findings, overall, spoken_stretches, stretches
+from voxelpose.results import Result
+
+
+def result(tmp_path, lost=(), confidence=0.9, **overlaps):
+    motion = waving(20)
+    overlap = np.ones((20, 27))
+    for name, share in overlaps.items():
+        overlap[:, motion.model.names.index(name)] = share
+    quality = {"confidence": np.broadcast_to(np.asarray(confidence, float), 20), "part_overlap": overlap}
+    summary = {"frames": {"with_pose": 20 - len(lost), "lost": list(lost)}}
+    return Result(tmp_path, replace(motion, quality=quality), ring(2), summary, {})
+
+
+def test_all_is_well(tmp_path):
+    found = findings(result(tmp_path, left_thumb=0.0))
+    assert {finding.level for finding in found} == {"good"} and not any(finding.advice for finding in found)
+    assert overall(found)[0] == "good"
+
+
+@pytest.mark.parametrize(
+    ("change", "level", "words"),
+    [
+        ({"lost": [4, 5, 6, 9]}, "bad", "4 of 20 frames have no pose: frames 4–6, 9."),
+        ({"lost": [4]}, "look", "1 of 20 frames have no pose: frame 4."),
+        ({"confidence": 0.5}, "bad", "agree to 50 %"),
+        ({"confidence": [0.9] * 18 + [0.6] * 2}, "look", "Below 70 %: frames 18–19."),
+        ({"left_forearm": 0.3}, "look", "left forearm (100 % of frames)"),
+        ({"thorax": 0.3, "left_forearm": [0.9] * 19 + [0.1]}, "bad", "thorax (100 % of frames)."),
+    ],
+)
+def test_what_is_wrong_comes_first_with_what_to_do(tmp_path, change, level, words):
+    found = findings(result(tmp_path, **change))
+    assert found[0].level == level and words in found[0].words and found[0].advice
+    assert [finding.level for finding in found[1:]] == ["good", "good"] and overall(found)[0] == level
+
+
+def test_many_stretches_are_not_all_named():
+    frames = np.arange(100, 140)
+    runs = stretches(frames, frames % 4 == 0)
+    assert runs[:2] == [(100, 100), (104, 104)] and spoken_stretches(runs).endswith("120 and 4 more stretches")

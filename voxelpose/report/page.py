@@ -1,0 +1,236 @@
+"""Puts the report together: everything a page needs is inside the one file."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import cv2
+import jinja2
+import numpy as np
+
+from calib.errors import InputError
+from silhouette_core.estimator import Reporter, Silent
+from silhouette_core.motion.anatomical import anatomical_angles
+from voxelpose.report.cameras import camera_lines
+from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
+from voxelpose.report.reel import data_uri, make_reel
+from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
+from voxelpose.results import Result
+from voxelpose.view.exhibit import Exhibit
+from voxelpose.view.legend import spoken
+
+REPORT = "report.html"
+_GENERATOR = '<meta name="generator" content="voxelpose'
+_SHEET_PX = 1500
+
+# Title, what it means, and the angle; with {} for both sides.
+_ANGLES = (
+    ("Hip flexion", "thigh forward", "{}_hip_flexion"),
+    ("Knee flexion", "0° is straight", "{}_knee_flexion"),
+    ("Ankle dorsiflexion", "toes up", "{}_ankle_dorsiflexion"),
+    ("Hip adduction", "thigh inward", "{}_hip_adduction"),
+    ("Shoulder elevation", "0° hangs, 90° level", "{}_shoulder_elevation"),
+    ("Elbow flexion", "0° is straight", "{}_elbow_flexion"),
+    ("Trunk flexion", "bent forward", "trunk_flexion"),
+    ("Pelvis tilt", "tipped forward", "pelvis_tilt"),
+)
+_SETTINGS = {
+    "recording": "where the videos were, from this folder",
+    "frames": "first frame, and one past the last",
+    "cameras": "cameras that were used",
+    "estimator": "method",
+    "stature_m": "height of the person that was given, metres",
+    "chest_m": "chest girth that was given, metres",
+    "sex": "whose proportions were started from",
+    "background": "how silhouettes were found",
+    "smooth": "whether the motion was smoothed over time",
+    "threads": "processor threads",
+    "options": "the method's own settings",
+}
+_FILES = {
+    "contact_sheet.png": "the pictures above, larger",
+    "overlay_*.mp4": "the fitted body over the whole videos, for VLC and other players",
+    "joints.csv": "positions of 15 joints in every frame, metres, with a confidence",
+    "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
+    "motion.safetensors": "joint angles, root and quality, for programs",
+    "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
+    "summary.json": "the numbers of this page, for programs",
+    "settings.toml": "what the fit was told",
+    "calibration.toml": "the cameras that were used",
+}
+
+
+@dataclass(frozen=True)
+class ReportSettings:
+    """Where a report goes.
+
+    Attributes:
+        out: the file; None: report.html in the result.
+        recording: where the recording lies now, if it has moved.
+        overwrite: whether a file that is no report of ours may be replaced.
+    """
+
+    out: Path | None = None
+    recording: Path | None = None
+    overwrite: bool = False
+
+
+def write_report(folder: Path, settings: ReportSettings | None = None, reporter: Reporter | None = None) -> Path:
+    """Writes report.html: one page without anything outside of it.
+
+    Args:
+        folder: a result.
+        settings: where it goes.
+        reporter: told of every stage.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: it is no result, or the file cannot be written.
+    """
+    settings, reporter = settings or ReportSettings(), reporter or Silent()
+    result = Result.open(folder)
+    out = settings.out or folder / REPORT
+    if out.exists() and not settings.overwrite and not _is_report(out):
+        raise InputError(f"{out} exists and is not a report: give --out another name, or add --overwrite")
+    exhibit = Exhibit(folder, settings.recording)
+    try:
+        text = _render(_contents(result, exhibit, reporter))
+    finally:
+        exhibit.close()
+    beside = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(out)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise InputError(f"{out} cannot be written: {error.strerror or error}") from error
+    return out
+
+
+def _is_report(path: Path) -> bool:
+    try:
+        return _GENERATOR in path.read_text(encoding="utf-8", errors="replace")[:2000]
+    except OSError:
+        return False
+
+
+def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str, object]:
+    reporter.stage("pictures")
+    reel = make_reel(result, exhibit)
+    sheet = _sheet(result.folder)
+    reporter.stage("cameras")
+    cameras = camera_lines(exhibit)
+    reporter.stage("charts")
+    summary: Any = result.summary
+    found = findings(result)
+    level, sentence = overall(found)
+    angles, quality, parts = _charts(result)
+    return {
+        "summary": summary,
+        "title": summary["recording"],
+        "made": time.strftime("%Y-%m-%d %H:%M"),
+        "level": level,
+        "sentence": sentence,
+        "findings": found,
+        "reel": reel,
+        "sheet": sheet,
+        "angles": angles,
+        "quality": quality,
+        "parts": parts,
+        "part_table": _part_table(result),
+        "covered": COVERED,
+        "doubtful": DOUBTFUL,
+        "cameras": cameras,
+        "missing": exhibit.missing,
+        "stages": _stages(summary["seconds"]),
+        "settings": _told(result.settings),
+        "rig": [_camera(camera) for camera in result.rig],
+        "files": [(pattern, words) for pattern, words in _FILES.items() if any(result.folder.glob(pattern))],
+        "left": LEFT,
+        "right": RIGHT,
+    }
+
+
+def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | None]:
+    """Returns angles with their notes, quality, and parts over time."""
+    motion = result.motion
+    found = anatomical_angles(motion)
+    angles = []
+    for k, (title, note, name) in enumerate(_ANGLES):
+        sides = {"left": ("left", LEFT), "right": ("right", RIGHT)} if "{}" in name else {"": ("", MIDDLE)}
+        curves = {label: (found[name.format(side)], colour) for label, (side, colour) in sides.items()}
+        angles.append((time_chart(TimeChart(title, "degrees", curves), motion.time_s, f"angle{k}"), note))
+    quality = []
+    for name, title, below in (("confidence", "Confidence", DOUBTFUL), ("unexplained", "Unexplained share of the hull", None)):
+        if name in motion.quality:
+            values = np.asarray(motion.quality[name], float)
+            chart = TimeChart(title, "share", {"": (values, LEFT)}, (0.0, 1.0), below)
+            quality.append(time_chart(chart, motion.time_s, name, (7.6, 2.0)))
+    overlap = motion.quality.get("part_overlap")
+    labels = [spoken(name) for name in motion.model.names]
+    parts = None if overlap is None else part_chart(np.asarray(overlap, float), labels, motion.time_s, "parts")
+    return angles, quality, parts
+
+
+def _part_table(result: Result) -> list[tuple[str, float, float]]:
+    """Returns name, mean share inside the hull, and share of frames under COVERED, of every part; the weakest first."""
+    overlap = result.motion.quality.get("part_overlap")
+    if overlap is None:
+        return []
+    values = np.asarray(overlap, float)
+    rows = [
+        (spoken(name), float(np.nanmean(values[:, k])), float(np.mean(values[:, k] < COVERED)))
+        for k, name in enumerate(result.motion.model.names)
+        if np.isfinite(values[:, k]).any()
+    ]
+    return sorted(rows, key=lambda row: row[1])
+
+
+def _stages(seconds: Mapping[str, Any]) -> list[tuple[str, float, float | None, float]]:
+    """Returns stage, seconds in all, median milliseconds per step, and share of the longest."""
+    rows = [(name, spread["sum"], 1000 * spread["median"] if "median" in spread else None) for name, spread in seconds["stages"].items()]
+    rows.append(("pictures", seconds["pictures"], None))
+    longest = max(row[1] for row in rows) or 1.0
+    return [(name, total, median, total / longest) for name, total, median in rows]
+
+
+def _told(settings: Mapping[str, object]) -> list[tuple[str, str, str]]:
+    rows = []
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            said = ", ".join(f"{key} = {inner}" for key, inner in value.items()) or "none"
+        else:
+            said = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+        rows.append((name, said, _SETTINGS.get(name, "")))
+    return rows
+
+
+def _camera(camera: Any) -> dict[str, object]:
+    width, height = camera.size
+    wide = 2 * np.degrees(np.arctan(width / (2 * camera.matrix[0, 0])))
+    place = ", ".join(f"{value:.2f}" for value in camera.center_m)
+    return {"name": camera.name, "size": f"{width} × {height}", "wide": f"{wide:.0f}°", "place": place, "bends": not camera.is_pinhole}
+
+
+def _sheet(folder: Path) -> str | None:
+    """Returns the contact sheet, smaller, as a data URI."""
+    path = folder / "contact_sheet.png"
+    image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR) if path.exists() else None
+    if image is None:
+        return None
+    scale = min(1.0, _SHEET_PX / image.shape[1])
+    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    return data_uri(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), ".jpg", 82)
+
+
+def _render(contents: Mapping[str, object]) -> str:
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(resources.files("voxelpose.report").joinpath("page.html").read_text("utf-8")).render(contents)
