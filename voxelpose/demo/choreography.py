@@ -1,16 +1,33 @@
-"""What the demo's actor does in three seconds: two steps while turning, a wave with the right hand, a squat."""
+"""What the demo's actor can do, as tables of key poses.
+
+Metres, seconds and degrees. Hip, knee, arm, elbow and lean: bending forward (knee: backward); out: away from the side; across: a raised
+arm toward the other side; turn: about the arm, inward below 0; tip: the pelvis forward. A column that a table leaves out stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-DURATION_S = 3.0
-_COLUMNS: list[str] = list(
-    "time x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out r_elbow r_turn".split()
-)
-# Metres and degrees. Hip, knee, arm, elbow and lean: bending forward (knee: backward); out: away from the side; turn: about the arm.
-_KEYS = np.array([
+_STANDING = {
+    "l_out": 8.0,
+    "r_out": 8.0,
+    "l_elbow": 14.0,
+    "r_elbow": 14.0,
+    "l_knee": 4.0,
+    "r_knee": 4.0,
+    "l_hip": 2.0,
+    "r_hip": 2.0,
+    "straddle": 4.0,
+}
+
+_THREE_SECONDS = np.array([
     #  t      x      y    yaw lean twist look  lh  lk  rh  rk  st   la  lo  le   ra   ro  re  rt
     (0.00,  0.25,  0.30,  -30,  4,    6,   0,  28, 10, -18, 12,  2, -24,  8, 18,  26,   8, 22,  0),
     (0.25,  0.20,  0.18,  -25,  4,    0,   5,   4,  6,  30, 58,  2,   0,  8, 15,   2,   8, 15,  0),
@@ -27,29 +44,118 @@ _KEYS = np.array([
     (2.75,  0.00, -0.12,    0, 30,    0,   0,  86, 99,  86, 99, 12,  88, 10, 10,  88,  10, 10,  0),
     (3.00,  0.00, -0.14,   -5, 18,    0,   0,  45, 52,  45, 52, 10,  55, 12, 12,  55,  12, 12,  0),
 ])  # fmt: skip
-_CURVES = PchipInterpolator(_KEYS[:, 0], _KEYS[:, 1:])
+# In profile to cam_3, the right side toward it; the arm swings to and fro at constant speed.
+_ARM_SWING = np.array([
+    # t    yaw   ra
+    (0.0, 130, -52),
+    (0.8, 130,  74),
+    (1.6, 130, -52),
+])  # fmt: skip
+# Facing cam_2: address, back, down, through.
+_GOLF = np.array([
+    #  t   yaw  tip lean twist look  lh  lk  rh  rk  st   la  lc  lo  le  lt   ra  rc  ro  re  rt
+    (0.00, -15, 24,  14,   0,   0,  36, 24, 36, 24, 11,  50, 20,  0, 10,  0,  50, 20,  0, 12,   0),
+    (0.50, -15, 24,  14,   0,   0,  36, 24, 36, 24, 11,  50, 20,  0, 10,  0,  50, 20,  0, 12,   0),
+    (1.10, -25, 22,  12, -30,  35,  34, 28, 34, 20, 11,  78, 42,  0, 14,  0,  62, 0,  14, 52,   0),
+    (1.60, -40, 18,   8, -40,  62,  30, 32, 30, 18, 11, 104, 50,  0, 22,  0,  70, 0,  48, 96,  38),
+    (1.75, -38, 18,   9, -38,  58,  31, 32, 31, 20, 11, 100, 50,  0, 22,  0,  68, 0,  44, 94,  34),
+    (1.95, -20, 23,  13, -16,  26,  35, 28, 35, 24, 11,  66, 36,  0, 12,  0,  54, 6,   8, 42,   0),
+    (2.08,  -5, 24,  13,   2,  10,  35, 18, 35, 26, 11,  50, 18,  0,  8,  0,  52, 22,  0,  8,   0),
+    (2.22,  15, 18,   9,  22, -12,  26, 10, 28, 32, 10,  58,  0, 16, 24,  0,  78, 40,  0, 10,   0),
+    (2.60,  50,  2,  -4,  38,   0,   8,  5, 12, 34,  9,  92,  0, 44, 90,  40, 112, 46,  0, 44,   0),
+    (3.40,  54,  0,  -4,  40,   2,   6,  5, 12, 34,  9,  92,  0, 44, 94,  40, 110, 46,  0, 48,   0),
+    (4.00,  20,  4,   2,  14,   0,   8,  8, 10, 18,  9,  40,  4, 18, 50,   8,  48, 16,  6, 30,   0),
+    (4.40, -15, 24,  14,   0,   0,  36, 24, 36, 24, 11,  50, 20,  0, 10,  0,  50, 20,  0, 12,   0),
+])  # fmt: skip
+# Facing cam_2: the right hand points ahead, aside, up, across and down.
+_POINTING = np.array([
+    #  t   yaw lean twist look   ra  rc  ro  re
+    (0.00, -15,  1,   0,   0,    2,  0,  8, 14),
+    (0.60, -15,  2,  -4,   0,   84,  0,  4,  8),
+    (1.20, -15,  2,  -4,   0,   86,  0,  4,  6),
+    (1.90, -15,  0, -10, -40,   82,-50,  8,  6),
+    (2.60, -15,  0, -12, -60,   80,-84,  8,  8),
+    (3.30, -12,  0,   8,  10,  128,-14,  6, 10),
+    (4.10, -10,  4,  16,  38,   78, 38,  0, 16),
+    (4.80, -15, 10,   2,  10,   46,  6,  2,  8),
+    (5.40, -15,  2,   0,   0,    4,  0,  8, 16),
+    (6.00, -15,  1,   0,   0,    2,  0,  8, 14),
+])  # fmt: skip
 
 
-def pose_at(time_s: float) -> tuple[NDArray[np.float64], dict[str, Rotation]]:
-    """Returns the pelvis' place (2,) in metres and the turns of the bones at a time; the performance repeats."""
-    values = dict(zip(_COLUMNS[1:], np.asarray(_CURVES(time_s % DURATION_S)), strict=True))
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """Something that the actor does, again and again.
+
+    Attributes:
+        columns: names of the table's columns but for the first, which is the time.
+        keys: (K, C) a row for each key pose; the last one begins the next round, or ends the performance.
+        fps: frames per second of its recording.
+        rounds: how often the whole recording repeats it.
+        cameras: those that film it.
+        between: what lies between the key poses.
+    """
+
+    columns: str
+    keys: NDArray[np.float64]
+    fps: int = 20
+    rounds: int = 1
+    cameras: tuple[str, ...] = ("cam_1", "cam_2", "cam_3", "cam_4")
+    between: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] = PchipInterpolator
+
+    @cached_property
+    def _curves(self) -> Callable:
+        return self.between(self.keys[:, 0], self.keys[:, 1:])
+
+    @property
+    def frames(self) -> int:
+        """How many frames the whole has."""
+        return round(self.rounds * self.keys[-1, 0] * self.fps)
+
+    def pose_at(self, time_s: float) -> tuple[NDArray[np.float64], dict[str, Rotation]]:
+        """Returns the pelvis' place (2,) in metres and the turns of the bones at a time."""
+        row = np.asarray(self._curves(time_s % self.keys[-1, 0])).tolist()
+        values = _STANDING | dict(zip(self.columns.split(), row, strict=True))
+        return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _turns(values)
+
+
+PERFORMANCES = {
+    "three_seconds": Performance(
+        "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out r_elbow r_turn", _THREE_SECONDS
+    ),
+    "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), lambda times, keys: make_interp_spline(times, keys, k=1)),
+    "golf": Performance(
+        "yaw tip lean twist look l_hip l_knee r_hip r_knee straddle "
+        "l_arm l_across l_out l_elbow l_turn r_arm r_across r_out r_elbow r_turn",
+        _GOLF,
+        15,
+        1,
+        ("cam_2",),
+    ),
+    "pointing": Performance("yaw lean twist look r_arm r_across r_out r_elbow", _POINTING, 15, 1, ("cam_2",)),
+}
+"""By name: two steps while turning, a wave with the right hand and a squat; and what the experiments of paper A film."""
+
+
+def _turns(values: dict[str, float]) -> dict[str, Rotation]:
+    have = lambda name: values.get(name, 0.0)  # noqa: E731
     turns = {
-        "pelvis": _turn(yaw=values["yaw"]),
-        "belly": _turn(0.5 * values["lean"], yaw=0.4 * values["twist"]),
-        "chest": _turn(0.5 * values["lean"], yaw=0.6 * values["twist"]),
-        "neck": _turn(-0.3 * values["lean"], yaw=0.5 * values["look"]),
-        "head": _turn(-0.3 * values["lean"], yaw=0.5 * values["look"]),
+        "pelvis": _turn(have("tip"), yaw=have("yaw")),
+        "belly": _turn(0.5 * have("lean"), yaw=0.4 * have("twist")),
+        "chest": _turn(0.5 * have("lean"), yaw=0.6 * have("twist")),
+        "neck": _turn(-0.3 * have("lean"), yaw=0.5 * have("look")),
+        "head": _turn(-0.3 * have("lean"), yaw=0.5 * have("look")),
     }
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        key = side[0]
-        hip, knee = values[f"{key}_hip"], values[f"{key}_knee"]
-        turns[f"{side}_thigh"] = _turn(-hip, -sign * values["straddle"])
+        own = lambda name, key=side[0]: have(f"{key}_{name}")  # noqa: E731
+        hip, knee, straddle = own("hip"), own("knee"), have("straddle")
+        turns[f"{side}_thigh"] = _turn(-hip, -sign * straddle)
         turns[f"{side}_shin"] = _turn(knee)
-        turns[f"{side}_foot"] = _turn(0.75 * (hip - knee), 0.8 * sign * values["straddle"])
-        arm = _turn(-values[f"{key}_arm"], -sign * values[f"{key}_out"])
-        turns[f"{side}_upper_arm"] = arm * _turn(yaw=values["r_turn"] if key == "r" else 0.0)
-        turns[f"{side}_forearm"] = _turn(-values[f"{key}_elbow"])
-    return np.array([values["x"], values["y"]]), turns
+        turns[f"{side}_foot"] = _turn(0.75 * (hip - knee), 0.8 * sign * straddle)
+        arm = _turn(-own("arm"), -sign * own("out"), -sign * own("across"))
+        turns[f"{side}_upper_arm"] = arm * _turn(yaw=own("turn"))
+        turns[f"{side}_forearm"] = _turn(-own("elbow"))
+    return turns
 
 
 def _turn(about_x: float = 0.0, about_y: float = 0.0, yaw: float = 0.0) -> Rotation:
