@@ -17,7 +17,7 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.estimator import Reporter, Silent
 from silhouette_core.motion.anatomical import anatomical_angles
-from voxelpose.report.cameras import camera_lines
+from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.reel import data_uri, make_reel
 from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
@@ -127,7 +127,7 @@ def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str,
     reel = make_reel(result, exhibit)
     sheet = _sheet(result.folder)
     reporter.stage("cameras")
-    cameras = camera_lines(exhibit)
+    cameras = check_cameras(exhibit)
     reporter.stage("charts")
     summary: Any = result.summary
     found = findings(result)
@@ -148,7 +148,8 @@ def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str,
         "part_table": _part_table(result),
         "covered": COVERED,
         "doubtful": DOUBTFUL,
-        "cameras": cameras,
+        "cameras": cameras.lines,
+        "agreement": cameras.words,
         "missing": exhibit.missing,
         "stages": _stages(summary["seconds"]),
         "settings": _told(result.settings),

@@ -14,7 +14,7 @@ from tests.browsing import new_page
 from tests.sources import ring, write_staged
 from tests.takes import waving
 from voxelpose.cli import run
-from voxelpose.report.cameras import camera_lines
+from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import TimeChart, time_chart
 from voxelpose.view.exhibit import Exhibit
 
@@ -104,13 +104,16 @@ def test_a_camera_that_was_moved_stands_out(desk):
     motion, rig = waving(6), ring(4, (320, 240))
     write_staged(desk / "walk", motion, rig)
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
-    lines = camera_lines(Exhibit("out"))
+    check = check_cameras(Exhibit("out"))
+    lines = check.lines
     assert len(lines) == 4 and not any(line.apart for line in lines)
+    assert check.words.startswith("all 4 cameras agree") and all(line.outline_px < 1 for line in lines)
     assert all(line.overlap > 0.9 and line.uncovered < 0.06 and line.beyond < 0.06 for line in lines)
-    moved_rig = Rig((replace(rig.cameras[0], translation=rig.cameras[0].translation + (0.15, 0, 0)), *rig.cameras[1:]))
+    first, *others = rig
+    moved_rig = Rig((replace(first, translation=first.translation + np.array([0.15, 0, 0])), *others))
     write_rig(moved_rig, desk / "out" / "calibration.toml")
-    moved = camera_lines(Exhibit("out"))
-    assert [line.camera for line in moved if line.apart] == ["cam_1"]
+    moved = check_cameras(Exhibit("out"))
+    assert [line.camera for line in moved.lines if line.apart] == ["cam_1"] and "cam_1" in moved.words
 
 
 def test_a_gap_breaks_a_curve_and_words_tell_the_range():
