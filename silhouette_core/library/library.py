@@ -52,7 +52,9 @@ class LibrarySettings:
         yaw_step_deg: between the sides from which a pose is seen.
         pitches_deg: how far the camera looks down, one or several.
         mirror: whether every pose's mirror image is added.
-        weighting: of the silhouette distance in the tree.
+        weighting: of the silhouette distance in the tree. XOR says the same both ways round. With nwXOR what lies outside of the
+            representative costs little, so that large nodes come to hold very different silhouettes, and the tree leads less well to
+            the pose that fits best (`python -m benchmarks.pruning`).
         node_shares: nodes of each level wanted, as a share of the samples; the default is the paper's 7,828, 26,805 and 44,108 of 57,136.
         thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
     """
@@ -62,7 +64,7 @@ class LibrarySettings:
     yaw_step_deg: float = 15.0
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
-    weighting: Weighting = "nwxor"
+    weighting: Weighting = "xor"
     node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
     thresholds: tuple[float, float, float] | None = None
 

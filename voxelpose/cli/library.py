@@ -39,6 +39,8 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
     """How far the camera looks down; may be given several times. Left out: 8."""
     mirror: bool = True
     """Add the mirror image of every pose."""
+    weighting: Literal["xor", "wxor", "nwxor", "balanced"] = "xor"
+    """Silhouette distance by which the tree is made: Okada and Stenger's eq. (6), (7)-(8) or (9), or ours. Tracking may use another."""
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
     """Whose joint is which, for a skeleton with names of its own."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
@@ -61,7 +63,9 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
 
             set_threads(self.threads)
             pitches = self.pitch or LibrarySettings.pitches_deg
-            settings = LibrarySettings(poses=self.poses, yaw_step_deg=self.yaw_step, pitches_deg=pitches, mirror=self.mirror)
+            settings = LibrarySettings(
+                poses=self.poses, yaw_step_deg=self.yaw_step, pitches_deg=pitches, mirror=self.mirror, weighting=self.weighting
+            )
             model = BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
             library = make_library(clips, model, self.out, settings, progress)

@@ -9,7 +9,6 @@ from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import set_threads
 from silhouette_core.library import thresholds
 from silhouette_core.library.build import build_library
-from silhouette_core.library.library import LibrarySettings
 from silhouette_core.library.pictures import masks_of, silhouette_levels
 from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
 
@@ -98,7 +97,7 @@ def test_the_silhouettes_are_those_of_the_representatives(made):
 
 
 def test_given_thresholds_are_used_and_level_by_level_nodes_are_finer():
-    settings = LibrarySettings(poses=120, yaw_step_deg=90, mirror=False, tolerance_deg=12.0, thresholds=(0.02, 0.008, 0.0))
+    settings = replace(SETTINGS, poses=120, yaw_step_deg=90, thresholds=(0.02, 0.008, 0.0))
     library = build_library(small_bases(settings), swaying().model, settings)
     assert [level.threshold for level in library.levels] == [0.02, 0.008, 0.0]
     assert len(library.levels[0]) < len(library.levels[1]) < len(library.levels[2])
