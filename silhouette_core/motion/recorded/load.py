@@ -16,13 +16,15 @@ from silhouette_core.motion.recorded.retarget import retarget
 def motion_files(paths: Iterable[Path]) -> list[Path]:
     """Returns the motion files among files and (searched to the bottom) folders, each once, folders' sorted by name.
 
+    In folders, CSV files without skeleton.json are taken for something else.
+
     Raises:
         InputError: a path does not exist, or a folder holds no motion.
     """
     found: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
-            inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
+            inside = sorted(file for file in path.rglob("*") if _is_motion(file))
             if not inside:
                 raise InputError(f"{path} holds no motion: no .bvh, and no .csv with skeleton.json")
             found.update(dict.fromkeys(inside))
@@ -31,6 +33,10 @@ def motion_files(paths: Iterable[Path]) -> list[Path]:
         else:
             raise InputError(f"{path} does not exist")
     return list(found)
+
+
+def _is_motion(file: Path) -> bool:
+    return file.suffix.lower() in SUFFIXES and (file.suffix.lower() != ".csv" or file.with_name("skeleton.json").exists())
 
 
 def load_motions(paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = 30.0) -> list[Motion]:

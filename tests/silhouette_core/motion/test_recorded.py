@@ -209,6 +209,7 @@ def test_files_and_folders(bvh, tmp_path):
     model = waving().model
     (tmp_path / "deeper").mkdir()
     write_bvh(waving(9, fps=60), tmp_path / "deeper" / "other.BVH")
+    (tmp_path / "joints.csv").write_text("frame,joint\n")  # not motion, since no skeleton.json is beside it
     motions = load_motions([tmp_path, bvh], model, target_fps=30)
     assert [(len(motion), motion.fps) for motion in motions] == [(5, 30), (6, pytest.approx(25))]
     with pytest.raises(InputError, match="nowhere does not exist"):
