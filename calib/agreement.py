@@ -152,8 +152,8 @@ def agreement(
 
 
 def picture_scale(tracks: Sequence[Track]) -> float:
-    """Returns how many px of these cameras' pictures one of a picture of 480 x 360 is."""
-    return float(np.mean([np.hypot(*track.camera.size) for track in tracks])) / _USUAL_DIAGONAL_PX
+    """Returns how many px of these cameras' pictures one of a picture of 480 x 360 is; at least one, for edges are pixels."""
+    return max(1.0, float(np.mean([np.hypot(*track.camera.size) for track in tracks])) / _USUAL_DIAGONAL_PX)
 
 
 def _culprits(errors: PairErrors, names: Sequence[str], tolerance: Tolerance, scale: float) -> tuple[str, ...]:

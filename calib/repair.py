@@ -26,7 +26,7 @@ Kind = Literal["swapped", "out of step", "turned", "moved", "scaled", "moved and
 _SIMPLER = 1.4  # a simpler explanation wins if its error is at most this times the best one's
 _HELPS = 0.5  # an explanation has to bring the error below this share
 _GOOD = 2.5  # and below this many times what the others reach
-_NEAR = 1.5  # of that: nothing better is looked for
+_NEAR, _PERFECT = 1.5, 1.2  # of that: nothing better is looked for
 _STRETCHED = 0.04
 _SHIFTED = 0.01  # of the picture's longer side
 _LEAST_SOFT_PX = 0.5
@@ -146,7 +146,9 @@ def _one(scene: Scene, most_late_s: float, only: Sequence[Kind] | None) -> Repai
             made = _TRIES[kind](scene, most_late_s)
             if made is not None:
                 tries.append(made)
-        if tries and tries[-1].after_px <= min(_NEAR * scene.level_px, _HELPS * before):
+        # Whether a camera was moved or only turned, or its picture scaled, are near each other; whether it is late is not.
+        near = _NEAR if kind == "out of step" else _PERFECT
+        if tries and tries[-1].after_px <= min(near * scene.level_px, _HELPS * before):
             return tries[-1]
     best = min((one.after_px for one in tries), default=np.inf)
     for one in tries:

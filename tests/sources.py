@@ -1,6 +1,6 @@
 """Small sources of frames for tests: grey pictures of any rig, in memory or in a folder."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,6 +79,42 @@ def write_staged(folder: Path, motion: Motion, rig: Rig) -> Path:
             parts, _ = render_parts(seen, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)
             writer.write(np.where(parts[..., None] > 0, np.array([90, 160, 230], np.uint8), room))
         writer.release()
+    return folder
+
+
+_BALLS = ((0, 0, 1.6, 0.13), (0, 0, 1.3, 0.17), (0, 0, 1.0, 0.16), (0.35, 0.1, 1.2, 0.07), (-0.3, -0.1, 0.95, 0.07))
+_FEET = ((0.12, 0.25, 0.1, 0.09), (-0.12, -0.2, 0.1, 0.09), (0.12, 0.1, 0.5, 0.09), (-0.12, -0.1, 0.5, 0.09))
+
+
+def figure_masks(camera: Camera, moments: Iterable[float]) -> list[np.ndarray]:
+    """Silhouettes of a figure of balls that walks, turns and nods; a moment is a frame, or between two."""
+    masks = []
+    for moment in moments:
+        mask = np.zeros(camera.size[::-1], np.uint8)
+        turn, swing = 0.12 * moment, np.sin(0.45 * moment)
+        for x, y, z, radius in (*_BALLS, *_FEET):
+            y = y * (swing if z < 0.8 else 1.0)
+            place = np.array(
+                [[np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y + 0.03 * moment - 0.4, z * (1 + 0.05 * swing)]]
+            )
+            (pixel,), (depth,) = camera.project(place)
+            # Sixteenths of a pixel, or whole frames would look alike.
+            middle = tuple(int(v) for v in np.round(pixel * 16))
+            cv2.circle(mask, middle, int(16 * camera.matrix[0, 0] * radius / depth), 255, cv2.FILLED, cv2.LINE_8, 4)
+        masks.append(mask)
+    return masks
+
+
+def write_figure(folder: Path, rig: Rig, films: dict[str, list[np.ndarray]], fps: float = 25.0) -> Path:
+    """Writes silhouettes as a recording of black and white videos, each with a black background still."""
+    write_rig(rig, folder / "calibration.toml")
+    (folder / "background").mkdir()
+    for name, film in films.items():
+        writer = cv2.VideoWriter(str(folder / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, film[0].shape[::-1])
+        for mask in film:
+            writer.write(cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR))
+        writer.release()
+        cv2.imwrite(str(folder / "background" / f"{name}.png"), np.zeros_like(film[0]))
     return folder
 
 

@@ -17,7 +17,7 @@ CHAINS = (
 LIMBS = np.array([(1 - t) * np.array(a) + t * np.array(b) for chain in CHAINS for a, b in pairwise(chain) for t in np.linspace(0, 1, 6)])
 
 
-def figure(step: int) -> np.ndarray:
+def figure(step: float) -> np.ndarray:
     """Returns spheres (N, 4), centre and radius in m, of a figure that walks and turns."""
     angle = 0.12 * step
     swing = np.where(LIMBS[:, 2] < 0.8, 0.3, 0.2) * np.sin(0.5 * step) * np.sign(LIMBS[:, 0])
@@ -50,12 +50,15 @@ def stage(count: int = 4) -> Rig:
     return Rig(tuple(cameras))
 
 
-def filmed(rig: Rig, count: int) -> dict[str, list[np.ndarray]]:
-    """Returns silhouettes of every frame by camera."""
+def filmed(
+    rig: Rig, count: int, begin: dict[str, float] | None = None, pace: dict[str, float] | None = None
+) -> dict[str, list[np.ndarray]]:
+    """Returns silhouettes of every frame by camera, which may begin later than at step 0 and take more than a step per frame."""
     film = {}
     for camera in rig:
         width, height = camera.size
         x, y = np.meshgrid(np.arange(width), np.arange(height))
         rays = camera.rays(np.column_stack([x.ravel(), y.ravel()]))[1].reshape(height, width, 3)
-        film[camera.name] = [mask(camera, rays, figure(step)) for step in range(count)]
+        first, step = (begin or {}).get(camera.name, 0.0), (pace or {}).get(camera.name, 1.0)
+        film[camera.name] = [mask(camera, rays, figure(first + step * frame)) for frame in range(int(count / step))]
     return film

@@ -1,0 +1,89 @@
+"""Cameras whose clocks differ."""
+
+import numpy as np
+import pytest
+from silhouettes import filmed, stage
+
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.extrinsics import apart
+from calib.synchronise import period_s, speeds, synchronise
+from calib.tangency import Track
+
+FPS = 20.0
+BEGIN = {"cam_0": 2.0, "cam_1": 0.0, "cam_2": 6.25, "cam_3": 3.5}
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return stage(4)
+
+
+def tracks(rig: Rig, count: int, begin=None, pace=None) -> list[Track]:
+    film = filmed(rig, count, begin, pace)
+    return [
+        Track.from_masks(camera, np.arange(len(film[camera.name])) * (pace or {}).get(camera.name, 1.0) / FPS, film[camera.name])
+        for camera in rig
+    ]
+
+
+@pytest.fixture(scope="module")
+def shifted(rig) -> list[Track]:
+    return tracks(rig, 36, BEGIN)
+
+
+def wanted(reference: str) -> np.ndarray:
+    """A camera that began later shows later moments: it is early."""
+    return np.array([BEGIN[reference] - begin for begin in BEGIN.values()])
+
+
+@pytest.mark.parametrize("reference", ["cam_0", "cam_2"])
+def test_whole_and_fractional_offsets_are_found(shifted, reference):
+    found = synchronise(shifted, 0.6, reference)
+    assert found.reference == reference
+    np.testing.assert_allclose([line.frames for line in found.offsets], wanted(reference), atol=0.1)
+    assert found.agreed
+    assert found.after_px < 0.35 < 1.0 < found.before_px
+    assert all(line.error_s * FPS < 0.1 for line in found.offsets)
+    assert [line.late_s for line in found.offsets if line.camera == reference] == [0.0]
+
+
+def test_cameras_in_step_are_left_so(rig):
+    found = synchronise(tracks(rig, 30), 0.5)
+    np.testing.assert_allclose([line.frames for line in found.offsets], 0, atol=0.06)
+
+
+def test_a_camera_of_half_the_rate(rig):
+    found = synchronise(tracks(rig, 40, BEGIN, {"cam_1": 2.0}), 0.6)
+    late = np.array([line.late_s for line in found.offsets]) * FPS
+    np.testing.assert_allclose(late, wanted("cam_0"), atol=0.12)
+    assert found.offsets[1].frames == pytest.approx(late[1] / 2)
+
+
+def test_a_wrong_calibration_is_noticed(rig, shifted):
+    turned = rig.select(["cam_2", "cam_3", "cam_0", "cam_1"])
+    mixed = [track.with_camera(camera) for track, camera in zip(shifted, turned, strict=True)]
+    assert apart(mixed[0].camera, shifted[0].camera)[0] > 1000
+    found = synchronise(mixed, 0.6)
+    assert not found.agreed
+    assert all(np.isnan(line.error_s) for line in found.offsets)
+
+
+def test_what_cannot_be_synchronised_is_refused(rig, shifted):
+    with pytest.raises(InputError, match="one camera alone"):
+        synchronise(shifted[:1], 0.5)
+    with pytest.raises(InputError, match="no camera cam_9"):
+        synchronise(shifted, 0.5, "cam_9")
+    still = [Track(track.camera, track.time_s, track.outlines[:1] * len(track.outlines)) for track in shifted]
+    with pytest.raises(InputError, match="nobody moves in cam_0"):
+        synchronise(still, 0.5)
+    nobody = Track(shifted[0].camera, shifted[0].time_s, (None,) * len(shifted[0].outlines))
+    with pytest.raises(InputError, match="cam_0 sees nobody"):
+        synchronise([nobody, *shifted[1:]], 0.5)
+
+
+def test_speeds_are_of_the_outline(shifted):
+    assert period_s(shifted[0]) == pytest.approx(1 / FPS)
+    found = speeds(shifted[0])
+    assert found.shape == (36, 3)
+    assert 0.05 < np.nanmedian(found[:, 0]) < 3

@@ -1,0 +1,137 @@
+"""`voxelpose calibrate check` on recordings that are whole and on broken ones."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.extrinsics import apart
+from calib.files import read_rig, write_rig
+from calib.rotation import matrix_from_rodrigues
+from tests.sources import figure_masks, ring, write_figure
+from voxelpose.calibration.check import CheckSettings, check_recording, exchanged, spread_moments
+from voxelpose.cli import run
+from voxelpose.recording import Recording
+
+FRAMES = 40
+FPS = 25.0
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    # On two heights, or four cameras on one circle would hardly see each other's roll.
+    return Rig(tuple(_raised(camera, 0.5 * (index % 2)) for index, camera in enumerate(ring(4, (320, 240)))))
+
+
+def _raised(camera, metres):
+    return replace(camera, translation=camera.translation - camera.rotation @ np.array([0, 0, metres]))
+
+
+@pytest.fixture(scope="module")
+def films(rig):
+    return {camera.name: figure_masks(camera, range(FRAMES)) for camera in rig}
+
+
+def turned(rig: Rig, name: str, degrees: float) -> Rig:
+    turn = matrix_from_rodrigues(np.radians(degrees) * np.array([0.8, 0.6, 0]))
+    return Rig(tuple(replace(c, rotation=turn @ c.rotation, translation=turn @ c.translation) if c.name == name else c for c in rig))
+
+
+def checked(capsys, *words: str) -> tuple[int, str]:
+    code = run(["calibrate", "check", *words])
+    return code, capsys.readouterr().out
+
+
+def test_a_whole_recording_agrees(tmp_path: Path, rig, films, capsys):
+    folder = write_figure(tmp_path, rig, films)
+    code, said = checked(capsys, str(folder), "--png", str(tmp_path / "check.png"))
+    assert code == 0
+    assert "all 4 cameras agree" in said
+    picture = cv2.imread(str(tmp_path / "check.png"))
+    assert picture.shape[0] > 300
+    assert picture.shape[1] > 600
+
+
+def test_a_bumped_camera_is_named_and_repaired(tmp_path: Path, rig, films, capsys):
+    folder = write_figure(tmp_path, turned(rig, "cam_3", 2), films)
+    out = tmp_path / "repaired"
+    code, said = checked(capsys, str(folder), "--repair", str(out))
+    assert code == 1
+    assert "cam_3 was turned by about 2." in said or "cam_3 was turned by about 1.9" in said
+    assert "calibrate it again, or run with --repair" in said
+    assert "with that put right: all 4 cameras agree" in said
+    assert sorted(path.name for path in out.iterdir()) == ["calibration.toml"]
+    assert apart(read_rig(out / "calibration.toml")["cam_3"], rig["cam_3"])[1] < 0.4
+    (folder / "calibration.toml").write_bytes((out / "calibration.toml").read_bytes())
+    assert checked(capsys, str(folder))[0] == 0
+
+
+def test_a_late_camera_is_named_and_put_in_step(tmp_path: Path, rig, films, capsys):
+    late = [films["cam_2"][max(0, frame - 4)] for frame in range(FRAMES)]
+    folder = write_figure(tmp_path, rig, films | {"cam_2": late})
+    code, said = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
+    assert code == 1
+    assert "cam_2 is out of step" in said
+    assert "late" in said
+    (folder / "timestamps.csv").write_bytes((tmp_path / "repaired" / "timestamps.csv").read_bytes())
+    recording = Recording.open(folder)
+    assert recording.frame_count == FRAMES - 4
+    assert checked(capsys, str(folder))[0] == 0
+
+
+def test_swapped_cameras_are_told_and_their_calibrations_exchanged(tmp_path: Path, rig, films, capsys):
+    folder = write_figure(tmp_path, rig, films | {"cam_1": films["cam_4"], "cam_4": films["cam_1"]})
+    code, said = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
+    assert code == 1
+    assert "the videos of cam_1 and cam_4 are swapped" in said
+    repaired = read_rig(tmp_path / "repaired" / "calibration.toml")
+    assert repaired.names == rig.names
+    np.testing.assert_allclose(repaired["cam_1"].center_m, rig["cam_4"].center_m, atol=1e-6)
+
+
+def test_two_cameras_and_no_background_say_what_cannot_be_known(tmp_path: Path, rig, films, capsys):
+    folder = write_figure(tmp_path, rig, films)
+    code, said = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
+    assert code == 0
+    assert "not which one; a third tells" in said
+    for still in (folder / "background").iterdir():
+        still.unlink()
+    assert "no empty view of cam_1, cam_2" in checked(capsys, str(folder), "--cameras", "cam_1,cam_2")[1]
+    write_rig(turned(rig, "cam_1", 4), folder / "calibration.toml")
+    code, said = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
+    assert code == 1
+    assert "only a third could tell" in said
+
+
+def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
+    folder = write_figure(tmp_path, rig, {name: film[:6] for name, film in films.items()})
+    for words, message in (
+        (["--cameras", "cam_1"], "has one camera"),
+        (["--moments", "2"], "2 moments are too few"),
+        (["--most-late", "-1"], "-1 frames out of step"),
+        (["--repair", str(folder)], "exists"),
+        (["--png", str(folder / "calibration.toml")], "exists"),
+    ):
+        assert run(["calibrate", "check", str(folder), *words]) == 2
+        assert message in capsys.readouterr().err
+    with pytest.raises(InputError, match="never sees somebody"):
+        black = [np.zeros_like(film[0]) for film in films.values()][:1] * 6
+        (tmp_path / "dark").mkdir()
+        check_recording(Recording.open(write_figure(tmp_path / "dark", rig, dict.fromkeys(films, black))), CheckSettings())
+
+
+def test_the_parts_do_what_they_say(rig):
+    np.testing.assert_array_equal(spread_moments(101, 3), [4, 50, 96])
+    assert len(spread_moments(5, 12)) <= 5
+    other = exchanged(rig, "cam_1", "cam_3")
+    assert other.names == rig.names
+    assert other["cam_1"].center_m.tolist() == rig["cam_3"].center_m.tolist()
+
+
+@pytest.mark.slow
+def test_walk4s_videos_agree(shared: Path, capsys):
+    assert checked(capsys, str(shared / "data" / "walk4"))[0] == 0

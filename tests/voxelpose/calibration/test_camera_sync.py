@@ -1,0 +1,63 @@
+"""`voxelpose calibrate sync`: cameras that were started by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from tests.sources import figure_masks, ring, write_figure
+from voxelpose.cli import run
+from voxelpose.recording import Recording
+
+BEGIN = {"cam_1": 3.0, "cam_2": 0.0, "cam_3": 5.5}
+FPS = 25.0
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return ring(3, (320, 240))
+
+
+def film(rig: Rig, begin: dict[str, float], count: int = 40) -> dict[str, list[np.ndarray]]:
+    return {camera.name: figure_masks(camera, begin[camera.name] + np.arange(count)) for camera in rig}
+
+
+def test_offsets_are_found_written_and_used(tmp_path: Path, rig, capsys):
+    folder = write_figure(tmp_path, rig, film(rig, BEGIN))
+    assert run(["calibrate", "check", str(folder)]) == 1
+    capsys.readouterr()
+    assert run(["calibrate", "sync", str(folder), "--most", "0.6", "--reference", "cam_2", "--out", str(folder / "timestamps.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "its clock counts" in said
+    rows = [line.split(",") for line in (folder / "timestamps.csv").read_text().splitlines()]
+    assert rows[0] == ["cam_id", "frame_time"]
+    first = {name: next(float(time) for camera, time in rows[1:] if camera == name) for name in rig.names}
+    np.testing.assert_allclose([first[name] * FPS for name in rig.names], list(BEGIN.values()), atol=0.15)
+    recording = Recording.open(folder)
+    assert 30 <= recording.frame_count <= 35
+    assert run(["calibrate", "check", str(folder)]) == 0
+
+
+def test_a_recording_in_step_has_no_offsets(tmp_path: Path, rig, capsys):
+    folder = write_figure(tmp_path, rig, film(rig, dict.fromkeys(rig.names, 0.0), 30))
+    assert run(["calibrate", "sync", str(folder), "--most", "0.4"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    late = [float(line[2]) for line in lines if line and line[0] in ("cam_2", "cam_3")]
+    np.testing.assert_allclose(late, 0, atol=0.1)
+
+
+def test_what_cannot_be_synchronised_is_refused(tmp_path: Path, rig, capsys):
+    still = {camera.name: figure_masks(camera, [7.0] * 20) for camera in rig}
+    folder = write_figure(tmp_path, rig, still)
+    (folder / "old.csv").write_text("")
+    for words, message in (
+        ([], "nobody moves in cam_1"),
+        (["--cameras", "cam_1"], "has one camera"),
+        (["--out", str(folder / "old.csv")], "exists"),
+        (["--most", "-1"], "at most -1 s"),
+        (["--seconds", "0"], "0 s of a recording"),
+        (["--rates", "cam_1:30"], "--rates cam_1:30 is not understood"),
+    ):
+        assert run(["calibrate", "sync", str(folder), *words]) == 2
+        assert message in capsys.readouterr().err
