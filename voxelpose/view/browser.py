@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import time
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +60,8 @@ class Browser:
         self._wake = threading.Event()
         self._wake.set()
         self._played_s = 0.0
-        self.server = viser.ViserServer(address.host, address.port, label="voxelpose", verbose=False)
+        with redirect_stdout(io.StringIO()):  # viser would print a banner
+            self.server = viser.ViserServer(address.host, address.port, label="voxelpose", verbose=False)
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
         self._stage = Stage(self.server.scene, exhibit.voxel_size_m, None if exhibit.motion is None else exhibit.motion.model)
@@ -105,7 +108,8 @@ class Browser:
 
     def close(self) -> None:
         """Stops the server."""
-        self.server.stop()
+        with redirect_stdout(io.StringIO()):
+            self.server.stop()
         self.exhibit.close()
 
     def _wish(self, **changes: object) -> None:

@@ -61,6 +61,21 @@ def test_the_page(served, tmp_path):
     assert np.count_nonzero(turquoise) > 50  # the movable area is on the stage
 
 
+def test_a_recording_alone_is_served_and_plays(desk, capsys):
+    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+    first, second = (Browser(Exhibit("walk", voxel_size_m=0.05), Address(port=8395), frame=1) for _ in range(2))
+    assert first.url == "http://localhost:8395" and second.url != first.url  # the next free port
+    assert first.step(1.0) and "**Frame 1**" in first._status.content
+    assert not first.step(0.01)  # nothing new is wanted
+    first._play.value = True
+    for _ in range(6):
+        first.step(0.1)
+    assert first.choice.row != 1 and int(first._slider.value) == first.choice.row
+    first.close()
+    second.close()
+    assert capsys.readouterr().out == ""
+
+
 def test_wishes_are_drawn_once(served):
     """Without any browser: what the panel asks for arrives at the scene."""
     served._wish(row=1, hull=False)
