@@ -130,11 +130,13 @@ class Estimate:
         motion: the poses.
         stage_s: stage -> (n,) float64 seconds, one value per frame (or a single one for a stage that runs once).
         facts: what else is worth keeping in summary.json (numbers, words, lists of them): the estimated stature, the voxel size, ...
+        hypotheses: other poses that the frames allow: (frame number, probabilities (n,), joints (n, 15, 3) world m) each, likeliest first.
     """
 
     motion: Motion
     stage_s: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     facts: Mapping[str, object] = field(default_factory=dict)
+    hypotheses: Iterable[tuple[int, NDArray, NDArray]] | None = None
 
 
 class Clock:

@@ -19,6 +19,7 @@ from silhouette_core.motion.files import write_motion
 from silhouette_core.motion.motion import Motion
 from voxelpose import __version__
 from voxelpose.export.bvh import write_bvh
+from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
 from voxelpose.export.joints import write_joints
 from voxelpose.recording import Recording
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
@@ -72,6 +73,8 @@ def fit(
         write_joints(motion, folder / "joints.csv")
         write_bvh(motion, folder / "motion.bvh")
         write_motion(motion, folder / MOTION)
+        if estimate.hypotheses is not None:
+            write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
         write_rig(recording.rig, folder / CALIBRATION)
         (folder / SETTINGS).write_text(_settings_toml(recording, output, settings, estimator), encoding="utf-8")
         pictures_s = time.perf_counter()

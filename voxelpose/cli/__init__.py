@@ -15,6 +15,7 @@ COMMANDS = {
     "demo": "make a small recording, fit it and score it: a first result without any data",
     "fit": "fit a body to every frame of a recording and write its motion",
     "calibrate": "print boards, calibrate lenses and places of cameras, convert and check calibrations",
+    "track": "follow one person in the pictures of one camera and write the motion",
     "carve": "carve one frame of a recording: its visual hull as a PLY file",
     "library": "make or describe a pose library, from which one camera's motion is estimated",
     "view": "show a result in the browser: cameras, voxels and body over time; or as a window, picture or video",

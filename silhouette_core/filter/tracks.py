@@ -1,0 +1,235 @@
+"""Several refined poses per frame, each with the likeliest past that leads to it.
+
+A library's poses are coarse, and a silhouette seen from one side allows many of them: only after the refinement can it be told which
+fits. So the likeliest different samples of the posterior are refined, beside what the poses of the frame before go on to, and Viterbi's
+recursion runs over the refined poses. What goes on from frame to frame needs no library: the body can be followed into poses that were
+never recorded. Beyond paper A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera, Rig
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.filter.forward import Belief, candidates_of
+from silhouette_core.filter.limbs import SignedPicture
+from silhouette_core.filter.path import Candidates, Restlessness, transition_cost, turned
+from silhouette_core.filter.tree_filter import TreeFilter
+from silhouette_core.filter.window import look_at
+from silhouette_core.fitting.observation import Observation, PinholeViews
+from silhouette_core.fitting.pose import RESTLESS_RAD, Pose
+from silhouette_core.fitting.refinement import PosePrior, RefineSettings, refine
+from silhouette_core.fitting.surface import Surface
+from silhouette_core.image.distance import Weighting
+from silhouette_core.library.pictures import STATURE_PX
+from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.turning import split_heading
+
+_FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
+_GOING_ON = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
+_POINTS = 500
+_MOMENTUM = 0.8
+_FACING = 10.0  # nats against standing in profile in the first frame
+_ANKLES = [LANDMARK_NAMES.index(name) for name in ("left_ankle", "right_ankle")]
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How many poses are followed, and how they are judged.
+
+    Attributes:
+        refine: False leaves the library's poses as they are.
+        weighting: of the silhouette distance.
+        facing: in the first frame the person mostly faces the camera.
+        likely: samples of the posterior that are tried, likeliest first, each unlike the others.
+        fitting: likewise of the leaves whose silhouettes fit best, whatever was expected.
+        going_on: poses of the frame before that are carried on.
+        kept: poses kept per frame.
+        sigma: standard deviation of a refined pose's silhouette distance, relative to the silhouette's weight.
+        unlike_m: mean distance of the joints to the nearest recorded pose at which a pose costs half a nat; a depth that no recording
+            shows is unlikely, though the silhouette allows it.
+        slip_m: how far the steadier foot moves within 1/30 s, at half a nat; whoever walks stands on one of the feet.
+    """
+
+    refine: bool = True
+    weighting: Weighting = "balanced"
+    facing: bool = True
+    likely: int = 5
+    fitting: int = 3
+    going_on: int = 4
+    kept: int = 10
+    sigma: float = 0.06
+    unlike_m: float = 0.06
+    slip_m: float = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """One frame's poses, K of them.
+
+    Attributes:
+        poses: the poses.
+        joints: (K, 15, 3) float64, their joints, world, m.
+        distance: (K,) silhouette distances.
+        cost: (K,) float64, of the best past through each, in nats.
+        back: (K,) int64, the pose of the frame before in that past; -1 at a start.
+        time_s: of the frame.
+    """
+
+    poses: list[Pose]
+    joints: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    back: NDArray[np.int64]
+    time_s: float
+
+
+class Tracks:
+    """Follows several poses at once.
+
+    Args:
+        tree: the filter.
+        camera: without distortion.
+        settings: see TrackSettings.
+    """
+
+    def __init__(self, tree: TreeFilter, camera: Camera, settings: TrackSettings):
+        """Prepares the body's surface."""
+        self.tree, self.camera, self.settings = tree, camera, settings
+        self.model = tree.library.model
+        self.views = PinholeViews.of(Rig((camera,)))
+        self.surface = Surface(self.model, _POINTS)
+        library = tree.library
+        count = len(library.base_angles)
+        recorded = forward(self.model, np.zeros((count, 3)), library.base_quaternion.astype(float), library.base_angles.astype(float))
+        joints = landmarks(self.model, *recorded)
+        self._recorded = joints - joints[:, :1]
+        self.rest = Restlessness(RESTLESS_RAD, turn_rad=0.12, place_m=0.05, grain_rad=np.radians(3.0), jump=30.0)
+        dofs = self.model.dof_count
+        self._library_spread = np.concatenate([[0.06] * 3, [0.15] * 3, np.full(dofs, 0.20)])
+        self._onward_spread = np.concatenate([[0.05] * 3, [0.12] * 3, RESTLESS_RAD])
+
+    def step(self, belief: Belief, last: States | None, before_last: States | None) -> States:
+        """Finds a frame's poses.
+
+        Args:
+            belief: the frame's posterior.
+            last: the poses of the frame before, before_last: of the one before that.
+        """
+        distance_m = belief.distance_m
+        window = look_at(self.camera, belief.person.mask, distance_m, STATURE_PX / self.model.sizes.stature_m)
+        picture = SignedPicture.of(window, self.settings.weighting)
+        seeds = self._seeds(belief)
+        if self.settings.refine:
+            seen = Observation.of(self.views, [belief.person.mask], distance_m)
+            poses = [self._refined(seen, pose, self._library_spread, _FROM_LIBRARY) for pose in seeds]
+            if last is not None:
+                spread = self._onward_spread * max((belief.time_s - last.time_s) * 30.0, 0.5)
+                poses += [self._refined(seen, pose, spread, _GOING_ON) for pose in self._onward(last, before_last)]
+        else:
+            poses = seeds
+        distance = np.array([picture.distance(self.model, pose) for pose in poses])
+        joints = np.concatenate([_joints(self.model, pose) for pose in poses])
+        cost = 0.5 * (distance / self.settings.sigma) ** 2 + self._unlike(poses, joints)
+        if last is None:
+            back = np.full(len(poses), -1)
+            cost = cost + self._start_cost(belief, poses)
+        else:
+            total = last.cost[:, None] + transition_cost(_packed(last.poses, last.time_s), _packed(poses, belief.time_s), self.rest)
+            total += self._slip(last, joints, belief.time_s)
+            back = total.argmin(0)
+            cost = cost + total.min(0)
+        return self._best(States(poses, joints, distance, cost - cost.min(), back, belief.time_s))
+
+    def _seeds(self, belief: Belief) -> list[Pose]:
+        """Takes samples unlike each other, of the posterior and of the best leaves."""
+        posterior, settings = belief.posterior, self.settings
+        by_fit = np.argsort(posterior.distance, kind="stable")[:150]
+        rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), 150)), by_fit]))
+        found = candidates_of(self.tree, belief, rows)
+        joints = landmarks(self.model, *forward(self.model, found.root_m, quaternions(found.root_rotation), found.angles_rad))
+        chosen: list[int] = []
+        for order, count in ((np.argsort(rows), settings.likely), (np.argsort(posterior.distance[rows], kind="stable"), settings.fitting)):
+            taken = 0
+            for k in order:
+                if taken == count:
+                    break
+                if all(np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > 0.08 for other in chosen):
+                    chosen.append(int(k))
+                    taken += 1
+        return [Pose(found.root_m[k], found.root_rotation[k], found.angles_rad[k]) for k in chosen]
+
+    def _onward(self, last: States, before_last: States | None) -> list[Pose]:
+        poses = []
+        for k in np.argsort(last.cost, kind="stable")[: self.settings.going_on]:
+            pose = last.poses[k]
+            if before_last is not None and last.back[k] >= 0:
+                pose = pose.moved(_MOMENTUM * pose.minus(before_last.poses[last.back[k]])).clipped()
+            poses.append(pose)
+        return poses
+
+    def _refined(self, seen: Observation, pose: Pose, spread: NDArray[np.float64], settings: RefineSettings) -> Pose:
+        return refine(self.surface, seen, pose, PosePrior(pose, spread), settings).pose
+
+    def _unlike(self, poses: list[Pose], joints: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What it costs poses (K,) to be unlike all that was recorded, headings aside."""
+        headless = [_without_heading(pose.root_rotation) for pose in poses]
+        seen = np.stack([(own - own[0]) @ turn for own, turn in zip(joints, headless, strict=True)])
+        nearest = np.array([np.linalg.norm(self._recorded - own, axis=-1).mean(1).min() for own in seen])
+        return 0.5 * np.minimum(nearest / self.settings.unlike_m, 4.0) ** 2
+
+    def _slip(self, last: States, joints: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
+        """What it costs (K, K') that both feet move at once."""
+        pace = max((time_s - last.time_s) * 30.0, 0.5)
+        moved = np.linalg.norm(last.joints[:, None, _ANKLES] - joints[None, :, _ANKLES], axis=-1).min(-1)
+        return 0.5 * np.minimum(moved / (self.settings.slip_m * pace), 3.0) ** 2
+
+    def _start_cost(self, belief: Belief, poses: list[Pose]) -> NDArray[np.float64]:
+        """The initial prior of the refined poses: that of the filter, by the heading."""
+        toward = -belief.windows[0].world_from_virtual[:, 2]
+        facing = np.array([-pose.root_rotation[:, 1] @ toward for pose in poses])
+        return _FACING * (1 - facing) if self.settings.facing else np.zeros(len(poses))
+
+    def _best(self, states: States) -> States:
+        """Keeps the best poses, of those alike only one."""
+        joints = states.joints
+        chosen: list[int] = []
+        for k in np.argsort(states.cost, kind="stable"):
+            if len(chosen) == self.settings.kept:
+                break
+            if all(np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > 0.015 for other in chosen):
+                chosen.append(int(k))
+        return States(
+            [states.poses[k] for k in chosen], joints[chosen], states.distance[chosen], states.cost[chosen], states.back[chosen],
+            states.time_s,
+        )  # fmt: skip
+
+
+def best_course(states: list[States], last: int | None = None) -> list[int]:
+    """Follows the best past back from the last frame's best pose (or from pose `last`); returns the pose taken in every frame."""
+    taken = [int(states[-1].cost.argmin()) if last is None else last]
+    for frame in states[:0:-1]:
+        taken.append(int(frame.back[taken[-1]]))
+    return taken[::-1]
+
+
+def _without_heading(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the turn (3, 3) about the vertical that an orientation holds, as `split_heading` finds it."""
+    heading, _ = split_heading(quaternions(rotation[None]))
+    return turned(heading)[0]
+
+
+def _packed(poses: list[Pose], time_s: float) -> Candidates:
+    return Candidates(
+        np.stack([pose.root_m for pose in poses]), np.stack([pose.root_rotation for pose in poses]),
+        np.stack([pose.angles_rad for pose in poses]), np.zeros((len(poses), len(poses[0].angles_rad)), bool), np.zeros(len(poses)), time_s,
+    )  # fmt: skip
+
+
+def _joints(model: BodyModel, pose: Pose) -> NDArray[np.float64]:
+    return landmarks(model, *forward(model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]))
