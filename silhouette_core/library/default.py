@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from silhouette_core.library.library import LibrarySettings, PoseLibrary
 from silhouette_core.library.make import make_library
 from silhouette_core.library.store import VERSION, read_library
 
-SETTINGS = LibrarySettings(poses=24_000)
+# Thresholds as `silhouette_core.library.thresholds` chose them once for this set of motions, which saves a quarter of the time.
+SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
 
 
 def default_library(sizes: BodySizes, reporter: Reporter | None = None, folder: Path | None = None) -> PoseLibrary:
@@ -47,7 +49,7 @@ def default_library(sizes: BodySizes, reporter: Reporter | None = None, folder: 
     except OSError as error:
         raise InputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
     reporter.note(
-        "first use with this body: a pose library is made from the program's own motions and kept (about two minutes, once); "
+        "first use with this body: a pose library is made from the program's own motions and kept (about a minute, once); "
         "voxelpose library build makes one from recorded motion"
     )
     from silhouette_core.motion.repertoire import repertoire
@@ -63,4 +65,5 @@ def _name(body: BodySizes) -> str:
     except PackageNotFoundError:
         program = "unknown"
     chest = "usual" if body.chest_girth_m is None else f"{body.chest_girth_m:.2f}"
-    return f"default-{program}-{VERSION}-{body.stature_m:.2f}-{chest}-{body.sex}.vplib"
+    how = hashlib.sha256(repr(SETTINGS).encode()).hexdigest()[:6]
+    return f"default-{program}-{VERSION}-{how}-{body.stature_m:.2f}-{chest}-{body.sex}.vplib"
