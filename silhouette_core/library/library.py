@@ -47,8 +47,8 @@ class LibrarySettings:
 
     Attributes:
         poses: how many samples at most (base poses times views).
-        tolerance_deg: base poses are left out until no two remain whose joint angles all differ by this or less; more where `poses` is
-            exceeded.
+        tolerance_deg: base poses are left out until no two remain whose joint angles all differ by this or less; then, where there are
+            still more than `poses` allows, by where their joints are.
         yaw_step_deg: between the sides from which a pose is seen.
         pitches_deg: how far the camera looks down, one or several.
         mirror: whether every pose's mirror image is added.
