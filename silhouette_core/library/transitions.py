@@ -4,7 +4,7 @@ The motion model is a random walk: the next pose is normally distributed about t
 angle (4), five times as much for joints of parts that the last pose hides (5). Since the source pose decides its own deviations, all
 transitions are known when the library is made. For every sample the nearest others, in its own sigmas, are kept with their squared
 distances; what is farther counts as impossible. The weight of a kept one is exact. What is lost is little: in a library of 60,000
-recorded samples the farthest of the 64 that are kept has, for 95 % of the sources, less than 1e-8 of the weight of staying.
+recorded samples the farthest of the 64 that are kept has, for 95 % of the sources, less than 1e-7 of the weight of staying.
 """
 
 from __future__ import annotations
