@@ -41,7 +41,8 @@ def print_result(result: Result) -> None:
     for pattern, meaning in _FILES:
         if any(result.folder.glob(pattern)):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    console.print(f"to look around: voxelpose view {result.folder}; to read how good it is: voxelpose report {result.folder}", soft_wrap=True)
+    console.print(f"to look around: voxelpose view {result.folder}", soft_wrap=True)
+    console.print(f"to read how good it is: voxelpose report {result.folder}", soft_wrap=True)
 
 
 def print_score(score: Score) -> None:

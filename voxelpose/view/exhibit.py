@@ -162,7 +162,7 @@ class Exhibit:
         self.recording: Recording | None = None
         self.missing = ""
         if self.result is None:
-            self.recording = _open_alone(folder, unit)
+            self.recording = _open_recording(folder, None, None, unit, None)
             self.motion, self.rig, told, guessed = None, self.recording.rig, {}, {}
             self.frames, self.fps = np.arange(self.recording.frame_count), self.recording.fps
         else:
@@ -227,7 +227,7 @@ class Exhibit:
             self.missing = f"the recording {folder} of this result is not there any more: say where with --recording"
             return told
         try:
-            found = Recording.open(folder, (first, stop), list(result.rig.names), unit, result.motion.fps)
+            found = _open_recording(folder, (first, stop), list(result.rig.names), unit, result.motion.fps)
             self.recording = replace(found, rig=result.rig)
         except InputError as error:
             self.missing = f"the recording cannot be read: {error}"
@@ -291,12 +291,17 @@ class Exhibit:
         return {one.limb.name: Area(grid.centres(one.voxels), grid.centres(one.disputed), one.interferes) for one in found}
 
 
-def _open_alone(folder: Path, unit: str | None) -> Recording:
+def _open_recording(
+    folder: Path, frames: tuple[int, int] | None, cameras: list[str] | None, unit: str | None, fps: float | None
+) -> Recording:
+    """Opens a recording at the rate that it tells; if that is none, or not what a fit was told, at the fit's, or at a usual one."""
     try:
-        return Recording.open(folder, unit=unit)
+        found = Recording.open(folder, frames, cameras, unit)
+        if fps is None or abs(found.fps - fps) < 0.01 * fps:
+            return found
     except InputError:
-        # Looking needs no exact rate: pictures that do not tell theirs are shown at a usual one.
-        return Recording.open(folder, unit=unit, fps=_USUAL_FPS)
+        pass  # if it was not the rate, it is raised again below
+    return Recording.open(folder, frames, cameras, unit, fps or _USUAL_FPS)
 
 
 class _Kept(Generic[_T]):

@@ -15,6 +15,7 @@ from voxelpose.view.canvas import FAINT, write_text
 from voxelpose.view.exhibit import Exhibit, Scene
 from voxelpose.view.figure import skeleton_bones
 from voxelpose.view.hull import Skeleton, hull_picture
+from voxelpose.view.overlay import check_video
 
 _MARGIN_M = 0.12  # around the joints: flesh, and what a hull has too much
 _AZIMUTHS_DEG = (-90.0, -30.0, 30.0)
@@ -82,6 +83,7 @@ def write_film(exhibit: Exhibit, path: Path, reporter: Reporter) -> int:
         if writer is None:
             raise InputError("no frame has a hull: look at the silhouettes with `voxelpose carve`")
         writer.release()
+        check_video(beside, count)
         beside.replace(path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from error

@@ -86,13 +86,21 @@ class _Video:
         self.frames += 1
 
     def check(self) -> None:
-        """Reads the number of frames back: OpenCV does not say when writing fails."""
-        capture = cv2.VideoCapture(str(self.path))
-        written = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        capture.release()
-        if written != self.frames:
-            full = shutil.disk_usage(self.path.parent).free < 2**20
-            raise OSError(errno.ENOSPC if full else errno.EIO, f"{written} of {self.frames} frames were written", str(self.path))
+        check_video(self.path, self.frames)
+
+
+def check_video(path: Path, frames: int) -> None:
+    """Reads the number of frames back: OpenCV does not say when writing fails.
+
+    Raises:
+        OSError: there are fewer.
+    """
+    capture = cv2.VideoCapture(str(path))
+    written = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    capture.release()
+    if written != frames:
+        full = path.parent.is_dir() and shutil.disk_usage(path.parent).free < 2**20
+        raise OSError(errno.ENOSPC if full else errno.EIO, f"{written} of {frames} frames were written", str(path))
 
 
 def _mark(image: Image, caption: str, warning: str) -> None:

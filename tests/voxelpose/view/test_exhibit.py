@@ -86,6 +86,18 @@ def test_a_recording_alone(fitted):
     assert scene.body is None and scene.hull.occupancy.any() and not scene.notes and len(exhibit.frames) == FRAMES
 
 
+def test_cameras_stay_in_step_where_timestamps_say_so(fitted):
+    """The second camera's first picture is missing: what it shows must still be of the frame's moment."""
+    lines = ["cam_id,frame_time", *(f"cam_{c},{(t + (c == 2)) / 25:.4f}" for c in range(1, CAMERAS + 1) for t in range(FRAMES))]
+    (fitted / "walk" / "timestamps.csv").write_text("\n".join(lines) + "\n")
+    late = Exhibit("walk", voxel_size_m=0.05)
+    (fitted / "walk" / "timestamps.csv").unlink()
+    whole = Exhibit("walk", voxel_size_m=0.05)
+    assert len(late.frames) == FRAMES - 1
+    np.testing.assert_array_equal(late.shots(1)[0].picture, whole.shots(2)[0].picture)
+    np.testing.assert_array_equal(late.shots(1)[1].picture, whole.shots(1)[1].picture)
+
+
 def test_pictures_of_cameras(fitted):
     shot = Exhibit("out", voxel_size_m=0.04).scene(1).shots[0]
     silhouette, plain = camera_picture(shot, "silhouette"), camera_picture(shot, "picture")
