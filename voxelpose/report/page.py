@@ -130,7 +130,7 @@ def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str,
     cameras = check_cameras(exhibit)
     reporter.stage("charts")
     summary: Any = result.summary
-    found = findings(result)
+    found = findings(result, cameras)
     level, sentence = overall(found)
     angles, quality, parts = _charts(result)
     return {

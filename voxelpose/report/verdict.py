@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from voxelpose.report.cameras import CameraCheck
 from voxelpose.results import Result
 
 Level = Literal["good", "look", "bad"]
@@ -39,9 +40,9 @@ class Finding:
     advice: str = ""
 
 
-def findings(result: Result) -> list[Finding]:
-    """Judges a result by its own numbers; the most important first."""
-    found = [_lost(result), *_confidence(result), *_parts(result)]
+def findings(result: Result, cameras: CameraCheck | None = None) -> list[Finding]:
+    """Judges a result by its own numbers, and by how its cameras agree where that was checked; the most important first."""
+    found = [_lost(result), *_confidence(result), *_parts(result), *_cameras(cameras or CameraCheck())]
     return sorted(found, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
 
@@ -122,5 +123,22 @@ def _parts(result: Result) -> list[Finding]:
             f"Often outside of what the cameras saw: {said}.",
             "Thin parts are lost where one camera's silhouette has a hole: look at it in voxelpose view. Arms held to the trunk are hidden "
             "in it: cameras from other heights help.",
+        )
+    ]
+
+
+def _cameras(check: CameraCheck) -> list[Finding]:
+    if len(check.lines) < 2:
+        return []
+    apart = [line.camera for line in check.lines if line.apart]
+    if not apart:
+        return [Finding("good", "Cameras", f"The body agrees with all {len(check.lines)} cameras alike.")]
+    return [
+        Finding(
+            "look",
+            "Cameras",
+            f"{', '.join(apart)} {'agrees' if len(apart) == 1 else 'agree'} less than the others with the body, or with their outlines.",
+            "It may have been moved, be out of step, or have bad silhouettes: voxelpose calibrate check RECORDING says which, and how to "
+            "repair it. Fit once more without it (--cameras names those to use).",
         )
     ]

@@ -26,6 +26,7 @@ from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.placement import place_grid
 from voxelpose.carving.surface import surface
 from voxelpose.estimator import LONG_SIDE_PX, VOXEL_M
+from voxelpose.export.hypotheses import HYPOTHESES
 from voxelpose.footage import Frame, together
 from voxelpose.matching.matcher import movable_areas
 from voxelpose.matching.quality import assess
@@ -33,7 +34,7 @@ from voxelpose.matching.sequence import Sight, Watcher, body_rule
 from voxelpose.recording import Recording
 from voxelpose.results import Result, is_result
 from voxelpose.view.figure import skeleton_joints
-from voxelpose.view.hypotheses import HYPOTHESES, Hypothesis, read_hypotheses
+from voxelpose.view.hypotheses import Hypothesis, read_hypotheses
 
 _KEPT = 24  # frames whose scenes stay in memory
 _USUAL_FPS = 25.0

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from voxelpose.export.hypotheses import HYPOTHESES as HYPOTHESES
 
 _CHAINS = (
     "pelvis neck head_top",

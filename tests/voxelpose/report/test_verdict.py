@@ -7,6 +7,7 @@ import pytest
 
 from tests.sources import ring
 from tests.takes import waving
+from voxelpose.report.cameras import CameraCheck, CameraLine
 from voxelpose.report.verdict import findings, overall, spoken_stretches, stretches
 from voxelpose.results import Result
 
@@ -42,6 +43,14 @@ def test_what_is_wrong_comes_first_with_what_to_do(tmp_path, change, level, word
     found = findings(result(tmp_path, **change))
     assert found[0].level == level and words in found[0].words and found[0].advice
     assert [finding.level for finding in found[1:]] == ["good", "good"] and overall(found)[0] == level
+
+
+def test_a_camera_apart_is_named(tmp_path):
+    lines = tuple(CameraLine(name, 0.9, 0.05, 0.05, 12, 0.2, name == "cam_2") for name in ("cam_1", "cam_2", "cam_3"))
+    found = findings(result(tmp_path), CameraCheck(lines))
+    assert found[0].level == "look" and found[0].words.startswith("cam_2 agrees less") and "calibrate check" in found[0].advice
+    whole = findings(result(tmp_path), CameraCheck(lines[::2]))
+    assert whole[-1].words == "The body agrees with all 2 cameras alike."
 
 
 def test_many_stretches_are_not_all_named():
