@@ -25,8 +25,8 @@ Kind = Literal["swapped", "out of step", "turned", "moved", "scaled", "moved and
 
 _SIMPLER = 1.4  # a simpler explanation wins if its error is at most this times the best one's
 _HELPS = 0.5  # an explanation has to bring the error below this share
-_GOOD = 2.5  # and below this many times what the others reach
-_NEAR, _PERFECT = 1.5, 1.2  # of that: nothing better is looked for
+_GOOD, _GOOD_PX = 2.0, 0.4  # and below this many times what the others reach, or this in a picture of 480 x 360
+_NEAR, _PERFECT = 1.5, 1.2  # of what the others reach: nothing better is looked for
 _STRETCHED = 0.04
 _SHIFTED = 0.01  # of the picture's longer side
 _LEAST_SOFT_PX = 0.5
@@ -105,7 +105,12 @@ class Scene:
     @property
     def level_px(self) -> float:
         """What can be reached: the others' error, at least that of good silhouettes."""
-        return max(self.others_px, Tolerance().floor_px * picture_scale([self.track]))
+        return max(self.others_px, Tolerance().floor_px * self.scale)
+
+    @property
+    def scale(self) -> float:
+        """See `picture_scale`."""
+        return picture_scale([self.track])
 
     @cached_property
     def known(self) -> int:
@@ -152,13 +157,11 @@ def _one(scene: Scene, most_late_s: float, only: Sequence[Kind] | None) -> Repai
             return tries[-1]
     best = min((one.after_px for one in tries), default=np.inf)
     for one in tries:
-        if one.after_px <= min(_SIMPLER * best, _GOOD * scene.level_px, _HELPS * before):
+        if one.after_px <= min(_SIMPLER * best, max(_GOOD * scene.others_px, _GOOD_PX * scene.scale), _HELPS * before):
             return one
-    outward = float(np.nanmedian(scene.residuals(camera)))
-    reach = "reach beyond" if outward > 0 else "fall short of"
     words = (
         f"{camera.name} does not fit, and no single change of its place, its picture's scale or its time explains it: "
-        f"its silhouettes {reach} the others' by {abs(outward):.0f} px; look at them for shadows, lost limbs and a wrong background first"
+        "look at its silhouettes for shadows, lost limbs and a wrong background first"
     )
     return Repair(camera.name, "unexplained", words, before, before, scene.others_px, camera)
 

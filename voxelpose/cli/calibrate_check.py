@@ -115,7 +115,10 @@ def remedy(check: Check, camera: str) -> str:
     if repair.kind == "out of step":
         return "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`"
     if repair.kind == "scaled":
-        return "record as you calibrated (same resolution, no black bars, no crop), or run with --repair"
+        return (
+            "record as you calibrated (same resolution, no black bars, no crop), or run with --repair; "
+            f"but if {camera}'s picture is whole, heads or feet are missing from its silhouettes: look at --png"
+        )
     if repair.kind == "unexplained":
         return f"look at {camera}'s silhouettes first; if they are good, calibrate it again"
     return "calibrate it again, or run with --repair"
