@@ -249,7 +249,10 @@ def _range(footage: Mapping[str, Footage], frames: tuple[int | None, int | None]
     first, last = start or 0, shortest if stop is None else stop
     if stop is None and len(set(counts.values())) > 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
-        raise InputError(f"videos differ in length ({lengths} frames): if they start together, give --frames {first}:{shortest}")
+        raise InputError(
+            f"videos differ in length ({lengths} frames): if they start together, give --frames {first}:{shortest}; "
+            f"if not, `voxelpose calibrate sync` finds by how much, and writes {NAME}"
+        )
     if not 0 <= first < last <= shortest:
         short = min(counts, key=lambda name: counts[name])
         raise InputError(f"frames {first}:{last} are not in the recording: {footage[short].path} has {shortest} frames (0:{shortest})")
@@ -271,8 +274,8 @@ def _times(folder: Path, footage: Mapping[str, Footage], fps: float | None) -> t
     if max(rates.values()) > min(rates.values()) * (1 + _RATE_TOLERANCE):
         listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
         raise InputError(
-            f"videos differ in rate ({listed} frames per second): convert them to one rate, use the cameras of one rate with --cameras, "
-            "or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
+            f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out {folder / NAME}` puts them in step; "
+            "or use the cameras of one rate with --cameras, or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
         )
     rate = float(np.median(list(rates.values())))
     return rate, np.arange(count) / rate
