@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import viser
 
+from calib.errors import InputError
 from silhouette_core.fitting.limbs import LIMBS, TORSO
 from voxelpose.view.exhibit import Exhibit
 from voxelpose.view.legend import area_words, frame_words, legend_html, spoken
@@ -97,8 +98,12 @@ class Browser:
         if choice == self._drawn:
             return False
         frame = int(self.exhibit.frames[choice.row])
-        scene = self.exhibit.scene(frame)
-        areas = self.exhibit.areas(frame) if choice.part else {}
+        try:
+            scene = self.exhibit.scene(frame)
+            areas = self.exhibit.areas(frame) if choice.part else {}
+        except InputError as error:  # a video that ends too early, say: other frames may do
+            self._status.content, self._drawn = f"**Frame {frame}**\n\n⚠ {error}", choice
+            return True
         with self.server.atomic():
             self._stage.draw(scene, areas, choice)
             self._status.content = frame_words(scene)

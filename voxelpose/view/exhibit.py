@@ -295,14 +295,21 @@ class Exhibit:
 def _open_recording(
     folder: Path, frames: tuple[int, int] | None, cameras: list[str] | None, unit: str | None, fps: float | None
 ) -> Recording:
-    """Opens a recording at the rate that it tells; if that is none, or not what a fit was told, at the fit's, or at a usual one."""
-    try:
-        found = Recording.open(folder, frames, cameras, unit)
-        if fps is None or abs(found.fps - fps) < 0.01 * fps:
-            return found
-    except InputError:
-        pass  # if it was not the rate, it is raised again below
-    return Recording.open(folder, frames, cameras, unit, fps or _USUAL_FPS)
+    """Opens a recording at the rate that it tells; if that is none, or not what a fit was told, at the fit's, or at a usual one.
+
+    A fit (whose rate is given) has its cameras in metres already: the unit of the recording's calibration does not matter there.
+    """
+    failed = None
+    for said in (unit, "m") if unit is None and fps is not None else (unit,):
+        for told in (None, fps or _USUAL_FPS):
+            try:
+                found = Recording.open(folder, frames, cameras, said, told)
+            except InputError as error:
+                failed = error if said == unit else failed
+                continue
+            if told is not None or fps is None or abs(found.fps - fps) < 0.01 * fps:
+                return found
+    raise failed or InputError(f"{folder} cannot be opened")
 
 
 class _Kept(Generic[_T]):

@@ -80,6 +80,14 @@ def test_a_recording_that_is_gone(fitted):
     assert exhibit.areas(1) == {} and camera_picture(scene.shots[0], "both") is None
 
 
+def test_a_fit_knows_its_unit(fitted):
+    calibration = fitted / "walk" / "calibration.toml"
+    calibration.write_text("".join(line for line in calibration.read_text().splitlines(keepends=True) if not line.startswith("unit")))
+    with pytest.raises(InputError, match="in which unit"):
+        Exhibit("walk")
+    assert Exhibit("out").scene(1).hull is not None
+
+
 def test_a_recording_alone(fitted):
     exhibit = Exhibit("walk", voxel_size_m=0.04)
     scene = exhibit.scene(1)
