@@ -59,12 +59,16 @@ class Forward:
         camera: without distortion.
         facing: upright and facing the camera is likelier in the first frame; else all poses are alike.
         weighting: of the silhouette distance.
+        distance_m: where the person stands all the time, as in the paper; None: found, frame by frame.
     """
 
-    def __init__(self, tree: TreeFilter, camera: Camera, facing: bool = True, weighting: Weighting = "balanced"):
+    def __init__(
+        self, tree: TreeFilter, camera: Camera, facing: bool = True, weighting: Weighting = "balanced", distance_m: float | None = None
+    ):
         """Starts without belief."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
+        self._distance_m = distance_m
         self._facing = facing
         self._last: Belief | None = None
         self._usual: list[float] = []
@@ -73,7 +77,9 @@ class Forward:
         """Filters a frame."""
         last, library = self._last, self.tree.library
         fresh = last is None or last.lost or time_s - last.time_s > _GAP_S
-        if last is None or fresh:
+        if self._distance_m is not None:
+            middle, factors = self._distance_m, np.ones(1)
+        elif last is None or fresh:
             middle = upright_distance(self.camera, person.mask, library.model.sizes.stature_m)
             factors = np.exp(np.linspace(-_FIRST_REACH, _FIRST_REACH, _FIRST_COUNT))
             if last is not None:
