@@ -17,6 +17,7 @@ FACE_UP = np.diag([1.0, -1, -1])  # a board on the floor: its z points down
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 _TEXTURE_PX = 40  # per square
+_ROOM = 60  # px beyond the picture's edges, from where a lens may bend into it
 _FINER = 2  # rendered so many times finer, then averaged
 
 
@@ -107,10 +108,14 @@ class Film:
         self.camera, self.board = camera, board
         self.rng = np.random.default_rng(seed)
         width, height = camera.size
-        self.fine = camera.pinhole(_FINER)
+        # Straight lines first, in a picture with room around it, then bent by the lens.
+        straight = camera.pinhole(_FINER)
+        room_px = _ROOM * _FINER
+        shifted = straight.matrix + np.array([[0, 0, room_px], [0, 0, room_px], [0, 0, 0]])
+        self.fine = replace(straight, matrix=shifted, size=(straight.size[0] + 2 * room_px, straight.size[1] + 2 * room_px))
         x, y = np.meshgrid(np.arange(width), np.arange(height))
-        ideal = (camera.undistort(np.column_stack([x.ravel(), y.ravel()])) + 0.5) * _FINER - 0.5
-        self.maps = cv2.resize(ideal.astype(np.float32).reshape(height, width, 2), self.fine.size, interpolation=cv2.INTER_LINEAR)
+        ideal = (camera.undistort(np.column_stack([x.ravel(), y.ravel()])) + 0.5) * _FINER - 0.5 + room_px
+        self.maps = cv2.resize(ideal.astype(np.float32).reshape(height, width, 2), straight.size, interpolation=cv2.INTER_LINEAR)
         self.texture = 25 + 0.8 * board_picture(board, _TEXTURE_PX).astype(np.float32)
         rough = self.rng.normal(120, 20, (height // 40 + 2, width // 40 + 2)).astype(np.float32)
         self.wall = cv2.resize(rough, self.fine.size, interpolation=cv2.INTER_CUBIC)
@@ -128,7 +133,7 @@ class Film:
             )
             homography = self.fine.matrix @ np.column_stack([turn[:, 0], turn[:, 1], corner]) @ from_texture
             cv2.warpPerspective(self.texture, homography, self.fine.size, fine, cv2.INTER_AREA, cv2.BORDER_TRANSPARENT)
-            fine = cv2.remap(fine, self.maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        fine = cv2.remap(fine, self.maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         grey = cv2.GaussianBlur(cv2.resize(fine, self.camera.size, interpolation=cv2.INTER_AREA), (0, 0), 0.6)
         grey += self.rng.normal(0, 2, grey.shape).astype(np.float32)
         return cv2.cvtColor(np.clip(np.round(grey), 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)

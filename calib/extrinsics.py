@@ -49,7 +49,7 @@ class Extrinsics:
     advice: tuple[str, ...]
 
 
-def calibrate_extrinsics(board: Board, lenses: Rig, views: Views, floor: str | None = None) -> Extrinsics:
+def calibrate_extrinsics(board: Board, lenses: Rig, views: Views, floor: str | None = None, refine_lenses: bool = False) -> Extrinsics:
     """Finds where cameras stand.
 
     Args:
@@ -59,6 +59,7 @@ def calibrate_extrinsics(board: Board, lenses: Rig, views: Views, floor: str | N
         floor: The moment at which the board lay on the floor, face up. Its first corner becomes the world's origin, its rows the
             x axis, and up is z. Without it the world is the first camera's frame. (A board that half a turn leaves as it is has no
             first corner: take one with an odd number of squares one way and an even number the other.)
+        refine_lenses: Whether the lenses may change too, where they are not known better from boards that were nearer.
 
     Returns:
         The rig and how sure it is.
@@ -74,7 +75,7 @@ def calibrate_extrinsics(board: Board, lenses: Rig, views: Views, floor: str | N
     refuse_mirrored(board, lenses, views, agreeing, shared)
     cameras = tuple(replace(camera, rotation=starts[camera.name][0], translation=starts[camera.name][1]) for camera in lenses)
     moments, scene, seen = _scene(board, cameras, views, placed, floor)
-    adjusted = adjust(scene, seen, "places")
+    adjusted = adjust(scene, seen, "both" if refine_lenses else "places")
     cameras = adjusted.scene.cameras
     if floor is not None:
         cameras = _on_floor(floor, moments, adjusted.scene)
@@ -174,7 +175,7 @@ def camera_error(index: int, adjusted: Adjusted, seen: Observations, count: int)
         seen: What all cameras saw.
         count: Of how many boards or points that was made by this one.
     """
-    name, covariance = adjusted.scene.cameras[index].name, adjusted.covariances[index]
+    name, covariance = adjusted.scene.cameras[index].name, adjusted.covariances[index][:6, :6]
     rows = seen.camera == index
     error = rms_px(adjusted.residuals_px[rows]) if rows.any() else np.nan
     if not covariance.any():

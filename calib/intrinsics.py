@@ -20,6 +20,7 @@ _OUTLIER = 2.5  # times the median picture's error
 _ALWAYS_GOOD_PX = 0.5  # a picture this good is never an outlier
 _COVERAGE_GRID = 8
 _EDGE = 2  # cells
+_THIN = 0.25  # of a part's cells
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Intrinsics:
         """What a better recording would do, in words; empty where there is nothing to say."""
         said = []
         if gap := _uncovered(self.coverage):
-            said.append(f"no corners {gap} of the picture: hold the board there too, distortion is a guess there")
+            said.append(f"{gap} of the picture: hold the board there too, distortion is a guess there")
         if self.rms_px > 1:
             said.append(f"an error of {self.rms_px:.1f} px is much: is the board flat, are its numbers right, was it held still?")
         if np.any(self.focal_error_px > 0.005 * np.diag(self.matrix)[:2]):
@@ -184,7 +185,7 @@ def _coverage(views: Mapping[str, View], size: tuple[int, int]) -> NDArray[np.in
 
 
 def _uncovered(coverage: NDArray[np.int64]) -> str | None:
-    """Says in which quarter, or else along which edge of the image there are no corners."""
+    """Says in which quarter, or else along which edge of the image there are no or hardly any corners."""
     half = len(coverage) // 2
     quarters = {
         f"{down} {across}": coverage[rows, columns]
@@ -193,6 +194,8 @@ def _uncovered(coverage: NDArray[np.int64]) -> str | None:
     }
     edges = {"upper": coverage[:_EDGE], "lower": coverage[-_EDGE:], "left": coverage[:, :_EDGE], "right": coverage[:, -_EDGE:]}
     for parts, words in ((quarters, "in the {} quarter"), (edges, "along the {} edge")):
-        if empty := [name for name, cells in parts.items() if not cells.any()]:
-            return words.format(" and the ".join(empty))
+        shares = {name: float((cells > 0).mean()) for name, cells in parts.items()}
+        for most, how_many in ((0.0, "no corners "), (_THIN, "hardly any corners ")):
+            if thin := [name for name, share in shares.items() if share <= most]:
+                return how_many + words.format(" and the ".join(thin))
     return None

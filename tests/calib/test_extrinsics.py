@@ -48,6 +48,19 @@ def test_a_room_is_found_in_noise():
     assert found.advice == ()
 
 
+def test_lenses_that_are_a_little_wrong_are_put_right_with_the_places():
+    truth = room(3, arc_deg=90)
+    wrong = Rig(tuple(replace(camera, matrix=camera.matrix * [[1.02], [1.02], [1]]) for camera in lost(truth)))
+    views = board_views(truth, CHECKERBOARD, 24, noise_px=0.1)
+    found = calibrate_extrinsics(CHECKERBOARD, wrong, views, refine_lenses=True)
+    stiff = calibrate_extrinsics(CHECKERBOARD, wrong, views)
+    assert found.rms_px < 0.2 < stiff.rms_px
+    for camera in truth:
+        assert found.rig[camera.name].matrix[0, 0] == pytest.approx(camera.matrix[0, 0], rel=0.005)
+    assert np.isnan(found.table[0].position_mm)
+    assert 0.1 < found.table[1].position_mm < 30
+
+
 def test_a_board_that_turns_into_itself_serves_too():
     board = Board(7, 5, 0.06)
     truth = room(4)

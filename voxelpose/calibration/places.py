@@ -26,11 +26,13 @@ class PlaceSettings:
         floor: Frame at which the board lies on the floor.
         wanted: Moments to use, at most.
         cameras: Cameras to use; None: all.
+        refine_lenses: Whether the lenses may change too.
     """
 
     floor: int | None = None
     wanted: int = 150
     cameras: Sequence[str] | None = None
+    refine_lenses: bool = False
 
 
 def calibrate_places(board: Board, lenses: Rig, folder: Path, settings: PlaceSettings, reporter: Reporter) -> Extrinsics:
@@ -52,7 +54,8 @@ def calibrate_places(board: Board, lenses: Rig, folder: Path, settings: PlaceSet
         seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
         raise InputError(f"no two cameras saw the board at the same moment (moments: {seen}): carry it where two see it at once")
     reporter.stage("bundle adjustment")
-    return calibrate_extrinsics(board, lenses, moments.views, None if settings.floor is None else f"frame {settings.floor}")
+    floor = None if settings.floor is None else f"frame {settings.floor}"
+    return calibrate_extrinsics(board, lenses, moments.views, floor, settings.refine_lenses)
 
 
 def _footage(folder: Path, lenses: Rig, cameras: Sequence[str] | None, reporter: Reporter) -> tuple[dict[str, Footage], Rig]:

@@ -204,6 +204,8 @@ Beside OUT come a picture of the rig and a report as JSON.
     """Frame at which the board lies on the floor, face up. Left out: the world is the first camera's."""
     points: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """Instead of a board: CSV of camera,point,x_px,y_px,x_m,y_m,z_m; metres only where measured, z up."""
+    refine_lenses: bool = False
+    """Adjust the lenses too, from the same boards: where they were not calibrated from nearer ones."""
     moments: Annotated[int, arg(metavar="N")] = 150
     """Moments of the recording to use, at most."""
     cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
@@ -255,7 +257,7 @@ Beside OUT come a picture of the rig and a report as JSON.
         if self.board is None or self.square is None or self.recording is None:
             raise InputError("what does the board look like? give --board, as in 8x5, and --square in metres, as in 0.029")
         board = BoardArguments(board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary).made()
-        settings = PlaceSettings(self.floor, self.moments, camera_names(self.cameras))
+        settings = PlaceSettings(self.floor, self.moments, camera_names(self.cameras), self.refine_lenses)
         return calibrate_places(board, lenses, self.recording, settings, progress)
 
 
