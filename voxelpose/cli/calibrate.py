@@ -227,7 +227,7 @@ Beside OUT come a picture of the rig and a report as JSON.
             from voxelpose.calibration.rig_picture import rig_picture
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
-            refuse_existing([self.out, picture, report], self.overwrite and self.out.resolve() != self.intrinsics.resolve())
+            refuse_existing([self.out, picture, report], self.overwrite)
             found = self._found(read_rig(self.intrinsics, self.unit), progress)
         from voxelpose.cli.calibrate_tables import print_places
 
