@@ -113,7 +113,8 @@ class Board:
         if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
             return None
         there, asked = (f"{max(numbers)} x {min(numbers)}" for numbers in (meta.shape[:2], (self.columns, self.rows)))
-        if all(one <= other for one, other in zip(sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True)):
+        short = [other - one for one, other in zip(sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True)]
+        if min(short) >= 0 and short != [1, 1]:
             return f"only {there} of {asked} inner corners are to be made out: part of it hidden or in bad light, or are the numbers wrong?"
         return f"a board with {there} inner corners is there, not {asked}: count where four squares meet, not squares"
 

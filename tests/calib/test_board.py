@@ -93,3 +93,14 @@ def test_impossible_boards_are_refused():
         Board(12, 10, 0.06, marker_m=0.03)
     with pytest.raises(TypeError, match=r"picture must be \(H, W\)"):
         ODD.find(np.zeros((4, 4)))  # type: ignore[arg-type]
+
+
+def test_another_board_in_the_picture_is_named():
+    assert "only 8 x 5 of 9 x 5 inner corners are to be made out" in str(Board(9, 5, 0.06).instead(drawn(ODD)))
+    assert "there, not 9 x 6: count where four squares meet, not squares" in str(Board(9, 6, 0.06).instead(drawn(ODD)))
+    assert "a board with 8 x 5 inner corners is there, not 9 x 4" in str(Board(9, 4, 0.06).instead(drawn(ODD)))
+    assert ODD.instead(drawn(ODD)) is None
+    assert ODD.instead(np.full((300, 400), 128, np.uint8)) is None
+    marked = Board(7, 4, 0.04, marker_m=0.03, dictionary="DICT_5X5_100")
+    picture = cv2.copyMakeBorder(marked.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255)
+    assert Board(7, 4, 0.04, marker_m=0.03).instead(picture) == "markers of DICT_5X5_50 are there, not of DICT_4X4_50"
