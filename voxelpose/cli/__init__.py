@@ -22,6 +22,7 @@ COMMANDS = {
     "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ, for other programs",
     "report": "write one page about a result: pictures, joint angles, quality, what to do",
     "evaluate": "score a result against known joint positions",
+    "experiment": "repeat the experiments of Okada and Stenger's paper",
     "doctor": "say what of this machine works, and what to do about the rest",
 }
 _HELP = """usage: voxelpose [-h] [--version] COMMAND ...
@@ -72,7 +73,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     name, *rest = arguments or ["--help"]
     if name in ("-h", "--help"):
-        print(_HELP.format(commands="\n".join(f"  {command:<10}{does}" for command, does in COMMANDS.items())), end="")
+        print(_HELP.format(commands="\n".join(f"  {command:<12}{does}" for command, does in COMMANDS.items())), end="")
         return 0
     if name in ("-V", "--version"):
         from voxelpose import __version__

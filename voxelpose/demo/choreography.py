@@ -119,11 +119,16 @@ class Performance:
         return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _turns(values)
 
 
+def _evenly(times: NDArray[np.float64], keys: NDArray[np.float64]) -> Callable:
+    """Joins key poses at constant speed."""
+    return make_interp_spline(times, keys, k=1)
+
+
 PERFORMANCES = {
     "three_seconds": Performance(
         "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out r_elbow r_turn", _THREE_SECONDS
     ),
-    "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), lambda times, keys: make_interp_spline(times, keys, k=1)),
+    "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), _evenly),
     "golf": Performance(
         "yaw tip lean twist look l_hip l_knee r_hip r_knee straddle "
         "l_arm l_across l_out l_elbow l_turn r_arm r_across r_out r_elbow r_turn",
@@ -133,8 +138,10 @@ PERFORMANCES = {
         ("cam_2",),
     ),
     "pointing": Performance("yaw lean twist look r_arm r_across r_out r_elbow", _POINTING, 15, 1, ("cam_2",)),
+    "far_arm_swing": Performance("yaw r_arm", _ARM_SWING - (0.0, 180.0, 0.0), 15, 24, ("cam_3",), _evenly),
 }
-"""By name: two steps while turning, a wave with the right hand and a squat; and what the experiments of paper A film."""
+"""By name: two steps while turning, a wave with the right hand and a squat; and what the experiments of paper A film, the arm's swing also
+with the left side toward the camera."""
 
 
 def _turns(values: dict[str, float]) -> dict[str, Rotation]:

@@ -28,7 +28,7 @@ def make_recording(
         folder: where to write; made if absent.
         frames: how many frames, at the performance's rate; None means the whole performance, which then repeats.
         seed: of the sensor noise.
-        performance: a name of `choreography.PERFORMANCES`: "three_seconds", "arm_swing", "golf" or "pointing".
+        performance: a name of `choreography.PERFORMANCES`: "three_seconds", "arm_swing", "golf", "pointing" or "far_arm_swing".
         cameras: those that film; None takes the performance's own, four or one.
 
     Returns:

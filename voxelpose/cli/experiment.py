@@ -1,0 +1,88 @@
+"""voxelpose experiment arm-swing, voxelpose experiment figure-5."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from tyro.conf import Positional, arg
+
+from voxelpose.cli.arguments import camera_names, frame_range
+
+
+@dataclass(frozen=True)
+class ArmSwing:
+    """The arguments of `voxelpose experiment arm-swing`."""
+
+    help: ClassVar[str] = """Repeats the arm-swing experiment of Okada and Stenger (section 7, Fig. 4).
+
+RECORDING shows somebody in profile whose right arm swings to and fro; truth.json in it, or --truth, says how. Without one, the demo's
+mannequin is filmed. The arm is followed with {wXOR, nwXOR} and {DM1, DM2} as in the paper, without anything this program adds, and every
+swing is counted: Success, Error (followed at a wrong angle) or Fail.
+OUT gets table.md (beside the paper's numbers), angles.png (true and estimated angle) and summary.json.
+
+  voxelpose experiment arm-swing --out swing
+  voxelpose experiment arm-swing RECORDING --stature 1.75 --no-ours --out swing
+"""
+
+    out: Annotated[Path, arg(metavar="OUT")]
+    """Folder to be made for the results."""
+    recording: Annotated[Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")] = None
+    """Recording folder. Left out: the demo's mannequin swings its arm."""
+    truth: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """True joint positions. Left out: truth.json of the recording."""
+    library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
+    """Pose library. Left out: one like the paper's is made, about 3,400 samples in profile, the right arm moved in many ways."""
+    stature: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
+    """Height of the person in metres. Left out: subject.toml's."""
+    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    """Which camera's pictures, where there are several."""
+    frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="")] = None
+    """First frame and one past the last. Left out: all."""
+    arm: Literal["near", "far"] = "near"
+    """Without RECORDING: whether the mannequin's arm swings on the camera's side of its trunk, or beyond it, as in the paper."""
+    degraded: bool = True
+    """Also with silhouettes that are spoilt: rough contours, holes."""
+    ours: bool = True
+    """Also with this program's own estimator, as `voxelpose track` runs it."""
+    overwrite: bool = False
+    """Replace an earlier result in OUT, once the new one is whole."""
+    threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Processor threads. Left out: all."""
+
+    def run(self) -> int:
+        """Runs the experiment."""
+        from voxelpose.cli.progress import Progress
+        from voxelpose.results import ResultWriter
+
+        with (
+            ResultWriter(self.out, self.overwrite, self.recording) as folder,
+            tempfile.TemporaryDirectory() as scratch,
+            Progress() as progress,
+        ):
+            progress.note_compilation()
+            progress.stage("opening")
+            from silhouette_core.jit import set_threads
+            from voxelpose.experiments.swing_report import markdown_table
+            from voxelpose.experiments.swing_study import Study, run_study
+            from voxelpose.recording import Recording
+
+            set_threads(self.threads)
+            filmed = self.recording or _film(Path(scratch) / "mannequin", "arm_swing" if self.arm == "near" else "far_arm_swing")
+            recording = Recording.open(filmed, frame_range(self.frames), camera_names(self.camera))
+            truth = self.truth or filmed / "truth.json"
+            rows = run_study(recording, Study(truth, self.stature, self.library, self.degraded, self.ours), folder, progress)
+        print(markdown_table(rows), end="")
+        print(f"\n{self.out}: table.md, angles.png (true and estimated angle), summary.json")
+        return 0
+
+
+def _film(folder: Path, performance: str) -> Path:
+    from voxelpose.demo.recording import make_recording
+
+    return make_recording(folder, performance=performance)
+
+
+SUBCOMMANDS = {"arm-swing": ArmSwing}

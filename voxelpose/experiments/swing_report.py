@@ -1,0 +1,57 @@
+"""What the arm-swing experiment found: the paper's table beside ours, and the arm's angle over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from voxelpose.experiments.arm_swing import Row
+from voxelpose.experiments.swings import VERDICTS
+
+_TRUE, _ESTIMATED, _WRONG = "#30343b", "#2f86d6", "#d53e14"
+_SHOWN_SWINGS = 6
+
+
+def markdown_table(rows: Sequence[Row]) -> str:
+    """Returns the rows as a Markdown table; the paper's counts stand where the paper has that row."""
+    lines = [
+        "| silhouettes | method | Fail | Error | Success | paper: Fail / Error / Success | mean error of the angle, deg |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        paper = " / ".join(map(str, row.paper)) if row.paper else "–"
+        counts = " | ".join(str(row.counts[verdict]) for verdict in VERDICTS)
+        lines.append(f"| {row.degradation} | {row.method} | {counts} | {paper} | {row.error_deg:.1f} |")
+    return "\n".join(lines) + "\n"
+
+
+def draw_angles(rows: Sequence[Row], truth_deg: NDArray[np.float64], swings: Sequence[slice], fps: float, path: Path) -> None:
+    """Draws the true and the estimated angle over the first few swings, a panel per row.
+
+    Args:
+        rows: what is drawn.
+        truth_deg: (T,) the truth.
+        swings: frames of each swing.
+        fps: frames per second.
+        path: the PNG.
+    """
+    shown = slice(swings[0].start, swings[min(len(swings), _SHOWN_SWINGS) - 1].stop)
+    time_s = np.arange(len(truth_deg))[shown] / fps
+    figure = Figure(figsize=(9, 1.7 * len(rows) + 0.6), layout="constrained", dpi=110)
+    panels = figure.subplots(len(rows), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for panel, row in zip(panels, rows, strict=True):
+        counted = ", ".join(f"{row.counts[verdict]} {verdict}" for verdict in VERDICTS)
+        panel.plot(time_s, truth_deg[shown], color=_TRUE, lw=1.4, label="true")
+        panel.plot(time_s, row.angles_deg[shown], color=_ESTIMATED, lw=1.2, marker=".", ms=3, label="estimated")
+        panel.fill_between(time_s, truth_deg[shown], row.angles_deg[shown], color=_WRONG, alpha=0.15, lw=0)
+        panel.set_title(f"{row.method}, {row.degradation}: {counted}", loc="left", fontsize=9)
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.grid(alpha=0.15)
+    panels[0].legend(loc="upper right", fontsize=8, ncols=2, frameon=False)
+    panels[-1].set_xlabel("seconds")
+    figure.supylabel("right upper arm, degrees forward", fontsize=9)
+    figure.savefig(path)

@@ -1,0 +1,131 @@
+"""The arm-swing experiment from a recording to its files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Reporter, Settings, load_estimator
+from silhouette_core.library.library import PoseLibrary, describe, require_body
+from silhouette_core.library.store import read_library
+from silhouette_core.library.transitions import MAGNIFICATION
+from silhouette_core.motion.kinematics import landmarks
+from voxelpose import __version__
+from voxelpose.evaluation import read_truth
+from voxelpose.experiments.arm_swing import DEGRADATIONS, SETTINGS, Film, Row, experiment, near_side
+from voxelpose.experiments.swing_library import SAMPLES, swing_library
+from voxelpose.experiments.swing_report import draw_angles, markdown_table
+from voxelpose.experiments.swings import Criterion, arm_angles, count, split_swings
+from voxelpose.recording import Recording
+from voxelpose.results import SUMMARY, as_json
+
+TABLE, PLOT = "table.md", "angles.png"
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the experiment is made with.
+
+    Attributes:
+        truth: file of the true joints.
+        stature_m: of the person; None: the recording's subject.toml says it.
+        library: a pose library; None: one is made for the experiment.
+        degraded: also with degraded silhouettes.
+        ours: also with the program's own estimator.
+        samples: of the library that is made.
+    """
+
+    truth: Path
+    stature_m: float | None = None
+    library: Path | None = None
+    degraded: bool = True
+    ours: bool = True
+    samples: int = SAMPLES
+
+
+def run_study(recording: Recording, study: Study, folder: Path, reporter: Reporter) -> list[Row]:
+    """Runs the experiment and writes table.md, angles.png and summary.json.
+
+    Args:
+        recording: one camera's, of somebody in profile whose right arm swings.
+        study: see Study.
+        folder: where the files go.
+        reporter: told of every stage.
+
+    Returns:
+        The rows of the table.
+
+    Raises:
+        InputError: the recording, the truth or the library does not suit the experiment.
+    """
+    joints = read_truth(study.truth)
+    if len(joints) < recording.first + recording.frame_count:
+        raise InputError(f"{study.truth} has {len(joints)} frames and {recording.folder} more: give the truth of this recording")
+    joints = joints[recording.first : recording.first + recording.frame_count]
+    truth_deg = arm_angles(joints)
+    swings = split_swings(truth_deg)
+    stature = study.stature_m or recording.subject.stature_m
+    if stature is None:
+        raise InputError(f"{recording.folder} has no subject.toml that says how tall the person is: add --stature")
+    film = Film.of(recording, stature, reporter)
+    library = _library(study, stature, near_side(joints, film.camera), film.pitch_deg, recording.subject.sex, reporter)
+    degradations = DEGRADATIONS if study.degraded else DEGRADATIONS[:1]
+    rows = experiment(film, truth_deg, swings, library, degradations, reporter)
+    shown = rows[:4]
+    if study.ours:
+        rows.insert(4, _ours(recording, study, stature, truth_deg, swings, reporter))
+        shown = rows[:5]
+    (folder / TABLE).write_text(markdown_table(rows), encoding="utf-8")
+    draw_angles(shown, truth_deg, swings, film.fps, folder / PLOT)
+    about = {
+        "voxelpose": __version__,
+        "recording": recording.folder.resolve().name,
+        "frames": len(film),
+        "swings": len(swings),
+        "right_arm": "near" if near_side(joints, film.camera) else "far",
+        "distance_m": film.distance_m,
+        "criterion": asdict(Criterion()),
+        "filter": {**asdict(SETTINGS), "m": MAGNIFICATION},
+        "library": {
+            "samples": len(library), "nodes": [len(level) for level in library.levels], "body": describe(library.model.sizes),
+        },
+        "rows": [
+            {"method": row.method, "silhouettes": row.degradation, **row.counts, "paper": row.paper}
+            | {"error_deg": row.error_deg, "lost": row.lost}
+            for row in rows
+        ],
+        "true_deg": truth_deg,
+        "estimated_deg": {f"{row.method}, {row.degradation}": row.angles_deg for row in rows},
+    }  # fmt: skip
+    (folder / SUMMARY).write_text(as_json(about), encoding="utf-8")
+    return rows
+
+
+def _library(study: Study, stature_m: float, near: bool, pitch_deg: float, sex: str, reporter: Reporter) -> PoseLibrary:
+    if study.library is None:
+        return swing_library(BodyModel.from_sizes(BodySizes(stature_m, sex=sex)), near, pitch_deg, reporter, study.samples)
+    library = read_library(study.library)
+    made = library.model.sizes
+    require_body(library, BodySizes(stature_m, made.chest_girth_m, made.sex))
+    return library
+
+
+def _ours(
+    recording: Recording, study: Study, stature_m: float, truth_deg: NDArray[np.float64], swings: Sequence[slice], reporter: Reporter
+) -> Row:
+    """Tracks the recording as `voxelpose track` does: balanced weights, DM2, distance found, refined, looking ahead."""
+    options = {"start": "any"} | ({"library": str(study.library)} if study.library else {})
+    settings = replace(Settings(stature_m=stature_m, options=options), sex=recording.subject.sex)
+    motion = load_estimator("monocular").estimate(recording, settings, reporter).motion
+    joints = np.full((len(truth_deg), len(landmarks(motion.model, *motion.parts())[0]), 3), np.nan)
+    joints[motion.frames - recording.first] = landmarks(motion.model, *motion.parts())
+    angles = arm_angles(joints)
+    error = float(np.nanmean(np.abs(angles - truth_deg)))
+    return Row("voxelpose track", "as found", count(truth_deg, angles, swings), angles, error)
