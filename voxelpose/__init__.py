@@ -1,3 +1,74 @@
-"""Markerless posture estimation from silhouettes, in one camera or several."""
+"""Markerless posture estimation from silhouettes, in one camera or several.
+
+The everyday names are imported when they are first used, so that `import voxelpose` costs nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calib.errors import InputError
+    from silhouette_core.estimator import Settings
+    from silhouette_core.image.silhouettes import Silhouettes
+    from silhouette_core.motion.motion import Motion
+    from voxelpose.carving.recording import CarveSettings, Hull, carve_recording
+    from voxelpose.demo.recording import make_recording
+    from voxelpose.evaluation import Score, evaluate
+    from voxelpose.export.formats import export_motion
+    from voxelpose.fitting import Output, fit, track
+    from voxelpose.recording import Recording
+    from voxelpose.results import Result
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "CarveSettings",
+    "Hull",
+    "InputError",
+    "Motion",
+    "Output",
+    "Recording",
+    "Result",
+    "Score",
+    "Settings",
+    "Silhouettes",
+    "carve_recording",
+    "evaluate",
+    "export_motion",
+    "fit",
+    "make_recording",
+    "track",
+]
+
+_HOME = {
+    "CarveSettings": "voxelpose.carving.recording",
+    "Hull": "voxelpose.carving.recording",
+    "InputError": "calib.errors",
+    "Motion": "silhouette_core.motion.motion",
+    "Output": "voxelpose.fitting",
+    "Recording": "voxelpose.recording",
+    "Result": "voxelpose.results",
+    "Score": "voxelpose.evaluation",
+    "Settings": "silhouette_core.estimator",
+    "Silhouettes": "silhouette_core.image.silhouettes",
+    "carve_recording": "voxelpose.carving.recording",
+    "evaluate": "voxelpose.evaluation",
+    "export_motion": "voxelpose.export.formats",
+    "fit": "voxelpose.fitting",
+    "make_recording": "voxelpose.demo.recording",
+    "track": "voxelpose.fitting",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Imports an everyday name at its first use (PEP 562)."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Lists the everyday names whether they are imported yet or not."""
+    return sorted({*globals(), *__all__})

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from voxelpose.results import Result, is_result
 from voxelpose.trc import POSE2SIM_AXES, read_trc
 
 _LOST_MM = 300.0
@@ -61,6 +62,43 @@ class Score:
     jitter_truth_mm: float = float("nan")
     angle_deg: float = float("nan")
     joint_root_mm: tuple[float, ...] = ()
+
+
+def evaluate(
+    result: Result | Path | str,
+    truth: Path | str | None = None,
+    offset: int = 0,
+    markers: Mapping[str, str] | None = None,
+    axes: str = POSE2SIM_AXES,
+) -> Score:
+    """Scores a result against known joint positions.
+
+    Args:
+        result: of a fit, or its folder, or a joints.csv.
+        truth: truth.json or TRC, see `read_truth`; None: truth.json in the recording that the result is of.
+        offset: added to the result's frame numbers before they are compared.
+        markers: for a TRC, see `read_truth`.
+        axes: likewise.
+
+    Returns:
+        The errors.
+
+    Raises:
+        InputError: a file cannot be read, or there is no truth.
+    """
+    folder = result.folder if isinstance(result, Result) else Path(result)
+    positions = read_truth(_truth_of(folder) if truth is None else Path(truth), markers, axes)
+    joints = folder / "joints.csv" if folder.is_dir() else folder
+    return score_motion(positions, read_joints(joints, len(positions), offset))
+
+
+def _truth_of(result: Path) -> Path:
+    if not is_result(result):
+        raise InputError(f"{result} does not say which recording it is of: give --truth FILE")
+    truth = (result / str(Result.open(result).settings["recording"])).resolve() / "truth.json"
+    if not truth.is_file():
+        raise InputError(f"there is no {truth}: give --truth FILE")
+    return truth
 
 
 def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> Score:

@@ -86,6 +86,25 @@ def fit(
     return Result.open(output.folder)
 
 
+def track(recording: Recording, output: Output, settings: Settings | None = None, reporter: Reporter | None = None) -> Result:
+    """Estimates the motion of a recording from one of its cameras, as `voxelpose track` does.
+
+    Args:
+        recording: one camera's frames: `Recording.open(folder, cameras=["cam_1"])`.
+        output: where the results go.
+        settings: as for `fit`. Its options: `library` (path of a pose library; else the default one, which is made at first use),
+            `start` ("facing" or "any"), `refine`, `weighting`, `motion_model`.
+        reporter: told of every stage; None: nobody is.
+
+    Returns:
+        The result, as read back from the folder.
+
+    Raises:
+        InputError: the recording has several cameras, or it, the settings or the output cannot be used.
+    """
+    return fit(recording, output, settings, "monocular", reporter)
+
+
 def _with_subject(settings: Settings, recording: Recording) -> Settings:
     subject = recording.subject
     return replace(

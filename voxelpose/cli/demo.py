@@ -48,14 +48,13 @@ The first run compiles the fast code, which takes most of its time.
             from silhouette_core.estimator import Settings
             from voxelpose import __version__
             from voxelpose.demo.recording import make_recording
-            from voxelpose.evaluation import read_joints, read_truth, score_motion
+            from voxelpose.evaluation import evaluate
             from voxelpose.fitting import Output, fit
             from voxelpose.recording import Recording
 
             recording = Recording.open(make_recording(folder / "recording", self.frames))
             result = fit(recording, Output(folder / "result"), Settings(threads=self.threads), reporter=progress)
-            truth = read_truth(folder / "recording" / "truth.json")
-            score = score_motion(truth, read_joints(folder / "result" / "joints.csv", len(truth)))
+            score = evaluate(folder / "result", folder / "recording" / "truth.json")
             about = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
             (folder / "summary.json").write_text(as_json(about), encoding="utf-8")
             (folder / "score.json").write_text(as_json(asdict(score)), encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
@@ -69,11 +69,9 @@ It may also follow the result as the last word. Left out, it is RECORDING/truth.
         return 0
 
     def _score(self, result: Path, truth: Path | None) -> Score:
-        from voxelpose.evaluation import read_joints, read_truth, score_motion
+        from voxelpose.evaluation import evaluate
 
-        positions = read_truth(truth or _truth_of(result), _markers(self.markers), self.axes)
-        joints = result / "joints.csv" if result.is_dir() else result
-        return score_motion(positions, read_joints(joints, len(positions), self.offset))
+        return evaluate(result, truth, self.offset, _markers(self.markers), self.axes)
 
 
 def _told_apart(words: tuple[Path, ...], truths: tuple[Path, ...]) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
@@ -91,18 +89,6 @@ def _names(results: tuple[Path, ...]) -> list[str]:
     """Returns what the results are called: their last names, or all of their paths where those are not unique."""
     short = [result.resolve().name for result in results]
     return short if len(set(short)) == len(short) else [str(result) for result in results]
-
-
-def _truth_of(result: Path) -> Path:
-    from voxelpose.results import Result, is_result
-
-    if not is_result(result):
-        raise InputError(f"{result} does not say which recording it is of: give --truth FILE")
-    told: Any = Result.open(result).settings
-    truth = (result / told["recording"]).resolve() / "truth.json"
-    if not truth.is_file():
-        raise InputError(f"there is no {truth}: give --truth FILE")
-    return truth
 
 
 def _markers(text: str | None) -> dict[str, str]:

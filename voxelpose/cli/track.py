@@ -72,7 +72,7 @@ OUT gets what a fit gives, and hypotheses.csv: the five likeliest poses of every
             progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.estimator import Settings
-            from voxelpose.fitting import Output, fit
+            from voxelpose.fitting import Output, track
             from voxelpose.recording import Recording
 
             options: dict[str, bool | int | float | str] = {
@@ -84,7 +84,7 @@ OUT gets what a fit gives, and hypotheses.csv: the five likeliest poses of every
             recording = Recording.open(self.recording, frame_range(self.frames), (self.camera,), self.unit, self.fps)
             if recording.calibration_path is None:
                 progress.note(f"{self.recording} holds no calibration: a level camera of 53 degrees is assumed, and distances are guesses")
-            result = fit(recording, Output(self.out, self.overwrite, self.pictures), settings, "monocular", progress)
+            result = track(recording, Output(self.out, self.overwrite, self.pictures), settings, progress)
         from voxelpose.cli.closing import print_result
 
         print_result(result)

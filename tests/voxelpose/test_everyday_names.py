@@ -1,0 +1,57 @@
+"""`import voxelpose` gives the everyday names, and costs nothing until one is used."""
+
+import subprocess
+import sys
+
+import pytest
+
+import voxelpose
+from calib.errors import InputError
+from tests.sources import ring, write_recording
+
+_IMPORT = """
+import sys, time
+started = time.perf_counter()
+import voxelpose
+seconds = time.perf_counter() - started
+print(seconds, *sorted({name.split(".")[0] for name in sys.modules} & {"numpy", "cv2", "numba", "scipy", "matplotlib", "open3d", "tyro"}))
+"""
+
+
+def test_every_name_is_there_and_is_where_the_types_say():
+    for name in voxelpose.__all__:
+        value = getattr(voxelpose, name)
+        assert value.__name__ == name
+        assert value.__module__ == voxelpose._HOME[name]
+    assert set(voxelpose._HOME) == set(voxelpose.__all__) <= set(dir(voxelpose))
+
+
+def test_what_is_not_there_is_said():
+    with pytest.raises(AttributeError, match="'voxelpose' has no attribute 'fits'"):
+        voxelpose.fits  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_import_is_fast_and_brings_nothing():
+    seconds, *heavy = subprocess.run([sys.executable, "-c", _IMPORT], capture_output=True, text=True, check=True).stdout.split()
+    assert heavy == []
+    assert float(seconds) < 0.25
+
+
+def test_track_is_for_one_camera(tmp_path):
+    recording = voxelpose.Recording.open(write_recording(tmp_path / "walk", ring(2)))
+    with pytest.raises(InputError, match="2 cameras are too many"):
+        voxelpose.track(recording, voxelpose.Output(tmp_path / "out"))
+
+
+def test_evaluate_takes_a_table_of_joints(tmp_path):
+    voxelpose.make_recording(tmp_path / "recording", frames=1)
+    truth = tmp_path / "recording" / "truth.json"
+    from voxelpose.evaluation import LANDMARK_NAMES, read_truth
+
+    rows = [f"0,{name},{x + 0.1},{y},{z}" for name, (x, y, z) in zip(LANDMARK_NAMES, read_truth(truth)[0], strict=True)]
+    (tmp_path / "joints.csv").write_text("frame,joint,x_m,y_m,z_m\n" + "\n".join(rows), encoding="utf-8")
+    score = voxelpose.evaluate(tmp_path / "joints.csv", truth)
+    assert score.mpjpe_mm == pytest.approx(100)
+    assert score.root_mm == pytest.approx(0, abs=1e-6)
+    with pytest.raises(InputError, match="give --truth"):
+        voxelpose.evaluate(tmp_path / "joints.csv")
