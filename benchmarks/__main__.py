@@ -7,7 +7,7 @@ shortest of several runs counts.
 import platform
 import sys
 
-from benchmarks import carving, cases, fitting, library, scoring, silhouettes  # noqa: F401
+from benchmarks import carving, cases, filter, fitting, library, scoring, silhouettes  # noqa: F401
 from silhouette_core.jit import set_threads
 
 

@@ -8,12 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.filter.kernels import shifts as kernels
 from silhouette_core.filter.window import SIZE, Window
-from silhouette_core.image.distance import Target, Weighting, pixel_weights
+from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.image.kernels.distance import padded_prefix
 from silhouette_core.library.pictures import reduce_silhouette
-from silhouette_core.scoring.backend import Spans, signed_prefix
+from silhouette_core.scoring.backend import Spans
 
-_SHIFT_PX = 1  # of a level's own pixels, either way: what the centroid's place leaves open
+_MARGIN_PX = 1
+_REACH = range(-_MARGIN_PX, _MARGIN_PX + 1)
+SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])
+"""(S, 2): how nodes are moved (right, down), in a level's own pixels: what the centroid's place leaves open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +48,7 @@ class Evidence:
         """Keeps the windows; resolutions are prepared when asked for."""
         self.windows = tuple(windows)
         self.weighting: Weighting = weighting
-        self._targets: dict[int, list[Target]] = {}
+        self._tables: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
     def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
         """Measures chosen nodes.
@@ -53,24 +58,27 @@ class Evidence:
             nodes: (K,) which of them.
             reduction: 1, 2 or 4: how many times smaller than the window the level's pictures are.
         """
-        shifts = np.array([(dx, dy) for dy in range(-_SHIFT_PX, _SHIFT_PX + 1) for dx in range(-_SHIFT_PX, _SHIFT_PX + 1)])
-        found = np.stack([target.distances(spans, nodes, shifts) for target in self._prepared(reduction)])
-        flat = found.reshape(-1, len(nodes))
-        best = flat.argmin(axis=0)
-        scale, move = np.divmod(best, len(shifts))
-        return Alignment(flat[best, np.arange(len(nodes))], scale, shifts[move] * reduction)
+        table, bases = self._prepared(reduction)
+        found = np.empty((len(nodes), len(bases)))
+        runs = spans.rows, spans.starts, spans.ends, spans.offsets
+        kernels.shifted_distances(table, bases, *runs, np.ascontiguousarray(nodes), found)
+        best = found.argmin(axis=1)
+        scale, move = np.divmod(best, len(SHIFTS_PX))
+        return Alignment(found[np.arange(len(nodes)), best], scale, SHIFTS_PX[move] * reduction)
 
-    def _prepared(self, reduction: int) -> list[Target]:
-        if reduction not in self._targets:
-            self._targets[reduction] = [self._target(window, reduction) for window in self.windows]
-        return self._targets[reduction]
-
-    def _target(self, window: Window, reduction: int) -> Target:
-        picture, weights = relative_weights(window, self.weighting, reduction)
-        wide, margins = np.pad(picture, _SHIFT_PX), np.pad(weights, _SHIFT_PX, mode="edge")
-        return Target(
-            *signed_prefix(wide, margins.astype(np.float64) * picture.size), (SIZE[1] // reduction, SIZE[0] // reduction), _SHIFT_PX
-        )
+    def _prepared(self, reduction: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Returns prefix sums and weights of the silhouette for every window and shift, see `kernels.interleave`."""
+        if reduction not in self._tables:
+            height, width = SIZE[1] // reduction, SIZE[0] // reduction
+            prefixes = np.empty((len(self.windows), height + 2 * _MARGIN_PX, width + 2 * _MARGIN_PX + 1))
+            bases = [
+                padded_prefix(*relative_weights(window, self.weighting, reduction), _MARGIN_PX, prefix)
+                for window, prefix in zip(self.windows, prefixes, strict=True)
+            ]
+            table = np.empty((height, width + 1, len(bases) * len(SHIFTS_PX)))
+            kernels.interleave(prefixes, SHIFTS_PX, _MARGIN_PX, table)
+            self._tables[reduction] = table, np.repeat(bases, len(SHIFTS_PX))
+        return self._tables[reduction]
 
 
 def relative_weights(window: Window, weighting: Weighting, reduction: int) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:

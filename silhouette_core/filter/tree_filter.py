@@ -12,6 +12,10 @@ from scipy.sparse import csr_matrix
 from silhouette_core.filter.evidence import Alignment, Evidence
 from silhouette_core.library.library import PoseLibrary
 
+SPREAD = 2.5
+"""Factor on the motion model's sigmas: beside a library's few dozens of neighbours the joint angles' own are so narrow that a wrong turn
+could not be left again (with 54 angles, two samples would hold nearly all of a transition)."""
+
 
 @dataclass(frozen=True)
 class FilterSettings:
@@ -25,11 +29,11 @@ class FilterSettings:
         floor: share of the prior spread evenly over the library, so that a lost track recovers.
     """
 
-    sigma: float = 0.10
+    sigma: float = 0.07
     coarse: float = 1.5
     survivors: float = 1e-3
     most: int = 1500
-    floor: float = 0.02
+    floor: float = 0.10
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +71,7 @@ class TreeFilter:
         """Prepares which samples hang on every node."""
         self.library = library
         self.settings = settings or FilterSettings()
-        self._backward = transitions.T.tocsr()
+        self.transitions = transitions
         # Children are stored together, in the order of their parents: where those of every node begin.
         self._children = [np.searchsorted(level.parent, np.arange(len(above) + 1)) for above, level in pairwise(library.levels)]
 
@@ -80,10 +84,12 @@ class TreeFilter:
 
         Source: Okada and Stenger, eq. (14), as a sparse product; the floor is ours.
         """
-        belief = np.zeros(len(self.library))
-        belief[posterior.samples] = posterior.probability
-        for _ in range(steps):
-            belief = self._backward @ belief
+        # The first step starts from few samples: their rows alone are added up.
+        rows = self.transitions[posterior.samples]
+        spread = rows.data * np.repeat(posterior.probability, np.diff(rows.indptr))
+        belief = np.bincount(rows.indices, spread, minlength=len(self.library))
+        for _ in range(steps - 1):
+            belief = self.transitions.T @ belief
         belief /= max(belief.sum(), 1e-300)
         return (1 - self.settings.floor) * belief + self.settings.floor / len(belief)
 
