@@ -27,9 +27,11 @@ from voxelpose.experiments.swings import Verdict, arm_angles, count
 from voxelpose.recording import Recording
 
 LONG_SIDE_PX = 640  # the paper's camera
-SETTINGS = FilterSettings(sigma=0.10, floor=1e-6)
-"""The same for all methods: `sigma` of eq. (10) as a share of the silhouette's weight. The floor, ours, is next to nothing here: the paper
-has no second chance for a lost track."""
+SIGMA = 0.05
+"""Of eq. (10), as a share of the silhouette's own weight, the same for all methods: about the distance at which the best pose is found."""
+FLOOR = 1e-6
+"""Share of the prior spread over the whole library. Next to nothing here: in the paper a lost track has no second chance."""
+_SEED = 0
 DEGRADATIONS = (
     Degradation(),
     Degradation(contour_px=2.0),
@@ -37,6 +39,10 @@ DEGRADATIONS = (
     Degradation(holes=4, hole_radius_px=8.0),
     Degradation(contour_px=2.0, holes=4, hole_radius_px=8.0),
 )
+
+
+Paper = tuple[int, int, int] | None
+"""Fail, Error and Success of 24 in the paper; None where it has no such row."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +148,26 @@ class Row:
     angles_deg: NDArray[np.float64] = field(repr=False)
     error_deg: float
     lost: int = 0
-    paper: tuple[int, int, int] | None = None
+    paper: Paper = None
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """How the arm really moved.
+
+    Attributes:
+        angles_deg: (T,) angle of the right upper arm.
+        swings: frames of each swing.
+    """
+
+    angles_deg: NDArray[np.float64]
+    swings: Sequence[slice]
+
+    def row(self, method: str, degradation: Degradation, angles_deg: NDArray[np.float64], lost: int = 0, paper: Paper = None) -> Row:
+        """Judges an estimate; see Row."""
+        error = np.abs(angles_deg - self.angles_deg)
+        mean = float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
+        return Row(method, str(degradation), count(self.angles_deg, angles_deg, self.swings), angles_deg, mean, lost, paper)
 
 
 def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
@@ -153,7 +178,7 @@ def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
 
 
 def follow(
-    film: Film, library: PoseLibrary, method: Method, degradation: Degradation, reporter: Reporter, seed: int = 0
+    film: Film, library: PoseLibrary, method: Method, degradation: Degradation, sigma: float, reporter: Reporter
 ) -> tuple[NDArray[np.float64], int]:
     """Tracks a film as the paper does: the likeliest sample of every frame, eq. (12) and (13), from the past alone, unrefined.
 
@@ -164,19 +189,19 @@ def follow(
         library: poses, from about the film's side.
         method: distance and motion model.
         degradation: what is done to the silhouettes first.
+        sigma: of eq. (10).
         reporter: told of every frame.
-        seed: of that.
 
     Returns:
         (T,) degrees: the right upper arm's angle; NaN where the silhouette is empty. And in how many frames the filter was lost.
     """
     matrix = transitions(library, method.occlusion_aware, spread=np.sqrt(30.0 / film.fps))
-    tree = TreeFilter(library, matrix, SETTINGS)
+    tree = TreeFilter(library, matrix, FilterSettings(sigma=sigma, floor=FLOOR))
     filtering = Forward(tree, film.camera, facing=False, weighting=method.weighting, distance_m=film.distance_m)
     joints = np.full((len(film), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0
     for frame in range(len(film)):
-        person = find_person(degrade(film.mask(frame), degradation, np.random.default_rng((seed, frame))))
+        person = find_person(degrade(film.mask(frame), degradation, np.random.default_rng((_SEED, frame))))
         if person is not None:
             belief = filtering.step(frame, frame / film.fps, person)
             lost += belief.lost
@@ -189,17 +214,16 @@ def follow(
 
 
 def experiment(
-    film: Film, truth_deg: NDArray[np.float64], swings: Sequence[slice], library: PoseLibrary, degradations: Sequence[Degradation],
-    reporter: Reporter,
-) -> list[Row]:  # fmt: skip
+    film: Film, truth: Truth, library: PoseLibrary, degradations: Sequence[Degradation], sigma: float, reporter: Reporter
+) -> list[Row]:
     """Runs all methods on a film, as found and degraded.
 
     Args:
         film: the silhouettes.
-        truth_deg: (T,) the true angle of the right arm.
-        swings: frames of each swing.
+        truth: how the arm moved.
         library: poses.
         degradations: of the silhouettes.
+        sigma: of eq. (10).
         reporter: told of every frame.
 
     Returns:
@@ -209,8 +233,7 @@ def experiment(
     for degradation in degradations:
         for method in METHODS:
             reporter.stage(f"{method}, {degradation}", len(film))
-            angles, lost = follow(film, library, method, degradation, reporter)
-            error = float(np.nanmean(np.abs(angles - truth_deg)))
+            angles, lost = follow(film, library, method, degradation, sigma, reporter)
             paper = method.paper if degradation == Degradation() else None
-            rows.append(Row(str(method), str(degradation), count(truth_deg, angles, swings), angles, error, lost, paper))
+            rows.append(truth.row(str(method), degradation, angles, lost, paper))
     return rows

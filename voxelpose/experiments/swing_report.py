@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from voxelpose.experiments.arm_swing import Row
+from voxelpose.experiments.arm_swing import Row, Truth
 from voxelpose.experiments.swings import VERDICTS
 
 _TRUE, _ESTIMATED, _WRONG = "#30343b", "#2f86d6", "#d53e14"
@@ -29,17 +28,17 @@ def markdown_table(rows: Sequence[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def draw_angles(rows: Sequence[Row], truth_deg: NDArray[np.float64], swings: Sequence[slice], fps: float, path: Path) -> None:
+def draw_angles(rows: Sequence[Row], truth: Truth, fps: float, path: Path) -> None:
     """Draws the true and the estimated angle over the first few swings, a panel per row.
 
     Args:
         rows: what is drawn.
-        truth_deg: (T,) the truth.
-        swings: frames of each swing.
+        truth: the true angle and the swings.
         fps: frames per second.
         path: the PNG.
     """
-    shown = slice(swings[0].start, swings[min(len(swings), _SHOWN_SWINGS) - 1].stop)
+    swings, truth_deg = truth.swings[:_SHOWN_SWINGS], truth.angles_deg
+    shown = slice(swings[0].start, swings[-1].stop)
     time_s = np.arange(len(truth_deg))[shown] / fps
     figure = Figure(figsize=(9, 1.7 * len(rows) + 0.6), layout="constrained", dpi=110)
     panels = figure.subplots(len(rows), 1, sharex=True, sharey=True, squeeze=False)[:, 0]

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Reporter, Settings, load_estimator
+from silhouette_core.library.build import HIDDEN_SHARE
 from silhouette_core.library.library import PoseLibrary, describe, require_body
 from silhouette_core.library.store import read_library
 from silhouette_core.library.transitions import MAGNIFICATION
 from silhouette_core.motion.kinematics import landmarks
 from voxelpose import __version__
 from voxelpose.evaluation import read_truth
-from voxelpose.experiments.arm_swing import DEGRADATIONS, SETTINGS, Film, Row, experiment, near_side
+from voxelpose.experiments.arm_swing import DEGRADATIONS, FLOOR, SIGMA, Film, Row, Truth, experiment, near_side
+from voxelpose.experiments.degrade import Degradation
 from voxelpose.experiments.swing_library import SAMPLES, swing_library
 from voxelpose.experiments.swing_report import draw_angles, markdown_table
-from voxelpose.experiments.swings import Criterion, arm_angles, count, split_swings
+from voxelpose.experiments.swings import Criterion, arm_angles, split_swings
 from voxelpose.recording import Recording
 from voxelpose.results import SUMMARY, as_json
 
@@ -40,6 +41,7 @@ class Study:
         degraded: also with degraded silhouettes.
         ours: also with the program's own estimator.
         samples: of the library that is made.
+        sigma: of eq. (10).
     """
 
     truth: Path
@@ -48,6 +50,7 @@ class Study:
     degraded: bool = True
     ours: bool = True
     samples: int = SAMPLES
+    sigma: float = SIGMA
 
 
 def run_study(recording: Recording, study: Study, folder: Path, reporter: Reporter) -> list[Row]:
@@ -70,29 +73,29 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         raise InputError(f"{study.truth} has {len(joints)} frames and {recording.folder} more: give the truth of this recording")
     joints = joints[recording.first : recording.first + recording.frame_count]
     truth_deg = arm_angles(joints)
-    swings = split_swings(truth_deg)
+    truth = Truth(truth_deg, split_swings(truth_deg))
     stature = study.stature_m or recording.subject.stature_m
     if stature is None:
         raise InputError(f"{recording.folder} has no subject.toml that says how tall the person is: add --stature")
     film = Film.of(recording, stature, reporter)
     library = _library(study, stature, near_side(joints, film.camera), film.pitch_deg, recording.subject.sex, reporter)
     degradations = DEGRADATIONS if study.degraded else DEGRADATIONS[:1]
-    rows = experiment(film, truth_deg, swings, library, degradations, reporter)
+    rows = experiment(film, truth, library, degradations, study.sigma, reporter)
     shown = rows[:4]
     if study.ours:
-        rows.insert(4, _ours(recording, study, stature, truth_deg, swings, reporter))
+        rows.insert(4, _ours(recording, study, stature, truth, reporter))
         shown = rows[:5]
     (folder / TABLE).write_text(markdown_table(rows), encoding="utf-8")
-    draw_angles(shown, truth_deg, swings, film.fps, folder / PLOT)
+    draw_angles(shown, truth, film.fps, folder / PLOT)
     about = {
         "voxelpose": __version__,
         "recording": recording.folder.resolve().name,
         "frames": len(film),
-        "swings": len(swings),
+        "swings": len(truth.swings),
         "right_arm": "near" if near_side(joints, film.camera) else "far",
         "distance_m": film.distance_m,
         "criterion": asdict(Criterion()),
-        "filter": {**asdict(SETTINGS), "m": MAGNIFICATION},
+        "filter": {"sigma": study.sigma, "floor": FLOOR, "m": MAGNIFICATION, "hidden_share": HIDDEN_SHARE},
         "library": {
             "samples": len(library), "nodes": [len(level) for level in library.levels], "body": describe(library.model.sizes),
         },
@@ -117,15 +120,11 @@ def _library(study: Study, stature_m: float, near: bool, pitch_deg: float, sex: 
     return library
 
 
-def _ours(
-    recording: Recording, study: Study, stature_m: float, truth_deg: NDArray[np.float64], swings: Sequence[slice], reporter: Reporter
-) -> Row:
+def _ours(recording: Recording, study: Study, stature_m: float, truth: Truth, reporter: Reporter) -> Row:
     """Tracks the recording as `voxelpose track` does: balanced weights, DM2, distance found, refined, looking ahead."""
     options = {"start": "any"} | ({"library": str(study.library)} if study.library else {})
     settings = replace(Settings(stature_m=stature_m, options=options), sex=recording.subject.sex)
     motion = load_estimator("monocular").estimate(recording, settings, reporter).motion
-    joints = np.full((len(truth_deg), len(landmarks(motion.model, *motion.parts())[0]), 3), np.nan)
+    joints = np.full((recording.frame_count, len(LANDMARK_NAMES), 3), np.nan)
     joints[motion.frames - recording.first] = landmarks(motion.model, *motion.parts())
-    angles = arm_angles(joints)
-    error = float(np.nanmean(np.abs(angles - truth_deg)))
-    return Row("voxelpose track", "as found", count(truth_deg, angles, swings), angles, error)
+    return truth.row("voxelpose track", Degradation(), arm_angles(joints))

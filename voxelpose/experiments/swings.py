@@ -18,6 +18,7 @@ Verdict = Literal["fail", "error", "success"]
 VERDICTS: tuple[Verdict, ...] = ("fail", "error", "success")
 _UP = np.array([0.0, 0.0, 1.0])
 _LEAST_SWING_DEG = 30.0
+_WHOLE = 0.9  # of a swing, for the first and the last to count
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def arm_angles(joints_m: NDArray[np.floating], side: Literal["right", "left"] = 
 
 
 def split_swings(truth_deg: NDArray[np.floating]) -> list[slice]:
-    """Divides an arm's course into swings to and fro, each from one hindmost angle to the next; the last may lack its final frame.
+    """Divides an arm's course into swings to and fro, each from one hindmost angle to the next.
 
     Raises:
         InputError: the arm does not swing.
@@ -67,12 +68,14 @@ def split_swings(truth_deg: NDArray[np.floating]) -> list[slice]:
     spread = float(np.nanmax(truth_deg) - np.nanmin(truth_deg)) if np.isfinite(truth_deg).any() else 0.0
     if spread < _LEAST_SWING_DEG:
         raise InputError(f"the right arm moves by {spread:.0f} degrees only: the experiment wants a recording of an arm that swings")
-    # Padded, so that a course that begins or ends at its hindmost angle has a turning point there.
-    height = float(np.nanmax(truth_deg))
-    turns = find_peaks(-np.concatenate([[height], truth_deg, [height]]), prominence=0.5 * spread)[0] - 1
-    length = int(np.median(np.diff(turns))) if len(turns) > 1 else len(truth_deg)
-    ends = [*turns.tolist(), len(truth_deg)] if len(truth_deg) - turns[-1] >= 0.9 * length else turns.tolist()
-    return [slice(a, b) for a, b in pairwise(ends)]
+    turns = find_peaks(-truth_deg, prominence=0.5 * spread)[0].tolist()
+    if not turns:
+        return [slice(0, len(truth_deg))]
+    length = int(np.median(np.diff(turns))) if len(turns) > 1 else turns[0]
+    # A recording that begins or ends at the hindmost angle has no turning point there.
+    first = [0] if turns[0] >= _WHOLE * length else []
+    last = [len(truth_deg)] if len(truth_deg) - turns[-1] >= _WHOLE * length else []
+    return [slice(a, b) for a, b in pairwise(first + turns + last)]
 
 
 def judge(truth_deg: NDArray[np.floating], estimate_deg: NDArray[np.floating], criterion: Criterion | None = None) -> Verdict:
