@@ -1,0 +1,44 @@
+"""The examples and the notebook run as they stand, from an empty folder."""
+
+import json
+import runpy
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "examples"
+EXAMPLES = sorted(path.stem for path in FOLDER.glob("0*.py"))
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Runs the five examples in their order; returns where they wrote."""
+    out = tmp_path_factory.mktemp("examples")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(FOLDER))
+        for name in EXAMPLES:
+            patch.setattr(sys, "argv", [name, str(out)])
+            runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
+    return out
+
+
+@pytest.mark.slow
+def test_every_example_draws_its_picture(ran):
+    assert len(EXAMPLES) == 5
+    for name in EXAMPLES:
+        picture = cv2.imread(str(ran / f"{name}.png"))
+        assert picture is not None, name
+        assert picture.std() > 10, name
+
+
+@pytest.mark.slow
+def test_the_results_are_good(ran):
+    from voxelpose import evaluate
+
+    several, one = evaluate(ran / "fit"), evaluate(ran / "track")
+    assert several.lost == 0
+    assert several.root_mm < 35
+    assert one.lost == 0
+    assert one.root_mm < 150
