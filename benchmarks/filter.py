@@ -175,9 +175,8 @@ def main(path: str = "") -> None:
     scored = " / ".join(f"{n:,.0f}" for n in np.median([belief.posterior.scored for belief in beliefs], axis=0))
     print(f"{len(tree.library):,} samples, {levels} nodes, of which {scored} were scored (median); {threads} threads")
     first, later = 1000 * seconds[0], 1000 * np.array(seconds[1:])
-    print(
-        f"ms a frame over {len(later)} frames: min {later.min():.1f}, median {np.median(later):.1f}, max {later.max():.1f}; first {first:.1f}"
-    )
+    spread = f"min {later.min():.1f}, median {np.median(later):.1f}, max {later.max():.1f}"
+    print(f"ms a frame over {len(later)} frames: {spread}; the first {first:.1f}")
 
 
 if __name__ == "__main__":

@@ -136,7 +136,7 @@ class TreeFilter:
         log_likelihood = -0.5 * (found.distance / (settings.sigma * settings.coarse**levels_below)) ** 2  # (10), (11)
         with np.errstate(divide="ignore"):
             log_posterior = log_likelihood + np.log(belief[nodes])
-        kept = np.flatnonzero(log_posterior >= log_posterior.max() + np.log(settings.survivors))
+            kept = np.flatnonzero(log_posterior >= log_posterior.max() + np.log(settings.survivors))
         if len(kept) > settings.most:
             kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])
         return found, log_likelihood, kept

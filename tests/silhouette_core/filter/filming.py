@@ -1,0 +1,86 @@
+"""A person filmed for the filter's tests: silhouettes of a posed body, in memory or as frames."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.camera import Camera, Rig
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.fitting.agreement import posed_mesh
+from silhouette_core.fitting.pose import Pose
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.repertoire.notation import movements
+from silhouette_core.motion.repertoire.perform import perform
+
+STATURE_M = 1.75
+MOVEMENTS = ("walk", "wave", "arm swing both", "reach aside", "squat", "kick")
+
+
+def camera_at(center_m: Sequence[float], target_m: Sequence[float] = (0, 0, 0.95), size: tuple[int, int] = (480, 360)) -> Camera:
+    """Returns a level camera that looks at a point."""
+    center = np.asarray(center_m, float)
+    forward = np.asarray(target_m, float) - center
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0, 0, 1.0])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    matrix = np.array([[1.1 * size[1], 0, (size[0] - 1) / 2], [0, 1.1 * size[1], (size[1] - 1) / 2], [0, 0, 1.0]])
+    return Camera("cam_1", size, matrix, np.zeros(0), rotation, -rotation @ center)
+
+
+def body(shape: Sequence[float] = ()) -> BodyModel:
+    model = BodyModel.from_sizes(BodySizes(STATURE_M))
+    return model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))])) if len(shape) else model
+
+
+def performed(name: str, model: BodyModel | None = None) -> Motion:
+    return perform(movements()[name], model or body())
+
+
+def poses_of(motion: Motion) -> list[Pose]:
+    rotation = rotation_matrices(motion.root_quaternion)
+    return [Pose(motion.root_m[t], rotation[t], motion.angles_rad[t]) for t in range(len(motion))]
+
+
+def silhouette(model: BodyModel, pose: Pose, camera: Camera) -> np.ndarray:
+    seen = posed_mesh(model, pose) @ camera.rotation.T + camera.translation
+    return render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0
+
+
+def films(motion: Motion, camera: Camera, rows: Sequence[int]) -> list[np.ndarray]:
+    poses = poses_of(motion)
+    return [silhouette(motion.model, poses[row], camera) for row in rows]
+
+
+@dataclass
+class SilhouetteSource:
+    """Silhouettes as a recording of one camera."""
+
+    camera: Camera
+    masks: Sequence[np.ndarray]
+    fps: float = 30.0
+    repeats: int = 1
+    silhouettes_given: bool = True
+
+    @property
+    def rig(self) -> Rig:
+        return Rig((self.camera,))
+
+    @property
+    def frame_count(self) -> int:
+        return self.repeats * len(self.masks)
+
+    def backgrounds(self) -> dict:
+        return {}
+
+    def regions(self) -> dict:
+        return {}
+
+    def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
+        for frame in range(self.frame_count):
+            mask = self.masks[frame % len(self.masks)]
+            yield frame, frame / self.fps, {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)}

@@ -1,0 +1,58 @@
+"""Which piece of a silhouette image is the person."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.filter.person import find_person, upright_distance
+from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at, performed, poses_of, silhouette
+
+
+def picture(*boxes, shape=(240, 320)):
+    mask = np.zeros(shape, bool)
+    for top, left, bottom, right in boxes:
+        mask[top:bottom, left:right] = True
+    return mask
+
+
+BODY = (60, 140, 200, 180)
+
+
+def test_the_largest_piece_is_the_person_with_what_lies_beside_it():
+    hand, speck, other = (100, 186, 112, 196), (70, 184, 72, 186), (20, 20, 60, 50)
+    found = find_person(picture(BODY, hand, speck, other))
+    assert found is not None and (found.mask == picture(BODY, hand)).all() and not found.cut
+
+
+def test_nobody_and_crumbs_are_no_person():
+    assert find_person(picture()) is None
+    assert find_person(picture((10, 10, 20, 20))) is None
+    small = picture((100, 100, 120, 120))
+    assert find_person(small) is not None
+    assert find_person(small, usual_px=5000.0) is None
+
+
+def test_a_piece_where_the_person_was_wins_over_a_larger_one():
+    larger = (40, 10, 220, 60)
+    everywhere = find_person(picture(BODY, larger))
+    near = find_person(picture(BODY, larger), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    assert everywhere is not None and (everywhere.mask == picture(larger)).all()
+    assert near is not None and (near.mask == picture(BODY)).all()
+
+
+@pytest.mark.parametrize("box", [(0, 140, 120, 180), (120, 140, 240, 180), (60, 0, 200, 40), (60, 280, 200, 320)])
+def test_a_person_at_the_border_is_cut(box):
+    found = find_person(picture(box))
+    assert found is not None and found.cut
+
+
+def test_a_toe_at_the_border_does_not_count():
+    found = find_person(picture(BODY, (200, 150, 240, 153)))
+    assert found is not None and not found.cut
+
+
+@pytest.mark.parametrize("place", [(0, -4, 1.3), (2, -3, 2.2), (0, -7, 0.8)])
+def test_the_distance_of_somebody_upright(place):
+    camera = camera_at(place, size=(640, 480))
+    pose = poses_of(performed("wave"))[0]
+    distance = upright_distance(camera, silhouette(body(), pose, camera), STATURE_M)
+    assert distance == pytest.approx(np.linalg.norm(camera.center_m - pose.root_m), rel=0.08)
