@@ -29,7 +29,9 @@ _CANDIDATES = 256  # base poses, the nearest by their joints, of which all views
 _AT_ONCE = 2048
 
 
-def transitions(library: PoseLibrary, occlusion_aware: bool, spread: float = 1.0, neighbours: int = KEPT) -> csr_matrix:
+def transitions(
+    library: PoseLibrary, occlusion_aware: bool, spread: float = 1.0, neighbours: int = KEPT, normalised: bool = True
+) -> csr_matrix:
     """Makes the matrix of p(x_t | x_t-1) over a library.
 
     Args:
@@ -37,9 +39,11 @@ def transitions(library: PoseLibrary, occlusion_aware: bool, spread: float = 1.0
         occlusion_aware: DM2, with eq. (5); else DM1, without.
         spread: factor on all sigmas, which are those of 1/30 s: at another frame rate sqrt(30 / fps), for a random walk.
         neighbours: how many of the kept samples are used, at most.
+        normalised: every sample shares its whole probability out among its neighbours. Else a sample near to it gets the same whether
+            there are many others or none, and what is believed gathers where poses are dense.
 
     Returns:
-        (N, N) float32: row i holds where sample i goes, summing to 1; the prior (14) is `matrix.T @ posterior`.
+        (N, N) float32: row i holds where sample i goes, summing to 1 if normalised; the prior (14) is `matrix.T @ posterior`.
 
     Source: Okada and Stenger, eq. (3)-(5) and (14).
     """
@@ -47,7 +51,8 @@ def transitions(library: PoseLibrary, occlusion_aware: bool, spread: float = 1.0
     name = "dm2" if occlusion_aware else "dm1"
     index, square = (np.asarray(kept[f"{name}.{what}"])[:, :neighbours] for what in ("index", "square"))
     weight = np.exp(square.astype(np.float64) / (-2 * spread**2))
-    weight /= weight.sum(axis=1, keepdims=True)
+    if normalised:
+        weight /= weight.sum(axis=1, keepdims=True)
     rows = np.arange(0, index.size + 1, index.shape[1])
     matrix = csr_matrix((weight.ravel().astype(np.float32), index.ravel().copy(), rows), shape=(len(library), len(library)))
     matrix.sum_duplicates()

@@ -43,6 +43,8 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
     """First frame and one past the last. Left out: all."""
     sigma: Annotated[float, arg(metavar="SHARE")] = 0.05
     """Standard deviation of the silhouette distance, eq. (10), as a share of the silhouette's weight; the same for all methods."""
+    prior: Literal["normalised", "kernel"] = "normalised"
+    """How a pose passes its probability on: eq. (4) normalised over the library, as `voxelpose track` has it, or its exponential alone."""
     arm: Literal["near", "far"] = "near"
     """Without RECORDING: whether the mannequin's arm swings on the camera's side of its trunk, or beyond it, as in the paper."""
     degraded: bool = True
@@ -65,6 +67,7 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
             progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.jit import set_threads
+            from voxelpose.experiments.arm_swing import Reading
             from voxelpose.experiments.swing_report import markdown_table
             from voxelpose.experiments.swing_study import Study, run_study
             from voxelpose.recording import Recording
@@ -73,7 +76,8 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
             filmed = self.recording or _film(folder / "recording", "arm_swing" if self.arm == "near" else "far_arm_swing")
             recording = Recording.open(filmed, frame_range(self.frames), camera_names(self.camera))
             truth = self.truth or filmed / "truth.json"
-            study = Study(truth, self.stature, self.library, self.degraded, self.ours, sigma=self.sigma)
+            reading = Reading(self.sigma, self.prior == "normalised")
+            study = Study(truth, self.stature, self.library, self.degraded, self.ours, reading=reading)
             rows = run_study(recording, study, folder, progress)
         print(markdown_table(rows), end="")
         print(f"\n{self.out}: table.md, angles.png (true and estimated angle), summary.json")

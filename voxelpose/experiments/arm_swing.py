@@ -23,12 +23,11 @@ from silhouette_core.library.pictures import STATURE_PX
 from silhouette_core.library.transitions import transitions
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from voxelpose.experiments.degrade import Degradation, degrade
+from voxelpose.experiments.swing_library import NEIGHBOURS
 from voxelpose.experiments.swings import Verdict, arm_angles, count
 from voxelpose.recording import Recording
 
 LONG_SIDE_PX = 640  # the paper's camera
-SIGMA = 0.05
-"""Of eq. (10), as a share of the silhouette's own weight, the same for all methods: about the distance at which the best pose is found."""
 FLOOR = 1e-6
 """Share of the prior spread over the whole library. Next to nothing here: in the paper a lost track has no second chance."""
 _SEED = 0
@@ -37,12 +36,24 @@ DEGRADATIONS = (
     Degradation(contour_px=2.0),
     Degradation(contour_px=4.0, grain_px=6.0),
     Degradation(holes=4, hole_radius_px=8.0),
-    Degradation(contour_px=2.0, holes=4, hole_radius_px=8.0),
 )
 
 
 Paper = tuple[int, int, int] | None
 """Fail, Error and Success of 24 in the paper; None where it has no such row."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the paper does not state; the same for all methods. docs/results.md shows what other readings do.
+
+    Attributes:
+        sigma: of eq. (10), as a share of the silhouette's own weight.
+        normalised: of eq. (4), see `silhouette_core.library.transitions.transitions`.
+    """
+
+    sigma: float = 0.05
+    normalised: bool = True
 
 
 @dataclass(frozen=True)
@@ -178,7 +189,7 @@ def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
 
 
 def follow(
-    film: Film, library: PoseLibrary, method: Method, degradation: Degradation, sigma: float, reporter: Reporter
+    film: Film, library: PoseLibrary, method: Method, degradation: Degradation, reading: Reading, reporter: Reporter
 ) -> tuple[NDArray[np.float64], int]:
     """Tracks a film as the paper does: the likeliest sample of every frame, eq. (12) and (13), from the past alone, unrefined.
 
@@ -189,14 +200,14 @@ def follow(
         library: poses, from about the film's side.
         method: distance and motion model.
         degradation: what is done to the silhouettes first.
-        sigma: of eq. (10).
+        reading: of what the paper leaves open.
         reporter: told of every frame.
 
     Returns:
         (T,) degrees: the right upper arm's angle; NaN where the silhouette is empty. And in how many frames the filter was lost.
     """
-    matrix = transitions(library, method.occlusion_aware, spread=np.sqrt(30.0 / film.fps))
-    tree = TreeFilter(library, matrix, FilterSettings(sigma=sigma, floor=FLOOR))
+    matrix = transitions(library, method.occlusion_aware, np.sqrt(30.0 / film.fps), NEIGHBOURS, reading.normalised)
+    tree = TreeFilter(library, matrix, FilterSettings(sigma=reading.sigma, floor=FLOOR))
     filtering = Forward(tree, film.camera, facing=False, weighting=method.weighting, distance_m=film.distance_m)
     joints = np.full((len(film), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0
@@ -214,7 +225,7 @@ def follow(
 
 
 def experiment(
-    film: Film, truth: Truth, library: PoseLibrary, degradations: Sequence[Degradation], sigma: float, reporter: Reporter
+    film: Film, truth: Truth, library: PoseLibrary, degradations: Sequence[Degradation], reading: Reading, reporter: Reporter
 ) -> list[Row]:
     """Runs all methods on a film, as found and degraded.
 
@@ -223,7 +234,7 @@ def experiment(
         truth: how the arm moved.
         library: poses.
         degradations: of the silhouettes.
-        sigma: of eq. (10).
+        reading: of what the paper leaves open.
         reporter: told of every frame.
 
     Returns:
@@ -233,7 +244,7 @@ def experiment(
     for degradation in degradations:
         for method in METHODS:
             reporter.stage(f"{method}, {degradation}", len(film))
-            angles, lost = follow(film, library, method, degradation, sigma, reporter)
+            angles, lost = follow(film, library, method, degradation, reading, reporter)
             paper = method.paper if degradation == Degradation() else None
             rows.append(truth.row(str(method), degradation, angles, lost, paper))
     return rows

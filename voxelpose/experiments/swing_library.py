@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,14 @@ from silhouette_core.estimator import Reporter
 from silhouette_core.library.bases import base_poses
 from silhouette_core.library.build import build_library
 from silhouette_core.library.library import LibrarySettings, PoseLibrary
+from silhouette_core.library.transitions import find_neighbours
 from silhouette_core.motion.repertoire.notation import COLUMNS, STANDING, Movement
 from silhouette_core.motion.repertoire.perform import perform
 
+NEIGHBOURS = 512
 SAMPLES = 3417  # the paper's
 _NODE_SHARES = (693 / 3417, 3013 / 3417, 3318 / 3417)  # the paper's
-_CLIPS, _KEYS, _BETWEEN_S = 6, 160, 0.7
+_CLIPS, _KEYS, _BETWEEN_S = 6, 60, 0.7
 # From, to (degrees) of what moves, see silhouette_core.motion.repertoire.notation: the right arm anywhere it reaches in profile ...
 _ARM = {"r.arm": (-70, 110), "r.out": (0, 35), "r.elbow": (0, 90), "r.turn": (-20, 40)}
 # ... and the rest as somebody stands, the same throughout a clip.
@@ -69,7 +71,9 @@ def swing_library(model: BodyModel, near: bool, pitch_deg: float, reporter: Repo
     )  # fmt: skip
     rng = np.random.default_rng(_SEED)
     motions = {f"right arm {k + 1}": perform(_movement(rng), model) for k in range(_CLIPS)}
-    return build_library(base_poses(motions, settings), model, settings, reporter)
+    library = build_library(base_poses(motions, settings), model, settings, reporter)
+    # Hidden arms reach hundreds of so few poses: more than a library usually keeps.
+    return replace(library, neighbours=find_neighbours(library, min(NEIGHBOURS, len(library)), reporter))
 
 
 def _movement(rng: np.random.Generator) -> Movement:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from silhouette_core.library.transitions import MAGNIFICATION
 from silhouette_core.motion.kinematics import landmarks
 from voxelpose import __version__
 from voxelpose.evaluation import read_truth
-from voxelpose.experiments.arm_swing import DEGRADATIONS, FLOOR, SIGMA, Film, Row, Truth, experiment, near_side
+from voxelpose.experiments.arm_swing import DEGRADATIONS, FLOOR, Film, Reading, Row, Truth, experiment, near_side
 from voxelpose.experiments.degrade import Degradation
 from voxelpose.experiments.swing_library import SAMPLES, swing_library
 from voxelpose.experiments.swing_report import draw_angles, markdown_table
@@ -41,7 +41,7 @@ class Study:
         degraded: also with degraded silhouettes.
         ours: also with the program's own estimator.
         samples: of the library that is made.
-        sigma: of eq. (10).
+        reading: of what the paper leaves open.
     """
 
     truth: Path
@@ -50,7 +50,7 @@ class Study:
     degraded: bool = True
     ours: bool = True
     samples: int = SAMPLES
-    sigma: float = SIGMA
+    reading: Reading = field(default_factory=Reading)
 
 
 def run_study(recording: Recording, study: Study, folder: Path, reporter: Reporter) -> list[Row]:
@@ -80,7 +80,7 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
     film = Film.of(recording, stature, reporter)
     library = _library(study, stature, near_side(joints, film.camera), film.pitch_deg, recording.subject.sex, reporter)
     degradations = DEGRADATIONS if study.degraded else DEGRADATIONS[:1]
-    rows = experiment(film, truth, library, degradations, study.sigma, reporter)
+    rows = experiment(film, truth, library, degradations, study.reading, reporter)
     shown = rows[:4]
     if study.ours:
         rows.insert(4, _ours(recording, study, stature, truth, reporter))
@@ -95,7 +95,7 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         "right_arm": "near" if near_side(joints, film.camera) else "far",
         "distance_m": film.distance_m,
         "criterion": asdict(Criterion()),
-        "filter": {"sigma": study.sigma, "floor": FLOOR, "m": MAGNIFICATION, "hidden_share": HIDDEN_SHARE},
+        "filter": asdict(study.reading) | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": HIDDEN_SHARE},
         "library": {
             "samples": len(library), "nodes": [len(level) for level in library.levels], "body": describe(library.model.sizes),
         },

@@ -55,6 +55,12 @@ def test_the_nearest_are_kept_with_their_weights(made, occlusion_aware):
     assert (matrix.diagonal() >= matrix.max(axis=1).toarray().ravel() - 1e-6).all()  # staying is most likely
 
 
+def test_without_normalising_the_nearest_weigh_the_same_from_everywhere(made):
+    plain, shared = (transitions(made, True, 4.0, normalised=flag).toarray() for flag in (False, True))
+    np.testing.assert_allclose(plain.diagonal(), 1)
+    np.testing.assert_allclose(plain / plain.sum(axis=1, keepdims=True), shared, rtol=1e-4, atol=1e-6)
+
+
 def test_hidden_parts_move_more(made):
     assert made.occluded.any() and not made.occluded.all()
     hidden = np.flatnonzero(made.occluded.sum(1) > 3)
