@@ -11,6 +11,7 @@ All take the same frames and give the same Motion; nothing downstream knows whic
 from __future__ import annotations
 
 import time
+from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -144,7 +145,7 @@ class Clock:
 
     def __init__(self) -> None:
         """Starts with nothing."""
-        self.seconds: dict[str, list[float]] = defaultdict(list)
+        self.seconds: dict[str, array[float]] = defaultdict(lambda: array("d"))
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +33,7 @@ from silhouette_core.motion.smoothing import smooth, smooth_quaternions
 
 _LONG_SIDE_PX = 960
 _USUAL_STATURE_M = 1.70
+_TOGETHER = 150
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ class _Options:
         if unknown:
             raise InputError(f"the monocular estimator has no option {unknown[0]!r}: it has {', '.join(cls.__dataclass_fields__)}")
         read = cls(**options)  # type: ignore[arg-type]
+        if not isinstance(read.refine, bool) or not isinstance(read.library, str):
+            raise InputError(f"refine {read.refine!r} must be true or false, and library {read.library!r} the path of a file")
         for name, value, allowed in (
             ("start", read.start, ("facing", "any")),
             ("weighting", read.weighting, WEIGHTINGS),
@@ -73,20 +78,23 @@ class _Counts:
 
     Attributes:
         absent, cut, lost: numbers of frames without a person, with one that the picture's border cuts, and in which the filter lost it.
-        scored: nodes scored, per frame and level.
+        scored: nodes scored, the levels of one frame after the other.
+        levels: of the tree.
     """
 
     absent: list[int] = field(default_factory=list)
     cut: list[int] = field(default_factory=list)
     lost: list[int] = field(default_factory=list)
-    scored: list[tuple[int, ...]] = field(default_factory=list)
+    scored: array[int] = field(default_factory=lambda: array("q"))
+    levels: int = 1
 
     def add(self, belief: Belief) -> None:
         if belief.person.cut:
             self.cut.append(belief.number)
         if belief.lost:
             self.lost.append(belief.number)
-        self.scored.append(belief.posterior.scored)
+        self.scored.extend(belief.posterior.scored)
+        self.levels = len(belief.posterior.scored)
 
 
 class MonocularEstimator:
@@ -112,18 +120,21 @@ class MonocularEstimator:
         forward = Forward(tree, lens.pinhole, facing, options.weighting)
         following = TrackSettings(options.refine, options.weighting, facing)
         course = Course(tree, lens.pinhole, following, settings.smooth, clock)
-        decided: list[Posed] = []
-        for belief in _beliefs(source, settings, lens, forward, clock, reporter, counts):
-            counts.add(belief)
-            hypotheses.put(belief.number, *top_hypotheses(tree, belief))
-            decided += course.add(belief)
-        reporter.stage("last frames")
-        decided += course.finish()
-        if not decided:
+
+        def followed() -> Iterator[Posed]:
+            for belief in _beliefs(source, settings, lens, forward, clock, reporter, counts):
+                counts.add(belief)
+                hypotheses.put(belief.number, *top_hypotheses(tree, belief))
+                decided = course.add(belief)
+                yield from decided
+            reporter.stage("last frames")
+            yield from course.finish()
+
+        motion = _motion(followed(), library, source.fps, settings.smooth)
+        if motion is None:
             raise InputError(
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and that somebody moves before it"
             )
-        motion = _motion(decided, library, source.fps, settings.smooth)
         facts = _facts(library, options, settings, counts)
         return Estimate(motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts, hypotheses)
 
@@ -187,27 +198,44 @@ def _beliefs(
         yield belief
 
 
-def _motion(decided: list[Posed], library: PoseLibrary, fps: float, smoothed: bool) -> Motion:
-    root = np.stack([frame.pose.root_m for frame in decided])
-    rotation = quaternions(np.stack([frame.pose.root_rotation for frame in decided]))
-    angles = np.stack([frame.pose.angles_rad for frame in decided])
-    numbers = np.array([frame.number for frame in decided])
+def _motion(decided: Iterable[Posed], library: PoseLibrary, fps: float, smoothed: bool) -> Motion | None:
+    """Puts frames together as they come; None: there are none."""
+    frames, blocks = iter(decided), []
+    while block := list(islice(frames, _TOGETHER)):
+        blocks.append(_stacked(block))
+    if not blocks:
+        return None
+    whole = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    root, rotation, angles, numbers, hidden = (whole[name] for name in ("root", "rotation", "angles", "number", "hidden"))
     if smoothed:
-        for run in np.split(np.arange(len(decided)), np.flatnonzero(np.diff(numbers) > 1) + 1):
+        for run in np.split(np.arange(len(root)), np.flatnonzero(np.diff(numbers) > 1) + 1):
             root[run], angles[run] = smooth(root[run], fps), smooth(angles[run], fps)
             rotation[run] = smooth_quaternions(rotation[run], fps)
-    hidden = np.stack([frame.hidden for frame in decided])
-    confidence = np.clip(1 - np.array([frame.error for frame in decided]), 0.0, 1.0)
-    part = library.model.landmark_part
+    confidence = np.clip(1 - whole["error"], 0.0, 1.0)
     quality = {
         "confidence": confidence,
-        "landmark_confidence": confidence[:, None] * np.where(hidden[:, part], 0.3, 1.0),
+        "landmark_confidence": confidence[:, None] * np.where(hidden[:, library.model.landmark_part], 0.3, 1.0),
         "hidden": hidden,
-        "cut": np.array([frame.cut for frame in decided]),
-        "lost": np.array([frame.lost for frame in decided]),
+        "cut": whole["cut"],
+        "lost": whole["lost"],
     }
-    times = np.array([frame.time_s for frame in decided])
-    return Motion(fps, library.model, root, rotation, angles, numbers.astype(np.int64), times, quality)
+    return Motion(fps, library.model, root, rotation, angles, numbers, whole["time_s"], quality)
+
+
+def _stacked(frames: list[Posed]) -> dict[str, np.ndarray]:
+    """Copies frames into arrays, so that nothing else of them is kept."""
+    poses = [frame.pose for frame in frames]
+    return {
+        "root": np.stack([pose.root_m for pose in poses]),
+        "rotation": quaternions(np.stack([pose.root_rotation for pose in poses])),
+        "angles": np.stack([pose.angles_rad for pose in poses]),
+        "number": np.array([frame.number for frame in frames], np.int64),
+        "time_s": np.array([frame.time_s for frame in frames]),
+        "error": np.array([frame.error for frame in frames]),
+        "hidden": np.stack([frame.hidden for frame in frames]),
+        "cut": np.array([frame.cut for frame in frames]),
+        "lost": np.array([frame.lost for frame in frames]),
+    }
 
 
 def _facts(library: PoseLibrary, options: _Options, settings: Settings, counts: _Counts) -> dict[str, object]:
@@ -219,7 +247,7 @@ def _facts(library: PoseLibrary, options: _Options, settings: Settings, counts: 
             "base_poses": len(library.base_angles),
             "nodes": [len(level) for level in library.levels],
         },
-        "nodes_scored_median": [int(n) for n in np.median(np.array(counts.scored), axis=0)],
+        "nodes_scored_median": [int(n) for n in np.median(np.array(counts.scored).reshape(-1, counts.levels), axis=0)],
         "frames_absent": counts.absent,
         "frames_cut_by_the_border": counts.cut,
         "frames_lost": counts.lost,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from array import array
 from collections.abc import Iterator
 
 import numpy as np
@@ -51,18 +52,19 @@ class HypothesisStore:
 
     def __init__(self) -> None:
         """Makes the scratch file; it vanishes with the process."""
-        self._file = tempfile.TemporaryFile()
-        self._frames: list[tuple[int, int]] = []
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115
+        self._frames, self._counts = array("q"), array("q")
 
     def put(self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]) -> None:
         """Keeps a frame's n hypotheses: probabilities (n,) and joints (n, 15, 3), world, m."""
         rows = np.concatenate([probability[:, None], joints_m.reshape(len(probability), -1)], axis=1)
         self._file.write(rows.astype(np.float32).tobytes())
-        self._frames.append((frame, len(rows)))
+        self._frames.append(frame)
+        self._counts.append(len(rows))
 
     def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
         """Yields frame number, probabilities (n,) and joints (n, 15, 3)."""
         self._file.seek(0)
-        for frame, count in self._frames:
+        for frame, count in zip(self._frames, self._counts, strict=True):
             rows = np.frombuffer(self._file.read(count * 46 * 4), np.float32).reshape(count, 46)
             yield frame, rows[:, 0], rows[:, 1:].reshape(count, 15, 3)

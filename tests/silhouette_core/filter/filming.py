@@ -66,9 +66,8 @@ class SilhouetteSource:
     repeats: int = 1
     silhouettes_given: bool = True
 
-    @property
-    def rig(self) -> Rig:
-        return Rig((self.camera,))
+    def __post_init__(self) -> None:
+        self.rig = Rig((self.camera,))
 
     @property
     def frame_count(self) -> int:

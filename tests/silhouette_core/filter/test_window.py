@@ -62,7 +62,7 @@ def test_place_and_pixels_invert_each_other(library):
 
 
 def test_a_place_of_the_world_is_the_same_pixel_of_the_camera(library):
-    camera, pose, mask = seen(*PLACES[1], 3, library)
+    camera, _, mask = seen(*PLACES[1], 3, library)
     window = look_at(camera, mask, 4.0, METRE_PX)
     rays = window.place(np.array([[100.0, 80.0], [200.0, 150.0]]), 2.0)
     pixels, _ = camera.project(rays)
