@@ -1,14 +1,16 @@
 """The examples and the notebook run as they stand, from an empty folder."""
 
-import json
 import runpy
 import sys
 from pathlib import Path
 
 import cv2
+import nbformat
 import pytest
+from nbclient import NotebookClient
 
 FOLDER = Path(__file__).resolve().parents[1] / "examples"
+NOTEBOOK = FOLDER / "voxelpose.ipynb"
 EXAMPLES = sorted(path.stem for path in FOLDER.glob("0*.py"))
 
 
@@ -42,3 +44,18 @@ def test_the_results_are_good(ran):
     assert several.root_mm < 35
     assert one.lost == 0
     assert one.root_mm < 150
+
+
+def test_the_notebook_holds_no_outputs():
+    cells = nbformat.read(NOTEBOOK, as_version=4).cells
+    assert not any(cell.outputs or cell.execution_count for cell in cells if cell.cell_type == "code")
+
+
+@pytest.mark.slow
+def test_the_notebook_runs(ran, monkeypatch):
+    # What the examples made is there already: recording and library.
+    monkeypatch.setenv("VOXELPOSE_OUT", str(ran))
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
+    pictures = [output for cell in notebook.cells for output in cell.get("outputs", ()) if "image/png" in output.get("data", {})]
+    assert len(pictures) == 5

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/python.md and README.md: `python -m docs.figures.examples` runs the examples and writes docs/images/example_*."""
+"""Draws the pictures of docs/python.md: `python -m docs.figures.examples` runs the examples and writes docs/images/example_*."""
 
 import subprocess
 import sys
