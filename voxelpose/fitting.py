@@ -36,7 +36,7 @@ class Output:
         pictures: whether overlay videos and the contact sheet are drawn.
     """
 
-    folder: Path
+    folder: Path | str
     overwrite: bool = False
     pictures: bool = True
 
@@ -130,7 +130,7 @@ def _title(recording: Recording, estimate: Estimate) -> str:
 def _settings_toml(recording: Recording, output: Output, settings: Settings, estimator: str) -> str:
     document = tomlkit.document()
     document.add(tomlkit.comment("What this result was made with; a setting that is missing was left to the program."))
-    document["recording"] = _path_from(output.folder.resolve(), recording.folder.resolve())
+    document["recording"] = _path_from(Path(output.folder).resolve(), recording.folder.resolve())
     document["frames"] = [recording.first, recording.first + recording.frame_count]
     document["cameras"] = list(recording.rig.names)
     document["estimator"] = estimator

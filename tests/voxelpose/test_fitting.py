@@ -36,7 +36,8 @@ def test_result_folder(recording, tmp_path):
 
 
 def test_summary_and_settings_say_what_was_done(recording, tmp_path):
-    fit(recording, Output(tmp_path / "out", pictures=False), Settings(chest_m=0.9, options={"voxel_size_m": 0.02}), "standing")
+    out = str(tmp_path / "out")  # words will do for paths
+    fit(recording, Output(out, pictures=False), Settings(chest_m=0.9, options={"voxel_size_m": 0.02}), "standing")
     result = Result.open(tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["frames"] == {"first": 0, "last": 5, "with_pose": 5, "lost": [0]}
