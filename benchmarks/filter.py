@@ -1,8 +1,8 @@
-"""One frame of `track`, silhouette to posterior, against the same search pixel by pixel: `python -m benchmarks.filter [LIBRARY.vplib]`.
+"""One frame of `track`, silhouette to posterior, against the same search pixel by pixel: `python -m benchmarks.filter`.
 
 As a program it follows a whole clip and prints what a frame takes, as Okada and Stenger's Fig. 6 (d) does. As cases of `make bench` one
 frame is searched in runs, in images with NumPy, and in images with numba: the same windows, scales, shifts and nodes, in one run. Without
-a library (as an argument, or in $VOXELPOSE_LIBRARY) one of 60,000 samples is made from the program's own motions, once, in out/.
+a library in $VOXELPOSE_LIBRARY one of 60,000 samples is made from the program's own motions, once, in out/.
 """
 
 from __future__ import annotations
@@ -87,23 +87,27 @@ class DenseEvidence(Evidence):
         return Alignment(flat[best, np.arange(len(nodes))], scale, SHIFTS_PX[move] * reduction)
 
 
-@cache
-def _tree(path: str = "") -> TreeFilter:
-    path = path or os.environ.get("VOXELPOSE_LIBRARY", "")
-    if path:
-        library = read_library(Path(path))
-    elif _MADE.exists():
-        library = read_library(_MADE)
-    else:
+def library_file() -> Path:
+    """Returns $VOXELPOSE_LIBRARY, or a library made from the program's own motions."""
+    given = os.environ.get("VOXELPOSE_LIBRARY", "")
+    if given:
+        return Path(given)
+    if not _MADE.exists():
         print(f"making {_MADE} once, which takes some minutes ...", file=sys.stderr, flush=True)
         _MADE.parent.mkdir(parents=True, exist_ok=True)
         model = BodyModel.from_sizes(BodySizes(_STATURE_M))
-        library = make_library(repertoire(model), model, _MADE, _SETTINGS)
+        make_library(repertoire(model), model, _MADE, _SETTINGS)
+    return _MADE
+
+
+@cache
+def _tree() -> TreeFilter:
+    library = read_library(library_file())
     return TreeFilter(library, transitions(library, occlusion_aware=True, spread=SPREAD))
 
 
 @cache
-def _clip() -> tuple[Camera, list[NDArray[np.bool_]]]:
+def clip() -> tuple[Camera, list[NDArray[np.bool_]]]:
     """Returns a camera and the silhouettes of somebody else's body that it sees."""
     camera = ring(1).cameras[0]
     random = np.random.default_rng(_SHAPE_SEED)
@@ -122,7 +126,7 @@ def _clip() -> tuple[Camera, list[NDArray[np.bool_]]]:
 @cache
 def _follow(tree: TreeFilter, count: int) -> tuple[list[Belief], list[float]]:
     """Filters the clip's first frames; returns what is believed and the seconds that each took."""
-    camera, masks = _clip()
+    camera, masks = clip()
     forward, beliefs, seconds = Forward(tree, camera, weighting=_WEIGHTING), [], []
     for number, mask in enumerate(masks[:count]):
         person = find_person(mask)
@@ -135,7 +139,7 @@ def _follow(tree: TreeFilter, count: int) -> tuple[list[Belief], list[float]]:
 
 
 def _against(score: Score, name: str, goal: str) -> Case:
-    tree, (camera, masks) = _tree(), _clip()
+    tree, (camera, masks) = _tree(), clip()
     beliefs, _ = _follow(tree, _FRAMES)
     by_work = np.argsort([sum(belief.posterior.scored) for belief in beliefs[1:]], kind="stable") + 1
     chosen = int(by_work[len(by_work) // 2])  # the frame for which as many nodes are scored as for the median one
@@ -165,9 +169,9 @@ def against_dense() -> Case:
     return _against(silhouette_distances, "the same nodes as images, compiled", ">= 10")
 
 
-def main(path: str = "") -> None:
+def main() -> None:
     """Follows the clip and prints what its frames took."""
-    tree = _tree(path)
+    tree = _tree()
     threads = set_threads()
     _follow(tree, 3)
     beliefs, seconds = _follow(tree, _FRAMES)
@@ -180,4 +184,4 @@ def main(path: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -62,6 +62,8 @@ def fit(
     reporter = reporter or Silent()
     started = time.perf_counter()
     settings = _with_subject(settings or Settings(), recording)
+    if settings.threads is not None and settings.threads < 1:
+        raise InputError(f"{settings.threads} threads cannot work: give --threads 1 or more, or leave it out")
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     chosen = load_estimator(estimator)
     with writer as folder:

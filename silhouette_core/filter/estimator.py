@@ -149,10 +149,10 @@ def _library(options: _Options, settings: Settings, reporter: Reporter) -> PoseL
         return _scaled(library, stature or _USUAL_STATURE_M)
     library = read_library(Path(options.library))
     made = library.model.sizes
-    if stature is None:
-        return library
     if settings.sex != "unknown" or settings.chest_m is not None:
         require_body(library, BodySizes(made.stature_m, _chest(settings, made.stature_m), settings.sex))
+    if stature is None:
+        return library
     if abs(made.stature_m - stature) > 0.01:
         reporter.note(f"the library's body of {made.stature_m:.2f} m is scaled to {stature:.2f} m")
     return _scaled(library, stature)

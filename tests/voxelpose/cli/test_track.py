@@ -1,0 +1,137 @@
+"""Mistakes that users of `voxelpose track` make: one clear line, code 2, nothing written."""
+
+import json
+
+import numpy as np
+import pytest
+
+from silhouette_core.library.build import build_library
+from silhouette_core.library.store import write_library
+from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
+from tests.sources import ring, write_recording, write_staged
+from tests.takes import waving
+from voxelpose.cli import run
+
+FRAMES = 4
+
+
+@pytest.fixture(scope="module")
+def library_bytes(tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.vplib"
+    write_library(build_library(small_bases(), swaying().model, SETTINGS), path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def room(desk, library_bytes):
+    """A desk with a library and an empty recording of two cameras."""
+    write_recording(desk / "walk", ring(2), FRAMES)
+    (desk / "lib.vplib").write_bytes(library_bytes)
+    return desk
+
+
+def left(desk):
+    return sorted(path.name for path in desk.iterdir() if path.name not in ("site", "walk", "lib.vplib", "bad.vplib"))
+
+
+def refused(desk, capsys, *words):
+    """Runs the command; returns what it says in its one line."""
+    assert run(["track", "walk", "--out", "x", *words]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert "Traceback" not in "".join(lines)
+    assert [line for line in lines if line.startswith("voxelpose: ")] == lines[-1:]
+    assert left(desk) == []
+    return lines[-1]
+
+
+TRACK = ("--camera", "cam_1", "--library", "lib.vplib")
+
+
+def damaged(content, how):
+    """A library file with something wrong."""
+    if how == "empty":
+        return b""
+    if how == "no library":
+        return b"a letter to my aunt, which is no pose library and long enough to be read"
+    if how == "truncated":
+        return content[: len(content) // 2]
+    if how == "changed":
+        return content[:-5000] + bytes([content[-5000] ^ 1]) + content[-4999:]
+    length = int.from_bytes(content[:8], "little")
+    header = json.loads(content[8 : 8 + length])
+    header["__metadata__"]["version"] = "99"
+    text = json.dumps(header).encode()
+    return len(text).to_bytes(8, "little") + text + content[8 + length :]
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("empty", "bad.vplib cannot be read: the file is empty"),
+        ("no library", "bad.vplib is not a pose library, or is damaged"),
+        ("truncated", "truncated"),
+        ("changed", "changed"),
+        ("version", "bad.vplib is a library of version 99, and this program reads version"),
+    ],
+)
+def test_a_library_that_cannot_be_read(room, capsys, library_bytes, how, words):
+    (room / "bad.vplib").write_bytes(damaged(library_bytes, how))
+    line = refused(room, capsys, "--camera", "cam_1", "--library", "bad.vplib")
+    assert words in line and "bad.vplib" in line
+
+
+def test_a_library_that_is_not_there(room, capsys):
+    assert "none.vplib cannot be read" in refused(room, capsys, "--camera", "cam_1", "--library", "none.vplib")
+    assert "cannot be read" in refused(room, capsys, "--camera", "cam_1", "--library", "site")
+
+
+def test_a_library_of_other_proportions(room, capsys):
+    line = refused(room, capsys, *TRACK, "--stature", "1.75", "--sex", "female")
+    assert "the library was made for another body" in line and "voxelpose library build" in line
+    line = refused(room, capsys, *TRACK, "--stature", "1.75", "--chest", "1.30")
+    assert "another body" in line
+    assert "another body" in refused(room, capsys, *TRACK, "--sex", "female")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--camera", "cam_7"), "there is no video of cam_7 in walk"),
+        (("--camera", "cam_1,cam_2"), "cam_1,cam_2"),
+        ((*TRACK, "--frames", "9:12"), "frames 9:12 are not in the recording"),
+        ((*TRACK, "--frames", "first"), "--frames first is not understood"),
+        ((*TRACK, "--stature", "17.5"), "17.5"),
+        ((*TRACK, "--stature", "-1"), "-1"),
+        ((*TRACK, "--stature", "0"), "0"),
+        ((*TRACK, "--fps", "0"), "0"),
+        ((*TRACK, "--threads", "0"), "0 threads cannot work"),
+    ],
+)
+def test_what_is_not_there_or_impossible(room, capsys, words, line):
+    assert line in refused(room, capsys, *words)
+
+
+def test_nobody_in_any_frame(room, capsys):
+    line = refused(room, capsys, *TRACK, "--stature", "1.75")
+    assert "camera cam_1 shows nobody in any frame" in line
+
+
+def test_results_are_not_overwritten_unasked(room, capsys):
+    (room / "x").mkdir()
+    (room / "x" / "diary.txt").write_text("mine")
+    assert run(["track", "walk", "--out", "x", *TRACK]) == 2
+    assert "x exists" in capsys.readouterr().err
+    assert [path.name for path in (room / "x").iterdir()] == ["diary.txt"]
+
+
+@pytest.mark.slow
+def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
+    (desk / "lib.vplib").write_bytes(library_bytes)
+    write_staged(desk / "take", waving(3), ring(2, (320, 240)))
+    words = ["track", "take", "--out", "x", "--camera", "cam_2", "--library", "lib.vplib", "--start", "any", "--no-refine", "--no-pictures"]
+    assert run([*words, "--stature", "1.70"]) == 0
+    assert "3 of 3 frames have a pose" in capsys.readouterr().out
+    summary = json.loads((desk / "x" / "summary.json").read_text())
+    assert summary["cameras"] == ["cam_2"] and summary["estimator"] == "monocular"
+    rows = np.genfromtxt(desk / "x" / "hypotheses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    assert set(rows["frame"]) == {0, 1, 2} and rows["rank"].max() <= 5
