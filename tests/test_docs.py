@@ -2,11 +2,12 @@
 
 import importlib
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
-from voxelpose.cli import COMMANDS
+from voxelpose.cli import COMMANDS, _parse
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -48,3 +49,12 @@ def test_names_in_the_papers_map_exist():
 def test_commands_exist(page):
     shown = re.findall(r"^(?:\.venv/bin/)?voxelpose (\w+)|`voxelpose (\w+)", page.read_text(encoding="utf-8"), re.MULTILINE)
     assert {one or other for one, other in shown} <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_shown_commands_are_understood(page):
+    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if words[:1] == ["voxelpose"] and "--help" not in words:
+                _parse(words[1], [word.replace("…", "x") for word in words[2:]])

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib import resources
 
 import pytest
 
@@ -24,6 +25,11 @@ def test_every_name_is_there_and_is_where_the_types_say():
         assert value.__name__ == name
         assert value.__module__ == voxelpose._HOME[name]
     assert set(voxelpose._HOME) == set(voxelpose.__all__) <= set(dir(voxelpose))
+
+
+def test_types_are_told_to_type_checkers():
+    for package in ("calib", "silhouette_core", "voxelpose"):
+        assert (resources.files(package) / "py.typed").is_file()
 
 
 def test_what_is_not_there_is_said():
