@@ -45,7 +45,7 @@ Paper = tuple[int, int, int] | None
 
 @dataclass(frozen=True)
 class Reading:
-    """What the paper does not state; the same for all methods. docs/results.md shows what other readings do.
+    """What the paper does not state; the same for all methods. docs/results.md shows what another reading of (4) does.
 
     Attributes:
         sigma: of eq. (10), as a share of the silhouette's own weight.

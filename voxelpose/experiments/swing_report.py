@@ -50,7 +50,7 @@ def draw_angles(rows: Sequence[Row], truth: Truth, fps: float, path: Path) -> No
         panel.set_title(f"{row.method}, {row.degradation}: {counted}", loc="left", fontsize=9)
         panel.spines[["top", "right"]].set_visible(False)
         panel.grid(alpha=0.15)
-    panels[0].legend(loc="upper right", fontsize=8, ncols=2, frameon=False)
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, ncols=2, frameon=False)
     panels[-1].set_xlabel("seconds")
     figure.supylabel("right upper arm, degrees forward", fontsize=9)
     figure.savefig(path)
