@@ -1,0 +1,67 @@
+"""The forward pass: distance, lost tracks, the first frame."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.filter.forward import Forward, candidates_of
+from silhouette_core.filter.person import Person
+from tests.silhouette_core.filter.filming import camera_at, films, performed
+
+CAMERA = camera_at((0, -4.0, 1.3))
+
+
+@pytest.fixture(scope="module")
+def walk():
+    motion = performed("walk")
+    rows = range(45)
+    return motion.root_m[rows], films(motion, CAMERA, rows)
+
+
+def follow(forward, masks, step_s=1 / 30):
+    return [forward.step(k, step_s * k, Person(mask, False)) for k, mask in enumerate(masks)]
+
+
+def test_somebody_who_comes_nearer_is_seen_to(tree, walk):
+    places, masks = walk
+    beliefs = follow(Forward(tree, CAMERA), masks)
+    truth = np.linalg.norm(places - CAMERA.center_m, axis=1)
+    found = np.array([belief.distance_m for belief in beliefs])
+    assert np.ptp(truth) > 0.8
+    np.testing.assert_allclose(found, truth, rtol=0.10)
+    assert not any(belief.lost for belief in beliefs)
+
+
+def test_a_distance_that_is_told_is_kept(tree, walk):
+    beliefs = follow(Forward(tree, CAMERA, distance_m=3.9), walk[1][:2])
+    assert [belief.distance_m for belief in beliefs] == pytest.approx([3.9, 3.9]) and len(beliefs[0].windows) == 1
+
+
+def test_who_faces_the_camera_is_likelier_at_first(tree, walk):
+    def facing(forward):
+        belief = forward.step(0, 0.0, Person(walk[1][0], False))
+        library = tree.library
+        yaw = library.views[library.sample_view[belief.posterior.samples], 0]
+        return belief.posterior.probability[np.cos(yaw) > 0].sum()
+
+    assert facing(Forward(tree, CAMERA, facing=True)) > facing(Forward(tree, CAMERA, facing=False))
+    assert facing(Forward(tree, CAMERA, facing=True)) > 0.7
+
+
+def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
+    masks = list(walk[1][:20])
+    box = np.zeros_like(masks[0])
+    box[150:210, 100:380] = True
+    masks[5] = box
+    lost = [belief.lost for belief in follow(Forward(tree, CAMERA), masks)]
+    assert lost == [k == 5 for k in range(len(masks))]
+
+
+def test_candidates_stand_where_the_silhouette_is(tree, walk):
+    places, masks = walk
+    belief = follow(Forward(tree, CAMERA), masks[:1])[0]
+    found = candidates_of(tree, belief, np.arange(5))
+    pixels, _ = CAMERA.project(found.root_m)
+    true, _ = CAMERA.project(places[:1])
+    assert np.linalg.norm(pixels - true, axis=1).max() < 15
+    np.testing.assert_allclose(np.linalg.det(found.root_rotation), 1.0, atol=1e-6)
+    assert found.angles_rad.shape == (5, tree.library.model.dof_count) == found.hidden.shape
