@@ -34,12 +34,13 @@ def top_hypotheses(tree: TreeFilter, belief: Belief, count: int = COUNT) -> tupl
     rows = np.arange(min(len(belief.posterior.samples), _LOOKED_AT))
     poses = candidates_of(tree, belief, rows)
     joints = landmarks(model, *place(model, poses.root_m, quaternions(poses.root_rotation), poses.angles_rad))
+    apart = np.linalg.norm(joints[:, None] - joints, axis=-1).mean(-1)
     chosen: list[int] = []
     probability = np.zeros(len(rows))
     for row in rows:
-        near = [np.linalg.norm(joints[row] - joints[other], axis=-1).mean() for other in chosen]
-        if near and min(near) < _ALIKE_M:
-            probability[chosen[int(np.argmin(near))]] += belief.posterior.probability[row]
+        near = apart[row, chosen]
+        if len(near) and near.min() < _ALIKE_M:
+            probability[chosen[int(near.argmin())]] += belief.posterior.probability[row]
         else:
             chosen.append(int(row))
             probability[row] += belief.posterior.probability[row]
