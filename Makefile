@@ -7,13 +7,14 @@ BIN := $(VENV)/bin
 OUT ?= demo
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast browser check format bench accuracy clean
+.PHONY: help install demo test test-fast browser check docs format bench accuracy clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
 	@echo "make test      runs all tests (make test-fast leaves out the slow ones)"
 	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
 	@echo "make check     style, types and layers"
+	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  fits the shared recordings and scores them (VOXELPOSE_SHARED=folder, by default ../shared)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
@@ -39,6 +40,11 @@ check: $(VENV)/.ready-dev
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 
+docs: $(VENV)/.ready-docs
+	rm -rf docs/reference
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs -d build/docs . site
+	cp site/README.html site/index.html
+
 format: $(VENV)/.ready-dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
@@ -50,7 +56,7 @@ accuracy: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.accuracy
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist site docs/reference *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 # The environment of the system's own Python: no other tool needed.
 $(BIN)/python:
@@ -67,4 +73,8 @@ $(VENV)/.ready: pyproject.toml | $(BIN)/python
 $(VENV)/.ready-dev: pyproject.toml | $(BIN)/python
 	@echo "Installing voxelpose and its tools into $(VENV) (a minute or two the first time) ..."
 	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
+	@touch $@ $(VENV)/.ready
+
+$(VENV)/.ready-docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[docs]'
 	@touch $@ $(VENV)/.ready
