@@ -123,7 +123,7 @@ def _title(recording: Recording, estimate: Estimate) -> str:
     words = [
         recording.folder.resolve().name,
         f"stature {motion.model.sizes.stature_m:.2f} m",
-        f"{recording.frame_count} frames, {len(recording.rig)} cameras",
+        f"{recording.frame_count} frames, {len(recording.rig)} camera{'s' if len(recording.rig) > 1 else ''}",
         *([f"{lost} frames without a pose"] if lost else []),
     ]
     return " · ".join(words)

@@ -104,7 +104,7 @@ class Recording:
         calibration = _calibration_path(folder)
         sizes = {one.size for one in footage.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(footage) == 1:
-            rig = Rig((usual_camera(*cameras, sizes.pop()),))
+            rig = Rig((usual_camera(cameras[0], sizes.pop()),))
         elif calibration is None:
             raise InputError(f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml; see docs/recordings.md)")
         else:
