@@ -1,7 +1,7 @@
 """Memory of `track` over a long video: `python -m benchmarks.memory [--refine] FRAMES ...`, for example 300 1500 6000.
 
-A clip of a second and a half is repeated, silhouettes as they are, nothing on disk. Every length runs in a process of its own, of which
-the largest resident set is printed. Without --refine the library's poses are left as they are, which is about ten times faster.
+A clip of two seconds is repeated, silhouettes as they are, nothing on disk. Every length runs in a process of its own, of which the largest
+resident set is printed, at the end and on the way. Without --refine the library's poses are left as they are, which is faster.
 """
 
 from __future__ import annotations
@@ -19,15 +19,22 @@ from calib.camera import Rig
 from silhouette_core.estimator import Settings, Silent
 from silhouette_core.filter.estimator import MonocularEstimator
 
+_EVERY = 150
+
+
+def _peak_mib() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
 
 class Loop:
-    """The clip, again and again."""
+    """The clip, again and again; peaks: the largest resident set so far, MiB, every 150 frames."""
 
     fps, silhouettes_given = 30.0, True
 
     def __init__(self, frame_count: int):
         self.camera, self.masks = clip()
         self.rig, self.frame_count = Rig((self.camera,)), frame_count
+        self.peaks: list[float] = []
 
     def backgrounds(self) -> dict:
         return {}
@@ -37,6 +44,8 @@ class Loop:
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
         for frame in range(self.frame_count):
+            if frame % _EVERY == 0 and frame:
+                self.peaks.append(_peak_mib())
             mask = self.masks[frame % len(self.masks)]
             yield frame, frame / self.fps, {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)}
 
@@ -49,14 +58,15 @@ def main(words: list[str]) -> None:
             subprocess.run([sys.executable, "-m", "benchmarks.memory", length, *(["--refine"] if refine else [])], check=True)
         return
     settings, started = Settings(options={"library": str(library_file()), "refine": refine}), time.perf_counter()
-    motion = MonocularEstimator().estimate(Loop(int(lengths[0])), settings, Silent()).motion
+    film = Loop(int(lengths[0]))
+    motion = MonocularEstimator().estimate(film, settings, Silent()).motion
     seconds = time.perf_counter() - started
     arrays = [motion.root_m, motion.root_quaternion, motion.angles_rad, motion.frames, motion.time_s, *motion.quality.values()]
     kept = sum(np.asarray(array).nbytes for array in arrays) / 2**20
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(
-        f"{lengths[0]:>7} frames, {'refined' if refine else 'not refined'}: at most {peak:.0f} MiB resident, the motion's arrays "
-        f"{kept:.1f} MiB, {1000 * seconds / len(motion):.0f} ms a frame",
+        f"{lengths[0]:>7} frames, {'refined' if refine else 'not refined'}: at most {_peak_mib():.0f} MiB resident, the motion's arrays "
+        f"{kept:.1f} MiB, {1000 * seconds / len(motion):.0f} ms a frame\n"
+        f"        so far, every {_EVERY} frames: {', '.join(f'{peak:.0f}' for peak in film.peaks)}",
         flush=True,
     )
 
