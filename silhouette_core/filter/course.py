@@ -67,6 +67,9 @@ class Course:
         settings: how poses are followed.
         smooth: look ahead; otherwise every frame is decided at once from the past.
         clock: keeps the time of the stages.
+
+    Attributes:
+        distance_m: of the person in the latest frame, as its likeliest refined pose has it.
     """
 
     def __init__(self, tree: TreeFilter, camera: Camera, settings: TrackSettings, smooth: bool, clock: Clock):
@@ -76,6 +79,7 @@ class Course:
         self.tracks = Tracks(tree, camera, settings)
         self.recombiner = Recombiner(self.model, self.tracks.views, tree.library.base_angles.astype(float)) if settings.refine else None
         self._usual_areas = np.percentile(tree.library.areas, 99, axis=0)
+        self.distance_m = np.nan
         self._waiting: list[_Waiting] = []
         self._decided: _Waiting | None = None
         self._before: Shot | None = None
@@ -87,6 +91,8 @@ class Course:
             past = []
         with self.clock("several poses"):
             states = self.tracks.step(belief, past[-1] if past else None, past[0] if len(past) > 1 else None)
+        best = states.poses[int(states.cost.argmin())]
+        self.distance_m = float((best.root_m - self.camera.center_m) @ belief.windows[0].world_from_virtual[:, 2])
         bits = np.packbits(belief.person.mask, axis=1)
         self._waiting.append(_Waiting(belief.number, belief.time_s, bits, belief.person.cut, belief.lost, states))
         if not self.smooth:

@@ -19,7 +19,7 @@ from silhouette_core.filter.forward import Belief, Forward
 from silhouette_core.filter.hypotheses import HypothesisStore, top_hypotheses
 from silhouette_core.filter.person import find_person
 from silhouette_core.filter.tracks import TrackSettings
-from silhouette_core.filter.tree_filter import TreeFilter
+from silhouette_core.filter.tree_filter import SPREAD, TreeFilter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting
 from silhouette_core.image.silhouettes import Silhouettes, StraightLens
 from silhouette_core.jit import set_threads
@@ -114,7 +114,7 @@ class MonocularEstimator:
         library = _library(options, settings, reporter)
         lens = StraightLens.of(source.rig.cameras[0], _LONG_SIDE_PX)
         reporter.stage("motion model")
-        tree = TreeFilter(library, transitions(library, options.motion_model == "DM2", spread=np.sqrt(30.0 / source.fps)))
+        tree = TreeFilter(library, transitions(library, options.motion_model == "DM2", spread=SPREAD * np.sqrt(30.0 / source.fps)))
         clock, counts, hypotheses = Clock(), _Counts(), HypothesisStore()
         facing = options.start == "facing"
         forward = Forward(tree, lens.pinhole, facing, options.weighting)
@@ -126,6 +126,8 @@ class MonocularEstimator:
                 counts.add(belief)
                 hypotheses.put(belief.number, *top_hypotheses(tree, belief))
                 decided = course.add(belief)
+                if options.refine:
+                    forward.correct(course.distance_m)
                 yield from decided
             reporter.stage("last frames")
             yield from course.finish()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +100,11 @@ class Forward:
         belief = Belief(number, time_s, person, windows, posterior, float(middle * (found / middle) ** gain), lost)
         self._last = belief
         return belief
+
+    def correct(self, distance_m: float) -> None:
+        """Takes over the person's distance (m, along the virtual optical axis) from somebody who knows better: the refined poses."""
+        if self._last is not None:
+            self._last = replace(self._last, distance_m=distance_m)
 
     def _prior(self, window: Window, last: Belief | None, time_s: float, fresh: bool) -> NDArray[np.float64]:
         library = self.tree.library

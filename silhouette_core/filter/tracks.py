@@ -8,6 +8,7 @@ never recorded. Beyond paper A.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,10 @@ _FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _GOING_ON = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
 _POINTS = 500
 _MOMENTUM = 0.8
+_DIFFERENT_M, _ALIKE_M = 0.07, 0.035  # mean distance of the joints: other explanations of a silhouette; the same pose twice
 _FACING = 10.0  # nats against standing in profile in the first frame
+_NEAR_FLOOR_M, _SUNK_M, _HOVERING_M = 0.20, 0.03, 0.06
+_PACE_S, _WALKING_M_S, _BACKWARD = 0.7, 0.4, 1.0  # nats a frame against walking sideways, twice that against backward
 _ANKLES = [LANDMARK_NAMES.index(name) for name in ("left_ankle", "right_ankle")]
 
 
@@ -48,7 +52,7 @@ class TrackSettings:
         facing: in the first frame the person mostly faces the camera.
         likely: samples of the posterior that are tried, likeliest first, each unlike the others.
         fitting: likewise of the leaves whose silhouettes fit best, whatever was expected.
-        going_on: poses of the frame before that are carried on.
+        going_on: poses of the frame before that are carried on, each unlike the others: a worse explanation may turn out the right one.
         kept: poses kept per frame.
         sigma: standard deviation of a refined pose's silhouette distance, relative to the silhouette's weight.
         unlike_m: mean distance of the joints to the nearest recorded pose at which a pose costs half a nat; a depth that no recording
@@ -61,10 +65,10 @@ class TrackSettings:
     facing: bool = True
     likely: int = 5
     fitting: int = 3
-    going_on: int = 4
-    kept: int = 10
+    going_on: int = 8
+    kept: int = 16
     sigma: float = 0.06
-    unlike_m: float = 0.06
+    unlike_m: float = 0.04
     slip_m: float = 0.02
 
 
@@ -78,6 +82,7 @@ class States:
         distance: (K,) silhouette distances.
         cost: (K,) float64, of the best past through each, in nats.
         back: (K,) int64, the pose of the frame before in that past; -1 at a start.
+        anew: (K,) bool, whether the pose is no movement on from that one: the past then tells nothing of its speed.
         time_s: of the frame.
     """
 
@@ -86,6 +91,7 @@ class States:
     distance: NDArray[np.float64]
     cost: NDArray[np.float64]
     back: NDArray[np.int64]
+    anew: NDArray[np.bool_]
     time_s: float
 
 
@@ -109,8 +115,10 @@ class Tracks:
         recorded = forward(self.model, np.zeros((count, 3)), library.base_quaternion.astype(float), library.base_angles.astype(float))
         joints = landmarks(self.model, *recorded)
         self._recorded = joints - joints[:, :1]
-        self.rest = Restlessness(RESTLESS_RAD, turn_rad=0.12, place_m=0.05, grain_rad=np.radians(3.0), jump=30.0)
+        self.rest = Restlessness(RESTLESS_RAD, turn_rad=0.12, place_m=0.05, grain_rad=np.radians(3.0), jump=15.0)
         dofs = self.model.dof_count
+        self._floor: bool | None = None
+        self._recent: list[tuple[float, NDArray[np.float64]]] = []
         self._library_spread = np.concatenate([[0.06] * 3, [0.15] * 3, np.full(dofs, 0.20)])
         self._onward_spread = np.concatenate([[0.05] * 3, [0.12] * 3, RESTLESS_RAD])
 
@@ -130,21 +138,28 @@ class Tracks:
             poses = [self._refined(seen, pose, self._library_spread, _FROM_LIBRARY) for pose in seeds]
             if last is not None:
                 spread = self._onward_spread * max((belief.time_s - last.time_s) * 30.0, 0.5)
-                poses += [self._refined(seen, pose, spread, _GOING_ON) for pose in self._onward(last, before_last)]
+                expected = self._expected(last, before_last)
+                carried = _unlike_each_other(last.joints, np.argsort(last.cost, kind="stable"), self.settings.going_on, _DIFFERENT_M)
+                poses += [self._refined(seen, expected[k], spread, _GOING_ON) for k in carried]
         else:
             poses = seeds
         distance = np.array([picture.distance(self.model, pose) for pose in poses])
         joints = np.concatenate([_joints(self.model, pose) for pose in poses])
-        cost = 0.5 * (distance / self.settings.sigma) ** 2 + self._unlike(poses, joints)
+        cost = 0.5 * (distance / self.settings.sigma) ** 2 + self._unlike(poses, joints) + self._off_floor(poses)
+        cost += self._walking_backward(poses, belief.time_s)
         if last is None:
-            back = np.full(len(poses), -1)
+            back, anew = np.full(len(poses), -1), np.ones(len(poses), bool)
             cost = cost + self._start_cost(belief, poses)
         else:
-            total = last.cost[:, None] + transition_cost(_packed(last.poses, last.time_s), _packed(poses, belief.time_s), self.rest)
-            total += self._slip(last, joints, belief.time_s)
+            expected = _packed(self._expected(last, before_last), last.time_s)
+            moving = transition_cost(expected, _packed(poses, belief.time_s), self.rest)
+            total = last.cost[:, None] + moving + self._slip(last, joints, belief.time_s)
             back = total.argmin(0)
+            anew = moving[back, np.arange(len(poses))] >= self.rest.jump
             cost = cost + total.min(0)
-        return self._best(States(poses, joints, distance, cost - cost.min(), back, belief.time_s))
+        kept = self._best(States(poses, joints, distance, cost - cost.min(), back, anew, belief.time_s))
+        self._recent.append((belief.time_s, kept.poses[int(kept.cost.argmin())].root_m[:2]))
+        return kept
 
     def _seeds(self, belief: Belief) -> list[Pose]:
         """Takes samples unlike each other, of the posterior and of the best leaves."""
@@ -153,25 +168,19 @@ class Tracks:
         rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), 150)), by_fit]))
         found = candidates_of(self.tree, belief, rows)
         joints = landmarks(self.model, *forward(self.model, found.root_m, quaternions(found.root_rotation), found.angles_rad))
-        chosen: list[int] = []
-        for order, count in ((np.argsort(rows), settings.likely), (np.argsort(posterior.distance[rows], kind="stable"), settings.fitting)):
-            taken = 0
-            for k in order:
-                if taken == count:
-                    break
-                if all(np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > 0.08 for other in chosen):
-                    chosen.append(int(k))
-                    taken += 1
+        by_probability, by_fit = np.argsort(rows), np.argsort(posterior.distance[rows], kind="stable")
+        chosen = _unlike_each_other(joints, by_probability, settings.likely, _DIFFERENT_M)
+        chosen += _unlike_each_other(joints, by_fit, settings.fitting, _DIFFERENT_M, chosen)
         return [Pose(found.root_m[k], found.root_rotation[k], found.angles_rad[k]) for k in chosen]
 
-    def _onward(self, last: States, before_last: States | None) -> list[Pose]:
-        poses = []
-        for k in np.argsort(last.cost, kind="stable")[: self.settings.going_on]:
-            pose = last.poses[k]
-            if before_last is not None and last.back[k] >= 0:
-                pose = pose.moved(_MOMENTUM * pose.minus(before_last.poses[last.back[k]])).clipped()
-            poses.append(pose)
-        return poses
+    def _expected(self, last: States, before_last: States | None) -> list[Pose]:
+        """Where the last poses would be now if they went on as they came."""
+        if before_last is None:
+            return last.poses
+        return [
+            pose if anew else pose.moved(_MOMENTUM * pose.minus(before_last.poses[back])).clipped()
+            for pose, back, anew in zip(last.poses, last.back, last.anew, strict=True)
+        ]
 
     def _refined(self, seen: Observation, pose: Pose, spread: NDArray[np.float64], settings: RefineSettings) -> Pose:
         return refine(self.surface, seen, pose, PosePrior(pose, spread), settings).pose
@@ -183,11 +192,40 @@ class Tracks:
         nearest = np.array([np.linalg.norm(self._recorded - own, axis=-1).mean(1).min() for own in seen])
         return 0.5 * np.minimum(nearest / self.settings.unlike_m, 4.0) ** 2
 
+    def _off_floor(self, poses: list[Pose]) -> NDArray[np.float64]:
+        """What it costs poses (K,) to hover over the floor or to sink into it: a leg at the wrong depth does one or the other.
+
+        The world's z = 0 is the floor if the calibration says so, which is believed once somebody is found to stand near it.
+        """
+        lowest = np.array([self.surface.posed(pose).points[:, 2].min() for pose in poses])
+        if self._floor is None:
+            self._floor = bool(np.median(np.abs(lowest)) < _NEAR_FLOOR_M)
+        if not self._floor:
+            return np.zeros(len(poses))
+        off = np.where(lowest < 0, -lowest / _SUNK_M, lowest / _HOVERING_M)
+        return 0.5 * np.minimum(off, 3.0) ** 2
+
+    def _walking_backward(self, poses: list[Pose], time_s: float) -> NDArray[np.float64]:
+        """What it costs poses (K,) to face away from where the person has been going: hardly anybody walks backward.
+
+        A silhouette seen from the front is nearly that seen from behind; the way across the floor tells which it is.
+        """
+        self._recent = [(t, place) for t, place in self._recent if time_s - t <= _PACE_S]
+        if len(self._recent) < 3 or self._recent[-1][0] - self._recent[0][0] < 0.5 * _PACE_S:
+            return np.zeros(len(poses))
+        times, places = (np.array(column) for column in zip(*self._recent, strict=True))
+        pace = np.polyfit(times - times.mean(), places, 1)[0]
+        speed = float(np.linalg.norm(pace))
+        if speed < _WALKING_M_S:
+            return np.zeros(len(poses))
+        forward_of = np.array([-pose.root_rotation[:2, 1] for pose in poses])
+        return _BACKWARD * (1 - forward_of @ (pace / speed))
+
     def _slip(self, last: States, joints: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
         """What it costs (K, K') that both feet move at once."""
         pace = max((time_s - last.time_s) * 30.0, 0.5)
         moved = np.linalg.norm(last.joints[:, None, _ANKLES] - joints[None, :, _ANKLES], axis=-1).min(-1)
-        return 0.5 * np.minimum(moved / (self.settings.slip_m * pace), 3.0) ** 2
+        return 0.5 * np.minimum(moved / (self.settings.slip_m * pace), 2.0) ** 2
 
     def _start_cost(self, belief: Belief, poses: list[Pose]) -> NDArray[np.float64]:
         """The initial prior of the refined poses: that of the filter, by the heading."""
@@ -197,15 +235,11 @@ class Tracks:
 
     def _best(self, states: States) -> States:
         """Keeps the best poses, of those alike only one."""
-        joints = states.joints
-        chosen: list[int] = []
-        for k in np.argsort(states.cost, kind="stable"):
-            if len(chosen) == self.settings.kept:
-                break
-            if all(np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > 0.015 for other in chosen):
-                chosen.append(int(k))
+        order = np.argsort(states.cost, kind="stable")
+        chosen = _unlike_each_other(states.joints, order, self.settings.kept, _ALIKE_M)
         return States(
-            [states.poses[k] for k in chosen], joints[chosen], states.distance[chosen], states.cost[chosen], states.back[chosen],
+            [states.poses[k] for k in chosen], states.joints[chosen], states.distance[chosen], states.cost[chosen], states.back[chosen],
+            states.anew[chosen],
             states.time_s,
         )  # fmt: skip
 
@@ -216,6 +250,19 @@ def best_course(states: list[States], last: int | None = None) -> list[int]:
     for frame in states[:0:-1]:
         taken.append(int(frame.back[taken[-1]]))
     return taken[::-1]
+
+
+def _unlike_each_other(
+    joints: NDArray[np.float64], order: NDArray[np.int64], count: int, least_m: float, beside: Sequence[int] = ()
+) -> list[int]:
+    """Takes poses in an order, leaving out those whose joints (K, 15, 3) are within `least_m` (mean) of one taken before."""
+    taken: list[int] = []
+    for k in order:
+        if len(taken) == count:
+            break
+        if all(np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > least_m for other in (*beside, *taken)):
+            taken.append(int(k))
+    return taken
 
 
 def _without_heading(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
