@@ -27,6 +27,7 @@ suppress_warnings = ["ref.python", "myst.header"]
 # Docstrings write `name` for code, as comments do.
 default_role = "code"
 autodoc_typehints_format = "short"
+autodoc_mock_imports = ["skimage"]  # only who makes body templates anew needs it
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
