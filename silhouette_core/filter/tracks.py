@@ -9,7 +9,7 @@ never recorded. Beyond paper A.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ _MOMENTUM = 0.8
 _DIFFERENT_M, _ALIKE_M = 0.07, 0.035  # mean distance of the joints: other explanations of a silhouette; the same pose twice
 _FACING = 10.0  # nats against standing in profile in the first frame
 _NEAR_FLOOR_M, _SUNK_M, _HOVERING_M = 0.20, 0.03, 0.06
+_FAR = 4.0
 _PACE_S, _WALKING_M_S, _BACKWARD = 0.7, 0.4, 1.0  # nats a frame against walking sideways, twice that against backward
 _ANKLES = [LANDMARK_NAMES.index(name) for name in ("left_ankle", "right_ankle")]
 
@@ -68,7 +69,7 @@ class TrackSettings:
     going_on: int = 8
     kept: int = 16
     sigma: float = 0.06
-    unlike_m: float = 0.04
+    unlike_m: float = 0.06
     slip_m: float = 0.02
 
 
@@ -152,10 +153,12 @@ class Tracks:
             cost = cost + self._start_cost(belief, poses)
         else:
             expected = _packed(self._expected(last, before_last), last.time_s)
-            moving = transition_cost(expected, _packed(poses, belief.time_s), self.rest)
+            # At a slower rate every link is looser; beginning anew has to stay the dearer.
+            rest = replace(self.rest, jump=self.rest.jump * max((belief.time_s - last.time_s) * 30.0, 1.0))
+            moving = transition_cost(expected, _packed(poses, belief.time_s), rest)
             total = last.cost[:, None] + moving + self._slip(last, joints, belief.time_s)
             back = total.argmin(0)
-            anew = moving[back, np.arange(len(poses))] >= self.rest.jump
+            anew = moving[back, np.arange(len(poses))] >= rest.jump
             cost = cost + total.min(0)
         kept = self._best(States(poses, joints, distance, cost - cost.min(), back, anew, belief.time_s))
         self._recent.append((belief.time_s, kept.poses[int(kept.cost.argmin())].root_m[:2]))
@@ -190,7 +193,8 @@ class Tracks:
         headless = [_without_heading(pose.root_rotation) for pose in poses]
         seen = np.stack([(own - own[0]) @ turn for own, turn in zip(joints, headless, strict=True)])
         nearest = np.array([np.linalg.norm(self._recorded - own, axis=-1).mean(1).min() for own in seen])
-        return 0.5 * np.minimum(nearest / self.settings.unlike_m, 4.0) ** 2
+        off = nearest / self.settings.unlike_m
+        return np.where(off < _FAR, 0.5 * off**2, _FAR * (off - 0.5 * _FAR))  # far away, farther still matters less
 
     def _off_floor(self, poses: list[Pose]) -> NDArray[np.float64]:
         """What it costs poses (K,) to hover over the floor or to sink into it: a leg at the wrong depth does one or the other.
