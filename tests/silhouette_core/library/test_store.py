@@ -113,4 +113,4 @@ def test_another_body_is_refused(made, sizes):
 
 
 def test_the_same_body_said_otherwise_is_not(made):
-    require_body(made, BodySizes(1.752, None, "male"))
+    assert require_body(made, BodySizes(1.752, None, "male")) is None

@@ -68,9 +68,11 @@ def test_a_recording_alone_is_served_and_plays(desk, capsys):
     assert first.step(1.0) and "**Frame 1**" in first._status.content
     assert not first.step(0.01)  # nothing new is wanted
     first._play.value = True
-    for _ in range(6):
+    shown = []
+    for _ in range(6):  # the clip begins again at its end: where it stands afterwards is a matter of the machine's speed
         first.step(0.1)
-    assert first.choice.row != 1 and int(first._slider.value) == first.choice.row
+        shown.append(first.choice.row)
+    assert len(set(shown)) > 1 and int(first._slider.value) == first.choice.row
     first.close()
     second.close()
     assert capsys.readouterr().out == ""
