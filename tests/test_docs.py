@@ -57,4 +57,4 @@ def test_shown_commands_are_understood(page):
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if words[:1] == ["voxelpose"] and "--help" not in words:
-                _parse(words[1], [word.replace("…", "x") for word in words[2:]])
+                assert callable(_parse(words[1], [word.replace("…", "x") for word in words[2:]]).run), line
