@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.filter import clip, library_file
-from calib.camera import Rig
+from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.estimator import Settings, Silent
 from silhouette_core.filter.estimator import MonocularEstimator
 
@@ -26,28 +26,19 @@ def _peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-class Loop:
+class Loop(SilhouetteSource):
     """The clip, again and again; peaks: the largest resident set so far, MiB, every 150 frames."""
 
-    fps, silhouettes_given = 30.0, True
-
     def __init__(self, frame_count: int):
-        self.camera, self.masks = clip()
-        self.rig, self.frame_count = Rig((self.camera,)), frame_count
+        camera, masks = clip()
+        super().__init__(camera, masks, repeats=-(-frame_count // len(masks)))
         self.peaks: list[float] = []
 
-    def backgrounds(self) -> dict:
-        return {}
-
-    def regions(self) -> dict:
-        return {}
-
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
-        for frame in range(self.frame_count):
+        for frame, seconds, pictures in super().__iter__():
             if frame % _EVERY == 0 and frame:
                 self.peaks.append(_peak_mib())
-            mask = self.masks[frame % len(self.masks)]
-            yield frame, frame / self.fps, {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)}
+            yield frame, seconds, pictures
 
 
 def main(words: list[str]) -> None:

@@ -1,11 +1,10 @@
 """A person filmed for the filter's tests: silhouettes of a posed body, in memory or as frames."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.fitting.agreement import posed_mesh
@@ -54,32 +53,3 @@ def silhouette(model: BodyModel, pose: Pose, camera: Camera) -> np.ndarray:
 def films(motion: Motion, camera: Camera, rows: Sequence[int]) -> list[np.ndarray]:
     poses = poses_of(motion)
     return [silhouette(motion.model, poses[row], camera) for row in rows]
-
-
-@dataclass
-class SilhouetteSource:
-    """Silhouettes as a recording of one camera."""
-
-    camera: Camera
-    masks: Sequence[np.ndarray]
-    fps: float = 30.0
-    repeats: int = 1
-    silhouettes_given: bool = True
-
-    def __post_init__(self) -> None:
-        self.rig = Rig((self.camera,))
-
-    @property
-    def frame_count(self) -> int:
-        return self.repeats * len(self.masks)
-
-    def backgrounds(self) -> dict:
-        return {}
-
-    def regions(self) -> dict:
-        return {}
-
-    def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
-        for frame in range(self.frame_count):
-            mask = self.masks[frame % len(self.masks)]
-            yield frame, frame / self.fps, {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)}

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.silhouette_source import SilhouetteSource
 from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.body.sizes import SHAPE_SPREAD
 from silhouette_core.estimator import Settings, Silent
 from silhouette_core.filter.estimator import MonocularEstimator
-from tests.silhouette_core.filter.filming import STATURE_M, SilhouetteSource, body, camera_at, films, performed
+from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at, films, performed
 
 CAMERA = camera_at((1.0, -3.9, 1.4))
 ROWS = range(0, 30, 3)
