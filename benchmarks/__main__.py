@@ -1,7 +1,7 @@
 """Speed: `python -m benchmarks [PART OF A NAME ...]`, or `make bench`.
 
-One line per case: name, our time, the reference's time, and their ratio. Both ran in turn in this process, after a warm-up; the
-shortest of several runs counts.
+One line per case: name, our time, the reference's time, and their ratio. Both ran in turn in this
+process, after a warm-up; the shortest of several runs counts.
 """
 
 import platform
@@ -17,7 +17,10 @@ def main(parts: list[str]) -> int:
     if not chosen:
         print(f"no such case; there are: {', '.join(cases.names())}", file=sys.stderr)
         return 2
-    print(f"{platform.machine()}, Python {platform.python_version()}, {set_threads()} threads", flush=True)
+    print(
+        f"{platform.machine()}, Python {platform.python_version()}, {set_threads()} threads",
+        flush=True,
+    )
     for name in chosen:
         print(cases.run(name), flush=True)
     return 0

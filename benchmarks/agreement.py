@@ -1,6 +1,8 @@
-"""Breaks recordings and asks `calibrate check` and `calibrate sync`: python -m benchmarks.agreement [whole] [bumps] [breaks] [sync] [fit]
+"""Breaks recordings and asks `calibrate check` and `calibrate sync`: python -m benchmarks.agreement
+[whole] [bumps] [breaks] [sync] [fit]
 
-Silhouettes come from the videos. The recordings are in ../shared/data, or in $VOXELPOSE_SHARED/data.
+Silhouettes come from the videos. The recordings are in ../shared/data, or in
+$VOXELPOSE_SHARED/data.
 """
 
 import json
@@ -24,16 +26,16 @@ from calib.extrinsics import apart
 from calib.repair import explain
 from calib.rotation import matrix_from_rodrigues
 from calib.synchronise import Synchronisation, synchronise
-from calib.tangency import Track
+from calib.tangency import OutlineTrack
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.calibration.check import LONG_SIDE_PX, spread_moments
+from voxelpose.calibration.check import LONG_SIDE_PX, even_moments
 from voxelpose.calibration.sync import SyncSettings, sync_recording
-from voxelpose.demo.recording import make_recording
+from voxelpose.demo.filming import make_recording
 from voxelpose.evaluation import read_joints, read_truth, score_motion
 from voxelpose.fitting import Output, fit
-from voxelpose.recording import Recording
-from voxelpose.timestamps import NAME
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.timestamps import NAME
 
 MOMENTS = 12
 MOST_LATE = 12
@@ -44,7 +46,9 @@ Masks = dict[str, list[np.ndarray]]
 
 @cache
 def filmed(name: str) -> tuple[Rig, Masks, float]:
-    """Returns the rig, the silhouettes of every frame and the rate; balancing4* is balancing4 with its cam_3 put right."""
+    """Returns the rig, the silhouettes of every frame and the rate; balancing4* is balancing4 with
+    its cam_3 put right.
+    """
     with tempfile.TemporaryDirectory() as folder:
         recording = Recording.open(_folder(name.rstrip("*"), Path(folder)))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
@@ -55,8 +59,10 @@ def filmed(name: str) -> tuple[Rig, Masks, float]:
     rig = recording.rig
     if name.endswith("*"):
         tracks = tracked(rig, masks, recording.fps)
-        moments = spread_moments(recording.frame_count, MOMENTS) / recording.fps
-        (repair,) = explain(tracks, agreement(list(tracks.values()), moments), moments, 0.0, ("turned", "moved"))
+        moments = even_moments(recording.frame_count, MOMENTS) / recording.fps
+        (repair,) = explain(
+            tracks, agreement(list(tracks.values()), moments), moments, 0.0, ("turned", "moved")
+        )
         rig = repair.rig(rig)
     return rig, masks, recording.fps
 
@@ -71,22 +77,35 @@ def _folder(name: str, scratch: Path) -> Path:
     shutil.copy(source / "calibration.toml", scratch)
     for number in range(1, 5):
         shutil.copy(source / f"cam_{number}_person_and_board.avi", scratch / f"cam_{number}.avi")
-        shutil.copy(source / f"cam_{number}_background.avi", scratch / f"background/cam_{number}.avi")
+        shutil.copy(
+            source / f"cam_{number}_background.avi", scratch / f"background/cam_{number}.avi"
+        )
     return scratch
 
 
-def tracked(rig: Rig, masks: Masks, fps: float) -> dict[str, Track]:
-    return {camera.name: Track.from_masks(camera, np.arange(len(masks[camera.name])) / fps, masks[camera.name]) for camera in rig}
+def tracked(rig: Rig, masks: Masks, fps: float) -> dict[str, OutlineTrack]:
+    return {
+        camera.name: OutlineTrack.from_masks(
+            camera, np.arange(len(masks[camera.name])) / fps, masks[camera.name]
+        )
+        for camera in rig
+    }
 
 
-def asked(tracks: dict[str, Track], fps: float) -> tuple[Agreement, np.ndarray]:
-    moments = spread_moments(min(len(track.time_s) for track in tracks.values()), MOMENTS) / fps
+def asked(tracks: dict[str, OutlineTrack], fps: float) -> tuple[Agreement, np.ndarray]:
+    moments = even_moments(min(len(track.time_s) for track in tracks.values()), MOMENTS) / fps
     return agreement(list(tracks.values()), moments), moments
 
 
-def bumped(camera: Camera, degrees: float, axis: tuple[float, float, float], shift_m: float = 0.0) -> Camera:
+def bumped(
+    camera: Camera, degrees: float, axis: tuple[float, float, float], shift_m: float = 0.0
+) -> Camera:
     turn = matrix_from_rodrigues(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis))
-    return replace(camera, rotation=turn @ camera.rotation, translation=turn @ camera.translation + np.array([shift_m, 0, 0]))
+    return replace(
+        camera,
+        rotation=turn @ camera.rotation,
+        translation=turn @ camera.translation + np.array([shift_m, 0, 0]),
+    )
 
 
 def letterboxed(masks: list[np.ndarray], share: float) -> list[np.ndarray]:
@@ -95,7 +114,10 @@ def letterboxed(masks: list[np.ndarray], share: float) -> list[np.ndarray]:
     top = (height - inner) // 2
     pictures = []
     for mask in masks:
-        small = cv2.resize(mask.astype(np.uint8) * 255, (width, inner), interpolation=cv2.INTER_AREA) > 127
+        small = (
+            cv2.resize(mask.astype(np.uint8) * 255, (width, inner), interpolation=cv2.INTER_AREA)
+            > 127
+        )
         pictures.append(np.pad(small, ((top, height - inner - top), (0, 0))))
     return pictures
 
@@ -109,7 +131,11 @@ def whole() -> None:
         found, _ = asked(tracks, fps)
         worst = max(line.error_px for line in found.table)
         seconds = 1000 * (time.perf_counter() - started)
-        print(f"{name:<12} {found.error_px:5.2f} px, worst camera {worst:5.2f} px, {seconds:3.0f} ms: {found.words}", flush=True)
+        print(
+            f"{name:<12} {found.error_px:5.2f} px, worst camera {worst:5.2f} px, {seconds:3.0f} ms:"
+            f" {found.words}",
+            flush=True,
+        )
 
 
 def bumps() -> None:
@@ -127,14 +153,25 @@ def bumps() -> None:
             for size in SIZES_DEG:
                 right = 0
                 for camera in rig:
-                    found, _ = asked(tracks | {camera.name: tracks[camera.name].with_camera(bumped(camera, size, axis))}, fps)
+                    found, _ = asked(
+                        tracks
+                        | {
+                            camera.name: tracks[camera.name].with_camera(bumped(camera, size, axis))
+                        },
+                        fps,
+                    )
                     right += found.culprits == (camera.name,)
                     wrong += bool(set(found.culprits) - {camera.name})
                 cells.append(f"{right}/{len(rig)}")
-            print(f"{name:<12} {turn:<5}" + "".join(f"{cell:>8}" for cell in cells) + f"   wrongly {wrong}", flush=True)
+            print(
+                f"{name:<12} {turn:<5}"
+                + "".join(f"{cell:>8}" for cell in cells)
+                + f"   wrongly {wrong}",
+                flush=True,
+            )
 
 
-def broken(name: str) -> Iterator[tuple[str, str, dict[str, Track], Camera]]:
+def broken(name: str) -> Iterator[tuple[str, str, dict[str, OutlineTrack], Camera]]:
     """Yields every way of breaking a recording: way, camera, tracks, and the camera as it was."""
     rig, masks, fps = filmed(name)
     tracks = tracked(rig, masks, fps)
@@ -142,14 +179,27 @@ def broken(name: str) -> Iterator[tuple[str, str, dict[str, Track], Camera]]:
     for index, camera in enumerate(rig):
         own, mine = tracks[camera.name], masks[camera.name]
         other = rig.cameras[(index + 1) % len(rig)]
-        yield "turned", camera.name, tracks | {camera.name: own.with_camera(bumped(camera, 3, (0.6, 0.8, 0)))}, camera
-        yield "moved", camera.name, tracks | {camera.name: own.with_camera(bumped(camera, 3, (0.6, 0.8, 0), 0.2))}, camera
+        yield (
+            "turned",
+            camera.name,
+            tracks | {camera.name: own.with_camera(bumped(camera, 3, (0.6, 0.8, 0)))},
+            camera,
+        )
+        yield (
+            "moved",
+            camera.name,
+            tracks | {camera.name: own.with_camera(bumped(camera, 3, (0.6, 0.8, 0), 0.2))},
+            camera,
+        )
         delayed = replace(own, time_s=own.time_s + late / fps)
         yield "out of step", camera.name, tracks | {camera.name: delayed}, camera
-        box = Track.from_masks(camera, own.time_s, letterboxed(mine, 0.75))
+        box = OutlineTrack.from_masks(camera, own.time_s, letterboxed(mine, 0.75))
         yield "scaled", camera.name, tracks | {camera.name: box}, camera
         if camera.size == other.size:
-            swap = {camera.name: tracks[other.name].with_camera(camera), other.name: own.with_camera(other)}
+            swap = {
+                camera.name: tracks[other.name].with_camera(camera),
+                other.name: own.with_camera(other),
+            }
             yield "swapped", camera.name, tracks | swap, camera
 
 
@@ -172,8 +222,9 @@ def breaks() -> None:
             named, right, *numbers = zip(*lines, strict=True)
             mm, deg, frames, px = (_spread(column) for column in numbers)
             print(
-                f"{name:<12} {way:<12} named {sum(named)}/{len(lines)}, as such {sum(right)}/{len(lines)}; "
-                f"median/worst after repair: {mm} mm, {deg} deg, {frames} frames, {px} px",
+                f"{name:<12} {way:<12} named {sum(named)}/{len(lines)}, as such"
+                f" {sum(right)}/{len(lines)}; median/worst after repair: {mm} mm, {deg} deg,"
+                f" {frames} frames, {px} px",
                 flush=True,
             )
 
@@ -186,7 +237,8 @@ def _spread(values: tuple[float, ...]) -> str:
 def in_between(masks: list[np.ndarray], frames: float) -> list[np.ndarray]:
     """Shifts silhouettes by a part of a frame: the mean of two signed distances."""
     fields = [
-        cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 3) - cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 3)
+        cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 3)
+        - cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 3)
         for m in masks
     ]
     return [(1 - frames) * a + frames * b > 0 for a, b in pairwise(fields)]
@@ -209,10 +261,13 @@ def sync() -> None:
                 step = 2 if kind == "half rate" and index % 2 else 1
                 kept = kept[int(ahead) :: step]
                 cut[index] += part
-                shifted.append(Track.from_masks(camera, np.arange(len(kept)) * step / fps, kept))
+                shifted.append(
+                    OutlineTrack.from_masks(camera, np.arange(len(kept)) * step / fps, kept)
+                )
             found = synchronise(shifted, 1.0)
             print(
-                f"{name:<12} {kind:<11}: {_worst(found, -(cut - cut[0]), fps)}; {found.before_px:.1f} -> {found.after_px:.2f} px",
+                f"{name:<12} {kind:<11}: {_worst(found, -(cut - cut[0]), fps)};"
+                f" {found.before_px:.1f} -> {found.after_px:.2f} px",
                 flush=True,
             )
 
@@ -221,7 +276,10 @@ def _worst(found: Synchronisation, frames: np.ndarray, fps: float) -> str:
     errors = np.array([line.late_s * fps for line in found.offsets]) - frames
     stated = np.array([line.error_s * fps for line in found.offsets])
     mean, worst = np.abs(errors[1:]).mean(), np.abs(errors).max()
-    return f"error {mean:.3f} frames, worst {worst:.3f}; stated standard error up to {np.nanmax(stated):.3f}"
+    return (
+        f"error {mean:.3f} frames, worst {worst:.3f}; stated standard error up to"
+        f" {np.nanmax(stated):.3f}"
+    )
 
 
 def fitted() -> None:
@@ -229,13 +287,22 @@ def fitted() -> None:
     source = SHARED / "data" / "dance8"
     stature_m = json.loads((source / "truth.json").read_text())["stature"]
     truth = read_truth(source / "truth.json")
-    cut = {"cam_0": 4, "cam_1": 9, "cam_2": 0, "cam_3": 7, "cam_4": 2, "cam_5": 6, "cam_6": 1, "cam_7": 5}
+    cut = {
+        "cam_0": 4,
+        "cam_1": 9,
+        "cam_2": 0,
+        "cam_3": 7,
+        "cam_4": 2,
+        "cam_5": 6,
+        "cam_6": 1,
+        "cam_7": 5,
+    }
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "dance8"
         shutil.copytree(source / "background", folder / "background")
         shutil.copy(source / "calibration.toml", folder)
         for name, ahead in cut.items():
-            frames = list(Recording.open(source, cameras=[name]).footage[name])[ahead:80]
+            frames = list(Recording.open(source, cameras=[name]).readers[name])[ahead:80]
             (folder / name).mkdir()
             for number, frame in enumerate(frames):
                 cv2.imwrite(str(folder / name / f"{number:04d}.png"), frame)
@@ -245,17 +312,30 @@ def fitted() -> None:
                 offsets.write(folder / NAME)
             recording = Recording.open(folder, (10, 34), fps=None if stamped else 30.0)
             out = Path(scratch) / "out"
-            fit(recording, Output(out, overwrite=True, pictures=False), Settings(stature_m=stature_m))
+            fit(
+                recording,
+                Output(out, overwrite=True, pictures=False),
+                Settings(stature_m=stature_m),
+            )
             # Frame 0 of the recording is the clock's first that all have.
             clock = 9 if stamped else cut["cam_0"]
             score = score_motion(truth, read_joints(out / "joints.csv", len(truth), clock))
-            print(f"dance8 shifted, {title}: root_mm {score.root_mm:.1f}, mpjpe_mm {score.mpjpe_mm:.1f}, frames {score.frames}", flush=True)
+            print(
+                f"dance8 shifted, {title}: root_mm {score.root_mm:.1f}, mpjpe_mm"
+                f" {score.mpjpe_mm:.1f}, frames {score.frames}",
+                flush=True,
+            )
     recording = Recording.open(source, (19, 43))
     with tempfile.TemporaryDirectory() as scratch:
-        fit(recording, Output(Path(scratch) / "out", overwrite=True, pictures=False), Settings(stature_m=stature_m))
+        fit(
+            recording,
+            Output(Path(scratch) / "out", overwrite=True, pictures=False),
+            Settings(stature_m=stature_m),
+        )
         score = score_motion(truth, read_joints(Path(scratch) / "out" / "joints.csv", len(truth)))
         print(
-            f"dance8 as it is, the same moments: root_mm {score.root_mm:.1f}, mpjpe_mm {score.mpjpe_mm:.1f}, frames {score.frames}",
+            f"dance8 as it is, the same moments: root_mm {score.root_mm:.1f}, mpjpe_mm"
+            f" {score.mpjpe_mm:.1f}, frames {score.frames}",
             flush=True,
         )
 

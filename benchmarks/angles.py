@@ -1,8 +1,9 @@
-"""Anatomical angles of balancing4 beside those that OpenSim found for its keypoints: python -m benchmarks.angles [RESULT]
+"""Anatomical angles of balancing4 beside those that OpenSim found for its keypoints: python -m
+benchmarks.angles [RESULT]
 
-RESULT is a fit of balancing4; left out, it is fitted first, into out/angles/balancing4. A line per angle, in degrees: mean of ours minus
-theirs, RMS of what is left without that mean, correlation, and the span of theirs. The recording is in ../shared/data, or in
-$VOXELPOSE_SHARED/data.
+RESULT is a fit of balancing4; left out, it is fitted first, into out/angles/balancing4. A line per
+angle, in degrees: mean of ours minus theirs, RMS of what is left without that mean, correlation,
+and the span of theirs. The recording is in ../shared/data, or in $VOXELPOSE_SHARED/data.
 """
 
 from __future__ import annotations
@@ -20,20 +21,29 @@ from benchmarks.accuracy import ROOT, SHARED
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.opensim import mot_coordinates
+from voxelpose.export.mot import mot_coordinates
 from voxelpose.fitting import Output, fit
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 from voxelpose.results import Result
 
 DATA = SHARED / "data" / "balancing4"
 OURS = (
-    "pelvis_tilt pelvis_list pelvis_rotation hip_flexion_r hip_flexion_l hip_adduction_r hip_adduction_l hip_rotation_r hip_rotation_l "
-    "knee_angle_r knee_angle_l ankle_angle_r ankle_angle_l subtalar_angle_r subtalar_angle_l arm_flex_r arm_flex_l arm_add_r arm_add_l "
-    "arm_rot_r arm_rot_l elbow_flex_r elbow_flex_l"
+    "pelvis_tilt pelvis_list pelvis_rotation hip_flexion_r hip_flexion_l hip_adduction_r"
+    " hip_adduction_l hip_rotation_r hip_rotation_l knee_angle_r knee_angle_l ankle_angle_r"
+    " ankle_angle_l subtalar_angle_r subtalar_angle_l arm_flex_r arm_flex_l arm_add_r arm_add_l"
+    " arm_rot_r arm_rot_l elbow_flex_r elbow_flex_l"
 ).split()
-# Their model bends in six lumbar joints and ours between pelvis and thorax at once: their sums stand for it.
-LUMBAR = {"lumbar_extension": "Flex_Ext", "lumbar_bending": "Lat_Bending", "lumbar_rotation": "axial_rotation"}
-ARM = {side: tuple(f"arm_{name}_{side[0]}" for name in ("flex", "add", "rot")) for side in ("right", "left")}
+# Their model bends in six lumbar joints and ours between pelvis and thorax at once: their sums
+# stand for it.
+LUMBAR = {
+    "lumbar_extension": "Flex_Ext",
+    "lumbar_bending": "Lat_Bending",
+    "lumbar_rotation": "axial_rotation",
+}
+ARM = {
+    side: tuple(f"arm_{name}_{side[0]}" for name in ("flex", "add", "rot"))
+    for side in ("right", "left")
+}
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
@@ -53,7 +63,9 @@ def main(words: list[str]) -> int:
         rest = off - off.mean()
         agreement = np.corrcoef(ours, reference)[0, 1]
         span = f"{reference.min():>14.0f}{reference.max():>6.0f}"
-        print(f"{name:<34}{off.mean():>8.1f}{np.sqrt((rest**2).mean()):>8.1f}{agreement:>8.2f}{span}")
+        print(
+            f"{name:<34}{off.mean():>8.1f}{np.sqrt((rest**2).mean()):>8.1f}{agreement:>8.2f}{span}"
+        )
     for name, ours, reference in directions(motion, theirs):
         away = np.degrees(np.arccos(np.clip((ours * reference).sum(axis=1), -1, 1)))
         print(f"{name}: directions {away.mean():.1f} degrees apart, {away.max():.1f} at most")
@@ -73,39 +85,70 @@ def compared(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, 
         yield f"{side}_shoulder_elevation", angles[f"{side}_shoulder_elevation"], elevation
     points = json.loads((DATA / "truth.json").read_text())["joints"]
     for side in ("right", "left"):
-        for joint, chain in (("knee", ("hip", "knee", "ankle")), ("elbow", ("shoulder", "elbow", "wrist"))):
+        for joint, chain in (
+            ("knee", ("hip", "knee", "ankle")),
+            ("elbow", ("shoulder", "elbow", "wrist")),
+        ):
             keypoints = [np.array(points[f"{side}_{name}"])[motion.frames] for name in chain]
-            yield f"{side}_{joint}_flexion, keypoints", angles[f"{side}_{joint}_flexion"], bend(*keypoints)
+            yield (
+                f"{side}_{joint}_flexion, keypoints",
+                angles[f"{side}_{joint}_flexion"],
+                bend(*keypoints),
+            )
 
 
-def directions(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, NDArray, NDArray]]:
+def directions(
+    motion: Motion, theirs: dict[str, NDArray]
+) -> Iterator[tuple[str, NDArray, NDArray]]:
     """Yields a name and the directions, ours and theirs, (T, 3) each; the left arm's are mirrored."""
     rotations = joint_rotations(motion)
     pelvis = turned(theirs, "pelvis_tilt", "pelvis_list", "pelvis_rotation")
     lumbar = turned({name: lumbar_sum(theirs, name) for name in LUMBAR}, *LUMBAR)
     yield "pelvis, upward, in the room", rotations["pelvis"] @ -DOWN, pelvis @ -DOWN
-    yield "thorax, upward, in the room", rotations["pelvis"] @ rotations["trunk"] @ -DOWN, pelvis @ lumbar @ -DOWN
+    yield (
+        "thorax, upward, in the room",
+        rotations["pelvis"] @ rotations["trunk"] @ -DOWN,
+        pelvis @ lumbar @ -DOWN,
+    )
     for side, names in ARM.items():
-        yield f"{side} upper arm, against the thorax", rotations[f"{side}_shoulder"] @ DOWN, turned(theirs, *names) @ DOWN
+        yield (
+            f"{side} upper arm, against the thorax",
+            rotations[f"{side}_shoulder"] @ DOWN,
+            turned(theirs, *names) @ DOWN,
+        )
 
 
 def turned(columns: dict[str, NDArray], *names: str) -> NDArray:
     """Returns (T, 3, 3) rotations by three columns, about z, x and y in this order."""
-    return Rotation.from_euler("ZXY", np.column_stack([columns[name] for name in names]), degrees=True).as_matrix()
+    return Rotation.from_euler(
+        "ZXY", np.column_stack([columns[name] for name in names]), degrees=True
+    ).as_matrix()
 
 
 def lumbar_sum(theirs: dict[str, NDArray], name: str) -> NDArray:
-    return np.sum([values for other, values in theirs.items() if other.startswith("L") and other.endswith(LUMBAR[name])], axis=0)
+    return np.sum(
+        [
+            values
+            for other, values in theirs.items()
+            if other.startswith("L") and other.endswith(LUMBAR[name])
+        ],
+        axis=0,
+    )
 
 
 def bend(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
     """Returns (T,) by how many degrees the way a, b, c is bent at b."""
-    first, second = ((to - start) / np.linalg.norm(to - start, axis=1, keepdims=True) for start, to in ((a, b), (b, c)))
+    first, second = (
+        (to - start) / np.linalg.norm(to - start, axis=1, keepdims=True)
+        for start, to in ((a, b), (b, c))
+    )
     return np.degrees(np.arccos(np.clip((first * second).sum(axis=1), -1, 1)))
 
 
 def read_mot(path: Path, frames: NDArray) -> dict[str, NDArray]:
-    """Returns the columns of a MOT of 60 rows a second, at frames of the recording (its first row is frame 0)."""
+    """Returns the columns of a MOT of 60 rows a second, at frames of the recording (its first row
+    is frame 0).
+    """
     lines = path.read_text().splitlines()
     end = lines.index("endheader")
     table = np.array([line.split() for line in lines[end + 2 :] if line.strip()], float)

@@ -1,7 +1,9 @@
-"""Calibration from the same corners by this project, by OpenCV and by aniposelib: `python -m benchmarks.calibration`.
+"""Calibration from the same corners by this project, by OpenCV and by aniposelib: `python -m
+benchmarks.calibration`.
 
-Synthetic corners need nothing; the real ones are those of the shared recordings board_images and standing4 (see CONTRIBUTING.md).
-aniposelib is installed into an environment of its own, in the user's cache folder, on the first run.
+Synthetic corners need nothing; the real ones are those of the shared recordings board_images and
+standing4 (see CONTRIBUTING.md). aniposelib is installed into an environment of its own, in the
+user's cache folder, on the first run.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from numpy.typing import NDArray
 
 from benchmarks.accuracy import SHARED
 from benchmarks.board_scene import CHECKERBOARD, board_views, lens_views, lost, room
-from calib.board import Board, View
+from calib.board import Board, BoardView
 from calib.camera import Camera, Rig
 from calib.extrinsics import apart, calibrate_extrinsics, same_world
 from calib.files import read_rig
@@ -32,12 +34,14 @@ from calib.rotation import matrix_from_rodrigues
 
 NOISE_PX = 0.3
 MOMENTS = 60
-Views = Mapping[str, Mapping[str, View]]
+Views = Mapping[str, Mapping[str, BoardView]]
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Corners to calibrate from; `lenses` are right where `lenses_known`, else only their sizes are."""
+    """Corners to calibrate from; `lenses` are right where `lenses_known`, else only their sizes
+    are.
+    """
 
     board: Board
     lenses: Rig
@@ -51,11 +55,17 @@ def by_us(task: Task) -> Rig:
     if not task.lenses_known:
         found = []
         for camera in lenses:
-            own = {moment: seen[camera.name] for moment, seen in task.views.items() if camera.name in seen}
+            own = {
+                moment: seen[camera.name]
+                for moment, seen in task.views.items()
+                if camera.name in seen
+            }
             lens = calibrate_intrinsics(task.board, own, camera=camera.name)
             found.append(replace(camera, matrix=lens.matrix, distortion=lens.distortion))
         lenses = Rig(tuple(found))
-    return calibrate_extrinsics(task.board, lost(lenses), task.views, refine_lenses=not task.lenses_known).rig
+    return calibrate_extrinsics(
+        task.board, lost(lenses), task.views, refine_lenses=not task.lenses_known
+    ).rig
 
 
 def by_opencv(task: Task) -> Rig:
@@ -63,23 +73,41 @@ def by_opencv(task: Task) -> Rig:
     count, names = len(task.lenses), task.lenses.names
     points = [task.board.points_m.astype(np.float32)] * len(task.views)
     empty = np.zeros((0, 2), np.float32)
-    pixels = [[np.float32(seen[name].pixels) if name in seen else empty for seen in task.views.values()] for name in names]
-    detected = np.array([[name in seen for seen in task.views.values()] for name in names], np.uint8)
+    pixels = [
+        [np.float32(seen[name].pixels) if name in seen else empty for seen in task.views.values()]
+        for name in names
+    ]
+    detected = np.array(
+        [[name in seen for seen in task.views.values()] for name in names], np.uint8
+    )
     guess, lenses = 0, (None, None)
     if task.lenses_known:
         guess = cv2.CALIB_USE_INTRINSIC_GUESS
-        lenses = [camera.matrix.copy() for camera in task.lenses], [_five(camera.distortion)[None] for camera in task.lenses]
+        lenses = (
+            [camera.matrix.copy() for camera in task.lenses],
+            [_five(camera.distortion)[None] for camera in task.lenses],
+        )
     _, matrices, distortions, turns, shifts = cv2.calibrateMultiview(
-        points, pixels, [camera.size for camera in task.lenses], detected, np.zeros(count, np.uint8), *lenses, None, None,
-        flagsForIntrinsics=np.full(count, guess, np.int32), flags=guess,
-    )  # fmt: skip
+        points,
+        pixels,
+        [camera.size for camera in task.lenses],
+        detected,
+        np.zeros(count, np.uint8),
+        *lenses,
+        None,
+        None,
+        flagsForIntrinsics=np.full(count, guess, np.int32),
+        flags=guess,
+    )
     return _rig(task.lenses, matrices, distortions, turns, shifts)
 
 
 def by_aniposelib(task: Task) -> Rig:
     """aniposelib's calibrate_rows with its defaults, in an environment of its own."""
     python = _environment()
-    corners = np.full((len(task.lenses), len(task.views), task.board.columns * task.board.rows, 2), np.nan)
+    corners = np.full(
+        (len(task.lenses), len(task.views), task.board.columns * task.board.rows, 2), np.nan
+    )
     for moment, seen in enumerate(task.views.values()):
         for index, name in enumerate(task.lenses.names):
             if name in seen:
@@ -96,11 +124,21 @@ def by_aniposelib(task: Task) -> Rig:
             square_m=task.board.square_m,
             lenses_known=task.lenses_known,
         )
-        done = subprocess.run([python, Path(__file__).with_name("with_aniposelib.py"), given, found], capture_output=True, text=True)
+        done = subprocess.run(
+            [python, Path(__file__).with_name("with_aniposelib.py"), given, found],
+            capture_output=True,
+            text=True,
+        )
         if done.returncode:
             raise RuntimeError(done.stderr.strip().splitlines()[-1])
         answer = np.load(found)
-        return _rig(task.lenses, answer["matrices"], answer["distortions"], answer["turns"], answer["shifts"])
+        return _rig(
+            task.lenses,
+            answer["matrices"],
+            answer["distortions"],
+            answer["turns"],
+            answer["shifts"],
+        )
 
 
 def _environment() -> Path:
@@ -122,7 +160,9 @@ def _five(distortion: NDArray[np.float64]) -> NDArray[np.float64]:
 def _rig(like: Rig, matrices, distortions, turns, shifts) -> Rig:
     """Makes a rig of another library's answer."""
     cameras = []
-    for camera, matrix, distortion, turn, shift in zip(like, matrices, distortions, turns, shifts, strict=True):
+    for camera, matrix, distortion, turn, shift in zip(
+        like, matrices, distortions, turns, shifts, strict=True
+    ):
         matrix = np.asarray(matrix, dtype=np.float64)
         placed = {"rotation": matrix_from_rodrigues(np.ravel(turn)), "translation": np.ravel(shift)}
         cameras.append(replace(camera, matrix=matrix, distortion=np.ravel(distortion), **placed))
@@ -137,7 +177,9 @@ METHODS = {
 
 
 def off_centre(rig: Rig, seed: int) -> Rig:
-    """Moves the optical centres off the middle of the image by some pixels, as those of real lenses are."""
+    """Moves the optical centres off the middle of the image by some pixels, as those of real lenses
+    are.
+    """
     rng = np.random.default_rng(seed)
     cameras = []
     for camera in rig:
@@ -149,14 +191,22 @@ def off_centre(rig: Rig, seed: int) -> Rig:
 
 def synthetic(methods: Mapping[str, Callable[[Task], Rig]], rooms: int) -> None:
     """Four cameras 4 m from the middle of a room, a board of 8 x 5 corners waved about in it."""
-    print(f"{rooms} room(s) of 4 cameras, {MOMENTS} boards, {NOISE_PX} px noise: mean (and worst) error of a camera")
+    print(
+        f"{rooms} room(s) of 4 cameras, {MOMENTS} boards, {NOISE_PX} px noise: mean (and worst)"
+        " error of a camera"
+    )
     for lenses_known in (True, False):
         print(f"lenses {'known' if lenses_known else 'from the same corners'}:")
         for name, method in methods.items():
             lines, seconds = [], 0.0
             for seed in range(rooms):
                 truth = off_centre(room(4, seed=seed), seed)
-                task = Task(CHECKERBOARD, truth, board_views(truth, CHECKERBOARD, MOMENTS, NOISE_PX, seed), lenses_known)
+                task = Task(
+                    CHECKERBOARD,
+                    truth,
+                    board_views(truth, CHECKERBOARD, MOMENTS, NOISE_PX, seed),
+                    lenses_known,
+                )
                 started = time.perf_counter()
                 found = same_world(method(task), truth)
                 seconds += time.perf_counter() - started
@@ -166,15 +216,20 @@ def synthetic(methods: Mapping[str, Callable[[Task], Rig]], rooms: int) -> None:
             mean, worst = np.mean(lines, axis=0), np.max(lines, axis=0)
             focal = "" if lenses_known else f", focal length {mean[2]:.2f} ({worst[2]:.2f}) %"
             print(
-                f"  {name:<26} position {mean[0]:.2f} ({worst[0]:.2f}) mm, rotation {mean[1]:.3f} ({worst[1]:.3f}) deg{focal}, "
-                f"{seconds / rooms:.1f} s",
+                f"  {name:<26} position {mean[0]:.2f} ({worst[0]:.2f}) mm, rotation {mean[1]:.3f}"
+                f" ({worst[1]:.3f}) deg{focal}, {seconds / rooms:.1f} s",
                 flush=True,
             )
 
 
 def near_boards(rooms: int) -> None:
-    """Lenses alone, from boards held before the camera, beside cv2.calibrateCamera with the same model."""
-    print(f"a lens from 20 boards held before it, {NOISE_PX} px noise, {rooms} camera(s): mean error of the focal length")
+    """Lenses alone, from boards held before the camera, beside cv2.calibrateCamera with the same
+    model.
+    """
+    print(
+        f"a lens from 20 boards held before it, {NOISE_PX} px noise, {rooms} camera(s): mean error"
+        " of the focal length"
+    )
     errors = []
     for seed in range(rooms):
         camera = room(1, seed=seed).cameras[0]
@@ -183,14 +238,19 @@ def near_boards(rooms: int) -> None:
         ours = calibrate_intrinsics(CHECKERBOARD, views).matrix[0, 0]
         theirs = _calibrate_camera(CHECKERBOARD, list(views.values()), camera)[1]
         errors.append([100 * abs(focal / camera.matrix[0, 0] - 1) for focal in (ours, theirs)])
-    print(f"  ours {np.mean(errors, axis=0)[0]:.3f} %, cv2.calibrateCamera {np.mean(errors, axis=0)[1]:.3f} %")
+    print(
+        f"  ours {np.mean(errors, axis=0)[0]:.3f} %, cv2.calibrateCamera"
+        f" {np.mean(errors, axis=0)[1]:.3f} %"
+    )
 
 
-def _calibrate_camera(board: Board, views: list[View], camera: Camera) -> tuple[float, float]:
+def _calibrate_camera(board: Board, views: list[BoardView], camera: Camera) -> tuple[float, float]:
     """Returns OpenCV's reprojection error, px, and focal length."""
     points = [board.points_m[view.ids].astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
-    rms, matrix, *_ = cv2.calibrateCamera(points, pixels, camera.size, None, None, flags=cv2.CALIB_FIX_K3)
+    rms, matrix, *_ = cv2.calibrateCamera(
+        points, pixels, camera.size, None, None, flags=cv2.CALIB_FIX_K3
+    )
     return rms, float(matrix[0, 0])
 
 
@@ -201,39 +261,52 @@ def board_images(folder: Path) -> None:
     for one in sorted(folder.glob("cam_*")):
         views = {path.name: board.find(cv2.imread(str(path))) for path in sorted(one.glob("*.jpg"))}
         ours = calibrate_intrinsics(board, views, camera=one.name)
-        good = [view for view in views.values() if isinstance(view, View)]
+        good = [view for view in views.values() if isinstance(view, BoardView)]
         camera = Camera(one.name, ours.size, ours.matrix, ours.distortion, np.eye(3), np.zeros(3))
         rms, focal = _calibrate_camera(board, good, camera)
-        print(f"  {one.name}: ours {ours.rms_px:.3f} ({ours.matrix[0, 0]:.0f}), cv2.calibrateCamera {rms:.3f} ({focal:.0f})", flush=True)
+        print(
+            f"  {one.name}: ours {ours.rms_px:.3f} ({ours.matrix[0, 0]:.0f}), cv2.calibrateCamera"
+            f" {rms:.3f} ({focal:.0f})",
+            flush=True,
+        )
 
 
 def standing4(folder: Path, methods: Mapping[str, Callable[[Task], Rig]]) -> None:
-    """One real board, seen by four cameras at once. Its end is ambiguous: the others get the lists put right."""
+    """One real board, seen by four cameras at once. Its end is ambiguous: the others get the lists
+    put right.
+    """
     known = read_rig(folder / "calibration.toml")
     board = Board(8, 6, 0.115)
     seen = {}
     for camera in known:
-        listed = np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False).reshape(-1, 2).astype(float)
+        listed = (
+            np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False)
+            .reshape(-1, 2)
+            .astype(float)
+        )
         again = camera.project(board.points_m)[0]
         right = min((listed, listed[::-1]), key=lambda pixels: np.linalg.norm(pixels - again))
-        seen[camera.name] = View(np.arange(48), right, camera.size)
+        seen[camera.name] = BoardView(np.arange(48), right, camera.size)
     print("standing4, one board: reprojection error, px")
     print(f"  {'its calibration.toml':<26} {_reprojection(known, board, seen):.3f}")
     for name, method in methods.items():
         try:
-            print(f"  {name:<26} {_reprojection(method(Task(board, known, {'board': seen}, True)), board, seen):.3f}")
+            print(
+                f"  {name:<26}"
+                f" {_reprojection(method(Task(board, known, {'board': seen}, True)), board, seen):.3f}"
+            )
         except (RuntimeError, cv2.error) as error:
             print(f"  {name:<26} cannot: {str(error).splitlines()[0]}")
 
 
-def _reprojection(rig: Rig, board: Board, seen: Mapping[str, View]) -> float:
+def _reprojection(rig: Rig, board: Board, seen: Mapping[str, BoardView]) -> float:
     """Returns the rms reprojection error of one board at its best place among the cameras, px."""
     found = calibrate_board(rig, board, seen)
     errors = [camera.project(found)[0] - seen[camera.name].pixels for camera in rig]
     return float(np.sqrt((np.concatenate(errors) ** 2).sum(axis=1).mean()))
 
 
-def calibrate_board(rig: Rig, board: Board, seen: Mapping[str, View]) -> NDArray[np.float64]:
+def calibrate_board(rig: Rig, board: Board, seen: Mapping[str, BoardView]) -> NDArray[np.float64]:
     """Returns a board's corners (N, 3), m, where cameras that stay like them best."""
     from scipy.optimize import least_squares
 
@@ -247,19 +320,32 @@ def calibrate_board(rig: Rig, board: Board, seen: Mapping[str, View]) -> NDArray
         return board.points_m @ (matrix_from_rodrigues(x[:3]) @ start[0]).T + start[1] + x[3:]
 
     def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.concatenate([(camera.project(corners(x))[0] - seen[camera.name].pixels).ravel() for camera in rig])
+        return np.concatenate(
+            [(camera.project(corners(x))[0] - seen[camera.name].pixels).ravel() for camera in rig]
+        )
 
     return corners(least_squares(residuals, np.zeros(6), x_scale="jac").x)
 
 
 def main() -> None:
     """Prints everything."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--without-aniposelib", action="store_true", help="install nothing")
-    parser.add_argument("--rooms", type=int, default=1, help="how many made-up rooms; aniposelib takes minutes for each")
+    parser.add_argument(
+        "--rooms",
+        type=int,
+        default=1,
+        help="how many made-up rooms; aniposelib takes minutes for each",
+    )
     given = parser.parse_args()
     left_out = given.without_aniposelib
-    methods = {name: method for name, method in METHODS.items() if not (left_out and name.startswith("aniposelib"))}
+    methods = {
+        name: method
+        for name, method in METHODS.items()
+        if not (left_out and name.startswith("aniposelib"))
+    }
     near_boards(given.rooms)
     synthetic(methods, given.rooms)
     if (SHARED / "data" / "board_images").is_dir():

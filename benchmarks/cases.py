@@ -39,14 +39,11 @@ class Timed:
 class Case:
     """Our way and another of doing the same thing.
 
-    Attributes:
-        ours: Our way.
-        reference: The other way.
-        reference_name: What it is.
-        check: Given both results; says what is wrong, or nothing.
-        rounds: How often both are run in turn; the shortest time of each counts.
-        goal: The ratio that the project wants, in words.
-        longer: Whether the ratio is ours / reference (how many times longer) and not reference / ours (how many times faster).
+    Attributes: ours: Our way. reference: The other way. reference_name: What it is. check: Given
+        both results; says what is wrong, or nothing. rounds: How often both are run in turn; the
+        shortest time of each counts. goal: The ratio that the project wants, in words. longer:
+        Whether the ratio is ours / reference (how many times longer) and not reference / ours (how
+        many times faster).
     """
 
     ours: Timed
@@ -80,18 +77,29 @@ def names() -> Iterator[str]:
 def run(name: str) -> str:
     """Runs a case, warm and in turn with its reference; returns its line."""
     this = _makers[name]()
-    found = this.check(this.ours.run(this.ours.prepare()), this.reference.run(this.reference.prepare()))
+    found = this.check(
+        this.ours.run(this.ours.prepare()), this.reference.run(this.reference.prepare())
+    )
     if found:
         sys.exit(f"{name}: {found}")
     ours_s = reference_s = float("inf")
     gc.disable()
     for _ in range(this.rounds):
-        ours_s, reference_s = min(ours_s, this.ours.seconds()), min(reference_s, this.reference.seconds())
+        ours_s, reference_s = (
+            min(ours_s, this.ours.seconds()),
+            min(reference_s, this.reference.seconds()),
+        )
     gc.enable()
     ratio = ours_s / reference_s if this.longer else reference_s / ours_s
     # "ratio N x" as such, for whoever reads the lines by program.
-    text = f"{name:<34}{_milliseconds(ours_s)}{_milliseconds(reference_s)}   ratio {ratio:8.{1 if ratio < 100 else 0}f} x"
-    return f"{text}   {'longer than' if this.longer else 'faster than'} {this.reference_name}{f' (goal: {this.goal})' if this.goal else ''}"
+    text = (
+        f"{name:<34}{_milliseconds(ours_s)}{_milliseconds(reference_s)}   ratio"
+        f" {ratio:8.{1 if ratio < 100 else 0}f} x"
+    )
+    return (
+        f"{text}   {'longer than' if this.longer else 'faster than'}"
+        f" {this.reference_name}{f' (goal: {this.goal})' if this.goal else ''}"
+    )
 
 
 def _milliseconds(seconds: float) -> str:

@@ -1,8 +1,11 @@
-"""One frame of `track`, silhouette to posterior, against the same search pixel by pixel: `python -m benchmarks.filter`.
+"""One frame of `track`, silhouette to posterior, against the same search pixel by pixel: `python -m
+benchmarks.filter`.
 
-As a program it follows a whole clip and prints what a frame takes, as Okada and Stenger's Fig. 6 (d) does. As cases of `make bench` one
-frame is searched in runs, in images with NumPy, and in images with numba: the same windows, scales, shifts and nodes, in one run. Without
-a library in $VOXELPOSE_LIBRARY one of 60,000 samples is made from the program's own motions, once, in out/.
+As a program it follows a whole clip and prints what a frame takes, as Okada and Stenger's Fig. 6
+(d) does. As cases of `make bench` one
+frame is searched in runs, in images with NumPy, and in images with numba: the same windows, scales,
+shifts and nodes, in one run. Without a library in $VOXELPOSE_LIBRARY one of 60,000 samples is made
+from the program's own motions, once, in out/.
 """
 
 from __future__ import annotations
@@ -21,23 +24,23 @@ from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_SPREAD, BodySizes
+from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.filter.evidence import SHIFTS_PX, Alignment, Evidence, relative_weights
-from silhouette_core.filter.forward import Belief, Forward
+from silhouette_core.filter.forward import FilterFrame, ForwardFilter
 from silhouette_core.filter.person import find_person
-from silhouette_core.filter.tree_filter import SPREAD, Posterior, TreeFilter
+from silhouette_core.filter.tree_filter import SIGMA_SCALE, Posterior, TreeFilter
 from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import Weighting, silhouette_distances
 from silhouette_core.image.raster import render_parts
+from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
-from silhouette_core.library.library import LibrarySettings
-from silhouette_core.library.make import make_library
-from silhouette_core.library.pictures import STATURE_PX, masks_of
+from silhouette_core.library.from_motion import make_library
+from silhouette_core.library.pose_library import LibrarySettings
+from silhouette_core.library.rendering import STATURE_PX, masks_of
 from silhouette_core.library.store import read_library
 from silhouette_core.library.transitions import transitions
 from silhouette_core.motion import kinematics
-from silhouette_core.motion.repertoire import repertoire
-from silhouette_core.scoring.backend import Spans
+from silhouette_core.motion.keyposes import keypose_motions
 
 _MADE = Path(__file__).resolve().parents[1] / "out" / "benchmarks" / "filter.vplib"
 _SETTINGS = LibrarySettings(poses=60_000)
@@ -48,7 +51,9 @@ _WEIGHTING: Weighting = "balanced"
 Score = Callable[[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]], NDArray[np.float64]]
 
 
-def numpy_distances(mask: NDArray[np.bool_], silhouettes: NDArray[np.bool_], weights: NDArray[np.float32]) -> NDArray[np.float64]:
+def numpy_distances(
+    mask: NDArray[np.bool_], silhouettes: NDArray[np.bool_], weights: NDArray[np.float32]
+) -> NDArray[np.float64]:
     """Does what `silhouette_distances` does, as eq. (7) is written."""
     return np.array([weights[mask ^ one].sum(dtype=np.float64) for one in silhouettes]) / mask.size
 
@@ -69,7 +74,9 @@ class DenseEvidence(Evidence):
     def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
         if reduction not in self.drawn:
             size = self.windows[0].picture.shape
-            self.drawn[reduction] = masks_of(spans, nodes, (size[1] // reduction, size[0] // reduction))
+            self.drawn[reduction] = masks_of(
+                spans, nodes, (size[1] // reduction, size[0] // reduction)
+            )
         images = self.drawn[reduction]
         found = []
         for window in self.windows:
@@ -80,7 +87,10 @@ class DenseEvidence(Evidence):
                 part = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
                 own = np.ascontiguousarray(wide[part])
                 outside = float(margins[wide].sum() - margins[part][own].sum())
-                found.append(self.score(own, images, np.ascontiguousarray(margins[part])) * picture.size + outside)
+                found.append(
+                    self.score(own, images, np.ascontiguousarray(margins[part])) * picture.size
+                    + outside
+                )
         flat = np.stack(found)
         best = flat.argmin(axis=0)
         scale, move = np.divmod(best, len(SHIFTS_PX))
@@ -96,14 +106,14 @@ def library_file() -> Path:
         print(f"making {_MADE} once, which takes some minutes ...", file=sys.stderr, flush=True)
         _MADE.parent.mkdir(parents=True, exist_ok=True)
         model = BodyModel.from_sizes(BodySizes(_STATURE_M))
-        make_library(repertoire(model), model, _MADE, _SETTINGS)
+        make_library(keypose_motions(model), model, _MADE, _SETTINGS)
     return _MADE
 
 
 @cache
 def _tree() -> TreeFilter:
     library = read_library(library_file())
-    return TreeFilter(library, transitions(library, occlusion_aware=True, spread=SPREAD))
+    return TreeFilter(library, transitions(library, occlusion_aware=True, sigma_scale=SIGMA_SCALE))
 
 
 @cache
@@ -111,23 +121,30 @@ def clip() -> tuple[Camera, list[NDArray[np.bool_]]]:
     """Returns a camera and the silhouettes of somebody else's body that it sees."""
     camera = ring(1).cameras[0]
     random = np.random.default_rng(_SHAPE_SEED)
-    model = BodyModel.from_sizes(BodySizes(_STATURE_M)).reshaped(0.7 * SHAPE_SPREAD * random.standard_normal(len(SHAPE_SPREAD)))
-    clips = repertoire(model, variants=1, seed=99)
+    model = BodyModel.from_sizes(BodySizes(_STATURE_M)).reshaped(
+        0.7 * SHAPE_SIGMA * random.standard_normal(len(SHAPE_SIGMA))
+    )
+    clips = keypose_motions(model, variants=1, seed=99)
     motion = clips[next(name for name in clips if _MOVEMENT in name)]
     rotation, origin = motion.parts()
     origin = origin - [*motion.root_m[0, :2], 0.0]
     masks = []
     for row in range(min(_FRAMES, len(motion))):
-        seen = kinematics.skin(model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
-        masks.append(render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0)
+        seen = (
+            kinematics.skin(model, rotation[row], origin[row]) @ camera.rotation.T
+            + camera.translation
+        )
+        masks.append(
+            render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0
+        )
     return camera, masks
 
 
 @cache
-def _follow(tree: TreeFilter, count: int) -> tuple[list[Belief], list[float]]:
+def _follow(tree: TreeFilter, count: int) -> tuple[list[FilterFrame], list[float]]:
     """Filters the clip's first frames; returns what is believed and the seconds that each took."""
     camera, masks = clip()
-    forward, beliefs, seconds = Forward(tree, camera, weighting=_WEIGHTING), [], []
+    forward, beliefs, seconds = ForwardFilter(tree, camera, weighting=_WEIGHTING), [], []
     for number, mask in enumerate(masks[:count]):
         person = find_person(mask)
         if person is None:
@@ -141,22 +158,44 @@ def _follow(tree: TreeFilter, count: int) -> tuple[list[Belief], list[float]]:
 def _against(score: Score, name: str, goal: str) -> Case:
     tree, (camera, masks) = _tree(), clip()
     beliefs, _ = _follow(tree, _FRAMES)
-    by_work = np.argsort([sum(belief.posterior.scored) for belief in beliefs[1:]], kind="stable") + 1
-    chosen = int(by_work[len(by_work) // 2])  # the frame for which as many nodes are scored as for the median one
+    by_work = (
+        np.argsort([sum(belief.posterior.scored) for belief in beliefs[1:]], kind="stable") + 1
+    )
+    chosen = int(
+        by_work[len(by_work) // 2]
+    )  # the frame for which as many nodes are scored as for the median one
     before, belief = beliefs[chosen - 1 : chosen + 1]
     metre_px = STATURE_PX / tree.library.model.sizes.stature_m
     drawn: dict[int, NDArray[np.bool_]] = {}
 
     def frame(dense: bool) -> Posterior:
-        windows = [look_at(camera, masks[chosen], window.distance_m, metre_px) for window in belief.windows]
+        windows = [
+            look_at(camera, masks[chosen], window.distance_m, metre_px) for window in belief.windows
+        ]
         evidence = Evidence(windows, _WEIGHTING)
-        return tree.update(tree.predict(before.posterior), DenseEvidence(evidence, score, drawn) if dense else evidence)
+        return tree.update(
+            tree.predict(before.posterior),
+            DenseEvidence(evidence, score, drawn) if dense else evidence,
+        )
 
     def check(ours: Posterior, theirs: Posterior) -> str:
-        same = ours.scored == theirs.scored and np.allclose(ours.distance, theirs.distance, atol=1e-6)
-        return "" if same else f"other nodes were scored or other distances found: {ours.scored}, {theirs.scored}"
+        same = ours.scored == theirs.scored and np.allclose(
+            ours.distance, theirs.distance, atol=1e-6
+        )
+        return (
+            ""
+            if same
+            else f"other nodes were scored or other distances found: {ours.scored}, {theirs.scored}"
+        )
 
-    return Case(Timed(lambda _: frame(False), repeats=10), Timed(lambda _: frame(True)), name, check, rounds=3, goal=goal)
+    return Case(
+        Timed(lambda _: frame(False), repeats=10),
+        Timed(lambda _: frame(True)),
+        name,
+        check,
+        rounds=3,
+        goal=goal,
+    )
 
 
 @case("track a frame, 3 levels, NumPy")
@@ -176,8 +215,13 @@ def main() -> None:
     _follow(tree, 3)
     beliefs, seconds = _follow(tree, _FRAMES)
     levels = " / ".join(f"{len(level):,}" for level in tree.library.levels)
-    scored = " / ".join(f"{n:,.0f}" for n in np.median([belief.posterior.scored for belief in beliefs], axis=0))
-    print(f"{len(tree.library):,} samples, {levels} nodes, of which {scored} were scored (median); {threads} threads")
+    scored = " / ".join(
+        f"{n:,.0f}" for n in np.median([belief.posterior.scored for belief in beliefs], axis=0)
+    )
+    print(
+        f"{len(tree.library):,} samples, {levels} nodes, of which {scored} were scored (median);"
+        f" {threads} threads"
+    )
     first, later = 1000 * seconds[0], 1000 * np.array(seconds[1:])
     spread = f"min {later.min():.1f}, median {np.median(later):.1f}, max {later.max():.1f}"
     print(f"ms a frame over {len(later)} frames: {spread}; the first {first:.1f}")

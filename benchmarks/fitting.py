@@ -11,35 +11,53 @@ from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_SPREAD, BodySizes
-from silhouette_core.fitting.agreement import posed_mesh
-from silhouette_core.fitting.observation import PinholeViews
-from silhouette_core.fitting.pose import RELAXED_RAD, Pose
-from silhouette_core.image.mask_store import MaskStore
+from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.silhouette_error import posed_mesh
 from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
-from voxelpose.matching.search import Body
-from voxelpose.matching.sequence import Watcher
-from voxelpose.matching.tracking import Track, TrackSettings
+from voxelpose.matching.observe import HullObserver
+from voxelpose.matching.pose_search import FittingBody
+from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 
 VIEWS, SHAPE_SEED = 4, 5
 VOXEL_M = 0.025
 
 
 def film() -> tuple[Rig, list[list[NDArray[np.bool_]]], list[Pose]]:
-    """Returns four cameras, the silhouettes of three frames of somebody else's body walking, and the poses."""
+    """Returns four cameras, the silhouettes of three frames of somebody else's body walking, and
+    the poses.
+    """
     rig = ring(VIEWS)
     random = np.random.default_rng(SHAPE_SEED)
-    other = BodyModel.from_sizes(BodySizes(1.75)).reshaped(0.7 * SHAPE_SPREAD * random.standard_normal(len(SHAPE_SPREAD)))
+    other = BodyModel.from_sizes(BodySizes(1.75)).reshaped(
+        0.7 * SHAPE_SIGMA * random.standard_normal(len(SHAPE_SIGMA))
+    )
     poses, frames = [], []
     for t in range(3):
         angles = RELAXED_RAD.copy()
-        for name, speed in (("left_thigh.flexion", 0.10), ("right_thigh.flexion", -0.10), ("left_shin.flexion", 0.12)):
+        for name, speed in (
+            ("left_thigh.flexion", 0.10),
+            ("right_thigh.flexion", -0.10),
+            ("left_shin.flexion", 0.12),
+        ):
             angles[other.dof_names.index(name)] += speed * (t + 1)
         poses.append(Pose(np.array([0.0, -0.03 * t, 0.95]), np.eye(3), angles))
         vertices = posed_mesh(other, poses[-1])
-        drawn = [render_parts(vertices @ c.rotation.T + c.translation, other.faces, other.face_part, c.matrix, c.size)[0] > 0 for c in rig]
+        drawn = [
+            render_parts(
+                vertices @ c.rotation.T + c.translation,
+                other.faces,
+                other.face_part,
+                c.matrix,
+                c.size,
+            )[0]
+            > 0
+            for c in rig
+        ]
         frames.append(drawn)
     return rig, frames, poses
 
@@ -50,9 +68,20 @@ def against_one_carve() -> Case:
     store = MaskStore([camera.size for camera in rig], len(frames))
     for t, masks in enumerate(frames):
         store.put(t, masks)
-    watcher = Watcher(PinholeViews.of(rig), VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2 * VOXEL_M, (40, 40, 44)), VOXEL_M)
-    body = Body.of(BodyModel.from_sizes(BodySizes(1.75)), VOXEL_M)
-    track = Track(body, watcher, store, TrackSettings(30.0, MatchSettings()), lambda stage: nullcontext(), lambda: None)
+    observer = HullObserver(
+        PinholeViews.of(rig),
+        VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2 * VOXEL_M, (40, 40, 44)),
+        VOXEL_M,
+    )
+    body = FittingBody.of(BodyModel.from_sizes(BodySizes(1.75)), VOXEL_M)
+    track = PoseTracker(
+        body,
+        observer,
+        store,
+        PoseTrackerSettings(30.0, MatchSettings()),
+        lambda stage: nullcontext(),
+        lambda: None,
+    )
 
     def forget() -> None:
         track.poses[:], track.error[:] = [poses[0], poses[1], None], [0.0, 0.0, np.inf]
@@ -69,4 +98,11 @@ def against_one_carve() -> Case:
         return f"the pelvis is {100 * off:.0f} cm off" if off > 0.08 else ""
 
     whole = VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2.0 / 128, (128, 128, 128))
-    return Case(Timed(step, forget, 5), open3d_carve(rig, frames[2], whole), "one open3d carve, 128^3 x 4", check, 3, "above 1")
+    return Case(
+        Timed(step, forget, 5),
+        open3d_carve(rig, frames[2], whole),
+        "one open3d carve, 128^3 x 4",
+        check,
+        3,
+        "above 1",
+    )

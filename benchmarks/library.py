@@ -8,7 +8,12 @@ from benchmarks.cases import Case, Timed, case
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import Target, pixel_weights, silhouette_distances
-from silhouette_core.library.pictures import pose_surfaces, silhouette_levels, spans_of, take_pictures
+from silhouette_core.library.rendering import (
+    pose_surfaces,
+    silhouette_levels,
+    spans_of,
+    take_pictures,
+)
 from silhouette_core.library.tree import Poses, Scorer, Split
 
 _POSES, _VIEWS = 84, 24
@@ -19,11 +24,18 @@ def _masks() -> tuple[np.ndarray, ...]:
     """About 2,000 silhouettes of made-up poses from all sides, at the three resolutions."""
     model, rng = BodyModel.from_sizes(BodySizes(1.75)), np.random.default_rng(0)
     low, high = model.dof_limits_rad.T
-    angles = np.where(model.dof_held, 0, np.clip(rng.normal(0, 0.4, (_POSES, model.dof_count)), low, high))
+    angles = np.where(
+        model.dof_fixed, 0, np.clip(rng.normal(0, 0.4, (_POSES, model.dof_count)), low, high)
+    )
     surfaces, _ = pose_surfaces(model, np.tile([1.0, 0, 0, 0], (_POSES, 1)), angles)
-    views = np.column_stack([np.radians(np.tile(np.arange(_VIEWS) * 15, _POSES)), np.full(_POSES * _VIEWS, 0.1)])
+    views = np.column_stack(
+        [np.radians(np.tile(np.arange(_VIEWS) * 15, _POSES)), np.full(_POSES * _VIEWS, 0.1)]
+    )
     base = np.repeat(np.arange(_POSES), _VIEWS)
-    windows = [take_pictures(model, surfaces, base[k : k + 480], views[k : k + 480]).windows for k in range(0, len(base), 480)]
+    windows = [
+        take_pictures(model, surfaces, base[k : k + 480], views[k : k + 480]).windows
+        for k in range(0, len(base), 480)
+    ]
     return silhouette_levels(np.concatenate(windows) > 0)
 
 
@@ -31,14 +43,25 @@ def _score(level: int, dense: Timed, name: str, goal: str = "") -> Case:
     masks = _masks()[level]
     target, spans = Target.of(masks[0]), spans_of(masks)
     ours = Timed(lambda _: target.distances(spans), repeats=20)
-    return Case(ours, dense, name, lambda a, b: "" if np.allclose(a, b, rtol=1e-6, atol=1e-8) else "the results differ", goal=goal)
+    return Case(
+        ours,
+        dense,
+        name,
+        lambda a, b: "" if np.allclose(a, b, rtol=1e-6, atol=1e-8) else "the results differ",
+        goal=goal,
+    )
 
 
 @case("nwXOR of 2016 poses, 320 x 240, NumPy")
 def against_numpy() -> Case:
     masks = _masks()[2]
     weights = pixel_weights(masks[0])
-    dense = Timed(lambda _: np.array([weights[masks[0] ^ one].sum(dtype=np.float64) for one in masks]) / masks[0].size)
+    dense = Timed(
+        lambda _: (
+            np.array([weights[masks[0] ^ one].sum(dtype=np.float64) for one in masks])
+            / masks[0].size
+        )
+    )
     return _score(2, dense, "NumPy's weighted XOR", ">= 100")
 
 
@@ -46,14 +69,22 @@ def against_numpy() -> Case:
 def against_dense() -> Case:
     masks = _masks()[2]
     weights = pixel_weights(masks[0])
-    return _score(2, Timed(lambda _: silhouette_distances(masks[0], masks, weights)), "the same pixel by pixel, compiled")
+    return _score(
+        2,
+        Timed(lambda _: silhouette_distances(masks[0], masks, weights)),
+        "the same pixel by pixel, compiled",
+    )
 
 
 @case("nwXOR of 2016 poses, 80 x 60, dense")
 def against_dense_small() -> Case:
     masks = _masks()[0]
     weights = pixel_weights(masks[0])
-    return _score(0, Timed(lambda _: silhouette_distances(masks[0], masks, weights)), "the same pixel by pixel, compiled")
+    return _score(
+        0,
+        Timed(lambda _: silhouette_distances(masks[0], masks, weights)),
+        "the same pixel by pixel, compiled",
+    )
 
 
 @case("tree, level 1 of 2016 poses")
@@ -61,7 +92,11 @@ def first_level() -> Case:
     masks = _masks()[0]
     samples = np.arange(len(masks), dtype=np.int64)
     angles = np.zeros((1, 1), np.float32)
-    poses = Poses(angles, np.zeros(len(masks), np.int32), np.random.default_rng(0).normal(size=(len(masks), 9)))
+    poses = Poses(
+        angles,
+        np.zeros(len(masks), np.int32),
+        np.random.default_rng(0).normal(size=(len(masks), 9)),
+    )
 
     def divide(score):
         split = Split.start(samples, poses)
@@ -69,7 +104,9 @@ def first_level() -> Case:
         return split.nearest_node
 
     def dense(representative, samples, threads):
-        return silhouette_distances(masks[representative], masks, pixel_weights(masks[representative]))
+        return silhouette_distances(
+            masks[representative], masks, pixel_weights(masks[representative])
+        )
 
     ours = Timed(lambda _: divide(Scorer(spans_of(masks), (80, 60), "nwxor")))
     name = "distances pixel by pixel, compiled"

@@ -1,7 +1,9 @@
-"""Memory of `track` over a long video: `python -m benchmarks.memory [--refine] FRAMES ...`, for example 300 1500 6000.
+"""Memory of `track` over a long video: `python -m benchmarks.memory [--refine] FRAMES ...`, for
+example 300 1500 6000.
 
-A clip of two seconds is repeated, silhouettes as they are, nothing on disk. Every length runs in a process of its own, of which the largest
-resident set is printed, at the end and on the way. Without --refine the library's poses are left as they are, which is faster.
+A clip of two seconds is repeated, silhouettes as they are, nothing on disk. Every length runs in a
+process of its own, of which the largest resident set is printed, at the end and on the way. Without
+--refine the library's poses are left as they are, which is faster.
 """
 
 from __future__ import annotations
@@ -16,8 +18,9 @@ import numpy as np
 
 from benchmarks.filter import clip, library_file
 from benchmarks.silhouette_source import SilhouetteSource
-from silhouette_core.estimator import Settings, Silent
-from silhouette_core.filter.estimator import MonocularEstimator
+from silhouette_core.estimator import Settings
+from silhouette_core.filter.monocular import MonocularEstimator
+from silhouette_core.progress import SilentReporter
 
 _EVERY = 150
 
@@ -46,18 +49,38 @@ def main(words: list[str]) -> None:
     refine, lengths = "--refine" in words, [word for word in words if word != "--refine"]
     if len(lengths) != 1:
         for length in lengths:
-            subprocess.run([sys.executable, "-m", "benchmarks.memory", length, *(["--refine"] if refine else [])], check=True)
+            subprocess.run(
+                [
+                    sys.executable,
+                    "-m",
+                    "benchmarks.memory",
+                    length,
+                    *(["--refine"] if refine else []),
+                ],
+                check=True,
+            )
         return
-    settings, started = Settings(options={"library": str(library_file()), "refine": refine}), time.perf_counter()
+    settings, started = (
+        Settings(options={"library": str(library_file()), "refine": refine}),
+        time.perf_counter(),
+    )
     film = Loop(int(lengths[0]))
-    motion = MonocularEstimator().estimate(film, settings, Silent()).motion
+    motion = MonocularEstimator().estimate(film, settings, SilentReporter()).motion
     seconds = time.perf_counter() - started
-    arrays = [motion.root_m, motion.root_quaternion, motion.angles_rad, motion.frames, motion.time_s, *motion.quality.values()]
+    arrays = [
+        motion.root_m,
+        motion.root_quaternion,
+        motion.angles_rad,
+        motion.frames,
+        motion.time_s,
+        *motion.quality.values(),
+    ]
     kept = sum(np.asarray(array).nbytes for array in arrays) / 2**20
     print(
-        f"{lengths[0]:>7} frames, {'refined' if refine else 'not refined'}: at most {_peak_mib():.0f} MiB resident, the motion's arrays "
-        f"{kept:.1f} MiB, {1000 * seconds / len(motion):.0f} ms a frame\n"
-        f"        so far, every {_EVERY} frames: {', '.join(f'{peak:.0f}' for peak in film.peaks)}",
+        f"{lengths[0]:>7} frames, {'refined' if refine else 'not refined'}: at most"
+        f" {_peak_mib():.0f} MiB resident, the motion's arrays {kept:.1f} MiB,"
+        f" {1000 * seconds / len(motion):.0f} ms a frame\n        so far, every {_EVERY} frames:"
+        f" {', '.join(f'{peak:.0f}' for peak in film.peaks)}",
         flush=True,
     )
 

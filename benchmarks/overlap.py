@@ -1,9 +1,11 @@
-"""Silhouettes against the true masks of rendered recordings: the paper's section 5.1 and the refined method.
+"""Silhouettes against the true masks of rendered recordings: the paper's section 5.1 and the
+refined method.
 
     python -m benchmarks.overlap [RECORDING ...] [--every N] [--grey]
 
-Prints, per recording, the mean over cameras and frames of intersection over union, the share of frames under 0.9, and milliseconds per
-frame of the processor, one thread (decoding not counted). --grey first takes the colour out of the person in every frame.
+Prints, per recording, the mean over cameras and frames of intersection over union, the share of
+frames under 0.9, and milliseconds per frame of the processor, one thread (decoding not counted).
+--grey first takes the colour out of the person in every frame.
 """
 
 import argparse
@@ -16,7 +18,7 @@ import numpy as np
 
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
 from silhouette_core.jit import set_threads
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
 RECORDINGS = ("walk4", "dance8", "traffic4", "swing1", "turn1")
@@ -26,7 +28,11 @@ DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
 def true_masks(folder: Path) -> dict[str, np.ndarray]:
     with np.load(folder / "masks/masks.npz") as packed:
         width = int(packed["width"])
-        return {name: np.unpackbits(packed[name], axis=2)[:, :, :width].astype(bool) for name in packed.files if name != "width"}
+        return {
+            name: np.unpackbits(packed[name], axis=2)[:, :, :width].astype(bool)
+            for name in packed.files
+            if name != "width"
+        }
 
 
 def overlap(found: np.ndarray, truth: np.ndarray) -> float:
@@ -38,16 +44,29 @@ def greyed(frame: np.ndarray, empty: np.ndarray, truth: np.ndarray) -> np.ndarra
     share = cv2.GaussianBlur(truth.astype(np.float32), (3, 3), 0.7)[..., None]
     person = np.where(share > 0.3, (frame - (1 - share) * empty) / np.maximum(share, 0.3), frame)
     inside = person[truth].max(axis=1)
-    shade = np.clip(person.max(axis=2, keepdims=True) / max(float(np.median(inside)), 1.0), 0.7, 1.3) if len(inside) else 1.0
+    shade = (
+        np.clip(person.max(axis=2, keepdims=True) / max(float(np.median(inside)), 1.0), 0.7, 1.3)
+        if len(inside)
+        else 1.0
+    )
     return np.clip(np.rint(share * 110 * shade + (1 - share) * frame), 0, 255).astype(np.uint8)
 
 
 def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
     recording, truth = Recording.open(folder), true_masks(folder)
     backgrounds = recording.backgrounds()
-    paper = {name: BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")) for name, frames in backgrounds.items()}
+    paper = {
+        name: BackgroundModel.from_frames(frames, BackgroundSettings(method="paper"))
+        for name, frames in backgrounds.items()
+    }
     refined = {name: BackgroundModel.from_frames(frames) for name, frames in backgrounds.items()}
-    found: dict[str, list[float]] = {"paper": [], "paper, opened": [], "refined": [], "paper ms": [], "refined ms": []}
+    found: dict[str, list[float]] = {
+        "paper": [],
+        "paper, opened": [],
+        "refined": [],
+        "paper ms": [],
+        "refined ms": [],
+    }
     for index, _, frames in recording:
         if index % every:
             continue
@@ -73,13 +92,21 @@ def main() -> None:
     given = parser.parse_args()
     set_threads(1)
     cv2.setNumThreads(1)
-    print("| recording | paper 5.1 | paper 5.1, opened | refined | refined, worst frame | refined under 0.9 | paper ms | refined ms |")
+    print(
+        "| recording | paper 5.1 | paper 5.1, opened | refined | refined, worst frame | refined"
+        " under 0.9 | paper ms | refined ms |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     for name in given.recordings:
         one = measure(SHARED / "data" / name, given.every, given.grey)
         low = (one["refined"] < 0.9).mean()
         cells = [f"{one[key].mean():.4f}" for key in ("paper", "paper, opened", "refined")]
-        cells += [f"{one['refined'].min():.3f}", f"{low:.1%}", f"{np.median(one['paper ms']):.1f}", f"{np.median(one['refined ms']):.1f}"]
+        cells += [
+            f"{one['refined'].min():.3f}",
+            f"{low:.1%}",
+            f"{np.median(one['paper ms']):.1f}",
+            f"{np.median(one['refined ms']):.1f}",
+        ]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 

@@ -1,4 +1,6 @@
-"""A made-up person among made-up cameras: capsules, whose silhouettes are drawn exactly. Needs no data."""
+"""A made-up person among made-up cameras: capsules, whose silhouettes are drawn exactly. Needs no
+data.
+"""
 
 import cv2
 import numpy as np
@@ -33,7 +35,9 @@ def ring(count: int, size: tuple[int, int] = (640, 480)) -> Rig:
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         focal = 0.95 * size[0]
-        matrix = np.array([[focal, 0, 0.5 * (size[0] - 1)], [0, focal, 0.5 * (size[1] - 1)], [0, 0, 1]])
+        matrix = np.array(
+            [[focal, 0, 0.5 * (size[0] - 1)], [0, focal, 0.5 * (size[1] - 1)], [0, 0, 1]]
+        )
         cameras.append(Camera(f"cam_{i}", size, matrix, np.zeros(0), rotation, -rotation @ centre))
     return Rig(tuple(cameras))
 
@@ -47,6 +51,12 @@ def silhouettes(rig: Rig) -> list[NDArray[np.bool_]]:
             spheres = np.linspace(first, second, 24)
             pixels, depth_m = camera.project(spheres)
             for pixel, depth in zip(pixels, depth_m, strict=True):
-                cv2.circle(image, np.rint(pixel).astype(int).tolist(), round(radius * camera.matrix[0, 0] / depth), 1, -1)
+                cv2.circle(
+                    image,
+                    np.rint(pixel).astype(int).tolist(),
+                    round(radius * camera.matrix[0, 0] / depth),
+                    1,
+                    -1,
+                )
         masks.append(image.astype(bool))
     return masks

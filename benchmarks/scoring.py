@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 from benchmarks.carving import scene
 from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring, silhouettes
-from silhouette_core.scoring.backend import Spans, Voxels, signed_prefix
+from silhouette_core.image.spans import Spans
+from silhouette_core.scoring.backend import Voxels, signed_prefix
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.reference import ReferenceBackend
 from voxelpose.carving.carver import carve
@@ -19,10 +20,15 @@ def voxel_overlap() -> Case:
     rng = np.random.default_rng(0)
     points, weights = rng.normal(size=(400, 3)) * (0.05, 0.05, 0.15), np.full(400, 1e-5)
     arguments = (
-        voxels, points, weights, Rotation.random(2000, random_state=0).as_matrix(), rng.normal(size=(2000, 3)) * 0.2 + (0, 0, 1.2)
-    )  # fmt: skip
+        voxels,
+        points,
+        weights,
+        Rotation.random(2000, random_state=0).as_matrix(),
+        rng.normal(size=(2000, 3)) * 0.2 + (0, 0, 1.2),
+    )
     return _same(
-        Timed(lambda _: CpuBackend().voxel_overlap(*arguments), repeats=5), Timed(lambda _: ReferenceBackend().voxel_overlap(*arguments))
+        Timed(lambda _: CpuBackend().voxel_overlap(*arguments), repeats=5),
+        Timed(lambda _: ReferenceBackend().voxel_overlap(*arguments)),
     )
 
 
@@ -44,4 +50,6 @@ def span_distance() -> Case:
 
 def _same(ours: Timed, reference: Timed, name: str = "NumPy") -> Case:
     """Makes a case whose results must be equal."""
-    return Case(ours, reference, name, lambda a, b: "" if np.allclose(a, b) else "the results differ")
+    return Case(
+        ours, reference, name, lambda a, b: "" if np.allclose(a, b) else "the results differ"
+    )

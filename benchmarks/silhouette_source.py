@@ -34,4 +34,8 @@ class SilhouetteSource:
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
         for frame in range(self.frame_count):
             mask = self.masks[frame % len(self.masks)]
-            yield frame, frame / self.fps, {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)}
+            yield (
+                frame,
+                frame / self.fps,
+                {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)},
+            )

@@ -18,7 +18,9 @@ def _made_up() -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
     def shot(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
         return np.clip(np.rint(picture + rng.normal(0, 2, picture.shape)), 1, 255).astype(np.uint8)
 
-    return [shot(room) for _ in range(10)], shot(np.where(mask[..., None], (40.0, 60.0, 180.0), room))
+    return [shot(room) for _ in range(10)], shot(
+        np.where(mask[..., None], (40.0, 60.0, 180.0), room)
+    )
 
 
 @case("silhouette 640 x 480, paper 5.1")
@@ -29,25 +31,40 @@ def paper_silhouette() -> Case:
     colours = np.stack(frames).astype(np.float64)
     units = colours / np.linalg.norm(colours, axis=3, keepdims=True)
     mean, unit_mean = colours.mean(0), units.mean(0)
-    variance = np.maximum(units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2)
+    variance = np.maximum(
+        units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2
+    )
     peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
 
     def formula(_: None) -> NDArray[np.bool_]:
         picture = frame.astype(np.float64)
         unit = picture / np.linalg.norm(picture, axis=2, keepdims=True)
         likelihood = peak - ((unit - unit_mean) ** 2 / (2 * variance)).sum(axis=2)
-        return (likelihood < settings.log_likelihood) | (np.linalg.norm(picture - mean, axis=2) > settings.raw_difference)
+        return (likelihood < settings.log_likelihood) | (
+            np.linalg.norm(picture - mean, axis=2) > settings.raw_difference
+        )
 
     def check(ours: NDArray[np.bool_], theirs: NDArray[np.bool_]) -> str:
         differing = np.count_nonzero(ours ^ theirs)  # ours computes in float32
         return f"{differing} pixels differ" if differing > 10 else ""
 
-    return Case(Timed(lambda _: model.silhouette(frame), repeats=20), Timed(formula, repeats=2), "the formula in NumPy", check)
+    return Case(
+        Timed(lambda _: model.silhouette(frame), repeats=20),
+        Timed(formula, repeats=2),
+        "the formula in NumPy",
+        check,
+    )
 
 
 @case("silhouette 640 x 480, refined")
 def refined_silhouette() -> Case:
     frames, frame = _made_up()
-    refined, paper = (BackgroundModel.from_frames(frames, BackgroundSettings(method=method)) for method in ("refined", "paper"))
-    ours, reference = (Timed(lambda _, model=model: model.silhouette(frame), repeats=10) for model in (refined, paper))
+    refined, paper = (
+        BackgroundModel.from_frames(frames, BackgroundSettings(method=method))
+        for method in ("refined", "paper")
+    )
+    ours, reference = (
+        Timed(lambda _, model=model: model.silhouette(frame), repeats=10)
+        for model in (refined, paper)
+    )
     return Case(ours, reference, "paper 5.1 as written", longer=True)

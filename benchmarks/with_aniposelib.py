@@ -1,7 +1,8 @@
 """Calibrates cameras by aniposelib; run by benchmarks.calibration in an environment of its own.
 
-aniposelib wants opencv-contrib-python, which cannot stand beside opencv-python-headless, and states no ranges: hence another process,
-and .npz files between the two. Nothing of this project is imported here.
+aniposelib wants opencv-contrib-python, which cannot stand beside opencv-python-headless, and states
+no ranges: hence another process, and .npz files between the two. Nothing of this project is
+imported here.
 """
 
 import contextlib
@@ -21,7 +22,10 @@ def main(given: str, found: str) -> None:
     data = np.load(given)
     cameras = [
         Camera(
-            matrix=data["matrices"][index], dist=data["distortions"][index], size=[int(n) for n in data["sizes"][index]], name=str(index)
+            matrix=data["matrices"][index],
+            dist=data["distortions"][index],
+            size=[int(n) for n in data["sizes"][index]],
+            name=str(index),
         )
         for index in range(len(data["matrices"]))
     ]
@@ -40,7 +44,13 @@ def main(given: str, found: str) -> None:
     lenses_known = bool(data["lenses_known"])
     started = time.perf_counter()
     with contextlib.redirect_stdout(io.StringIO()):
-        group.calibrate_rows(all_rows, board, init_intrinsics=not lenses_known, only_extrinsics=lenses_known, verbose=False)
+        group.calibrate_rows(
+            all_rows,
+            board,
+            init_intrinsics=not lenses_known,
+            only_extrinsics=lenses_known,
+            verbose=False,
+        )
     seconds = time.perf_counter() - started
     np.savez(
         found,

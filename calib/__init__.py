@@ -1,1 +1,3 @@
-"""Cameras: how a point of the world becomes a pixel, and how that is measured. Knows nothing about bodies."""
+"""Cameras: how a point of the world becomes a pixel, and how that is measured. Knows nothing about
+bodies.
+"""

@@ -1,7 +1,8 @@
-"""Calibration boards: what they look like, where their corners are, and why a picture does not serve.
+"""Calibration boards: what they look like, where their corners are, and why a picture does not
+serve.
 
-A board's own frame lies in its plane: x along a row of corners, y down the columns, z into the board, so that a camera that sees its
-face has z pointing away. Corners are numbered row by row.
+A board's own frame lies in its plane: x along a row of corners, y down the columns, z into the
+board, so that a camera that sees its face has z pointing away. Corners are numbered row by row.
 """
 
 from dataclasses import dataclass
@@ -26,8 +27,10 @@ _MAX_COARSE_PX = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """One board in one picture: corner numbers (N,) int64 and pixels (N, 2) float64, and the picture's (width, height)."""
+class BoardView:
+    """One board in one picture: corner numbers (N,) int64 and pixels (N, 2) float64, and the
+    picture's (width, height).
+    """
 
     ids: NDArray[np.int64]
     pixels: FloatArray
@@ -65,46 +68,76 @@ class Board:
     def __post_init__(self) -> None:
         """Checks the numbers."""
         if min(self.columns, self.rows) < 2:
-            raise InputError(f"a board needs at least 2 x 2 inner corners, not {self.columns} x {self.rows}: count where four squares meet")
+            raise InputError(
+                f"a board needs at least 2 x 2 inner corners, not {self.columns} x {self.rows}:"
+                " count where four squares meet"
+            )
         if not (np.isfinite(self.square_m) and self.square_m > 0):
-            raise InputError(f"the side of a square must be a length in metres, not {self.square_m}")
+            raise InputError(
+                f"the side of a square must be a length in metres, not {self.square_m}"
+            )
         if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
-            raise InputError(f"the marker ({self.marker_m} m) must be smaller than the square ({self.square_m} m)")
+            raise InputError(
+                f"the marker ({self.marker_m} m) must be smaller than the square"
+                f" ({self.square_m} m)"
+            )
         if not hasattr(cv2.aruco, self.dictionary):
-            raise InputError(f"no ArUco dictionary {self.dictionary!r}: take one of OpenCV's, for example DICT_4X4_50")
+            raise InputError(
+                f"no ArUco dictionary {self.dictionary!r}: take one of OpenCV's, for example"
+                " DICT_4X4_50"
+            )
         needed = (self.columns + 1) * (self.rows + 1) // 2
         if self.marker_m is not None and needed > (known := len(self._dictionary.bytesList)):
-            raise InputError(f"{self.dictionary} has {known} markers, the board needs {needed}: take a larger one, such as DICT_4X4_250")
+            raise InputError(
+                f"{self.dictionary} has {known} markers, the board needs {needed}: take a larger"
+                " one, such as DICT_4X4_250"
+            )
 
     @property
     def points_m(self) -> FloatArray:
         """(columns * rows, 3) float64, m: the corners in the board's frame."""
         column, row = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-        return np.column_stack([column.ravel(), row.ravel(), np.zeros(column.size)]).astype(np.float64) * self.square_m
+        return (
+            np.column_stack([column.ravel(), row.ravel(), np.zeros(column.size)]).astype(np.float64)
+            * self.square_m
+        )
 
     @property
     def turns_into_itself(self) -> bool:
-        """Whether half a turn leaves the pattern as it was, so that a picture cannot say which end is which."""
+        """Whether half a turn leaves the pattern as it was, so that a picture cannot say which end
+        is which.
+        """
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
-    def find(self, picture: Image, effort: Effort = "thorough") -> View | Refusal:
+    def find(self, picture: Image, effort: Effort = "thorough") -> BoardView | Refusal:
         """Finds the board.
 
-        Args:
-            picture: (H, W) or (H, W, 3) uint8.
-            effort: "quick" gives up where no board is likely, in a hundredth of a second; "patient" looks all the same, ten times as long;
+        Args: picture: (H, W) or (H, W, 3) uint8. effort: "quick" gives up where no board is likely,
+            in a hundredth of a second; "patient" looks all the same, ten times as long;
                 "thorough" then tries another detector, a hundred times as long.
 
         Returns:
             The view, or the reason why there is none.
         """
         if picture.dtype != np.uint8 or picture.ndim not in (2, 3):
-            raise TypeError(f"picture must be (H, W) or (H, W, 3) uint8, got {picture.shape} {picture.dtype}")
-        grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-        return self._find_checkerboard(grey, effort) if self.marker_m is None else self._find_charuco(grey)
+            raise TypeError(
+                f"picture must be (H, W) or (H, W, 3) uint8, got {picture.shape} {picture.dtype}"
+            )
+        grey = (
+            picture
+            if picture.ndim == 2
+            else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        )
+        return (
+            self._find_checkerboard(grey, effort)
+            if self.marker_m is None
+            else self._find_charuco(grey)
+        )
 
     def instead(self, picture: Image) -> str | None:
-        """Says what board is in a picture in which this one was not found: of other numbers, or with other markers; None: no board."""
+        """Says what board is in a picture in which this one was not found: of other numbers, or
+        with other markers; None: no board.
+        """
         if self.marker_m is not None:
             return self._other_markers(picture)
         flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -112,19 +145,40 @@ class Board:
         found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags)
         if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
             return None
-        there, asked = (f"{max(numbers)} x {min(numbers)}" for numbers in (meta.shape[:2], (self.columns, self.rows)))
-        short = [other - one for one, other in zip(sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True)]
+        there, asked = (
+            f"{max(numbers)} x {min(numbers)}"
+            for numbers in (meta.shape[:2], (self.columns, self.rows))
+        )
+        short = [
+            other - one
+            for one, other in zip(
+                sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True
+            )
+        ]
         if min(short) >= 0 and short != [1, 1]:
-            return f"only {there} of {asked} inner corners are to be made out: part of it hidden or in bad light, or are the numbers wrong?"
-        return f"a board with {there} inner corners is there, not {asked}: count where four squares meet, not squares"
+            return (
+                f"only {there} of {asked} inner corners are to be made out: part of it hidden or in"
+                " bad light, or are the numbers wrong?"
+            )
+        return (
+            f"a board with {there} inner corners is there, not {asked}: count where four squares"
+            " meet, not squares"
+        )
 
     def _other_markers(self, picture: Image) -> str | None:
         """Names the dictionary most of whose markers are in the picture."""
         counts: dict[str, tuple[int, int]] = {}
-        for name in (name for name in dir(cv2.aruco) if name.startswith(("DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO"))):
+        for name in (
+            name
+            for name in dir(cv2.aruco)
+            if name.startswith(("DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO"))
+        ):
             dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
             ids = cv2.aruco.ArucoDetector(dictionary).detectMarkers(picture)[1]
-            counts[name] = 0 if ids is None else len(ids), -len(dictionary.bytesList)  # small ones are part of larger ones
+            counts[name] = (
+                0 if ids is None else len(ids),
+                -len(dictionary.bytesList),
+            )  # small ones are part of larger ones
         best = max(counts, key=lambda name: counts[name])
         if counts[best][0] < _MIN_CORNERS or best == self.dictionary:
             return None
@@ -134,24 +188,31 @@ class Board:
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """OpenCV's own board of these numbers."""
         squares = (self.columns + 1, self.rows + 1)
-        return cv2.aruco.CharucoBoard(squares, self.square_m, self.marker_m or self.square_m / 2, self._dictionary)
+        return cv2.aruco.CharucoBoard(
+            squares, self.square_m, self.marker_m or self.square_m / 2, self._dictionary
+        )
 
     @property
     def _dictionary(self) -> cv2.aruco.Dictionary:
         """OpenCV's dictionary of that name."""
         return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
-    def _find_charuco(self, grey: Image) -> View | Refusal:
+    def _find_charuco(self, grey: Image) -> BoardView | Refusal:
         """Finds marked corners, any subset of them."""
         pixels, ids = self._charuco_corners(grey)
         if len(ids) < _MIN_CORNERS:
             if len(self._charuco_corners(np.ascontiguousarray(grey[:, ::-1]))[1]) >= _MIN_CORNERS:
-                return Refusal("the picture is mirrored: switch off the camera's mirror (selfie) option")
-            return Refusal(f"only {len(ids)} marked corners found, {_MIN_CORNERS} are needed: dictionary, board numbers, light?")
+                return Refusal(
+                    "the picture is mirrored: switch off the camera's mirror (selfie) option"
+                )
+            return Refusal(
+                f"only {len(ids)} marked corners found, {_MIN_CORNERS} are needed: dictionary,"
+                " board numbers, light?"
+            )
         spread = np.linalg.matrix_rank(self.points_m[ids, :2] - self.points_m[ids[0], :2])
         if spread < 2:
             return Refusal("the corners that were found lie on one line: show more of the board")
-        return View(ids, pixels, (grey.shape[1], grey.shape[0]))
+        return BoardView(ids, pixels, (grey.shape[1], grey.shape[0]))
 
     def _charuco_corners(self, grey: Image) -> tuple[FloatArray, NDArray[np.int64]]:
         """Returns pixels (N, 2) and numbers (N,) of the marked corners."""
@@ -160,32 +221,57 @@ class Board:
             return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
         return corners.reshape(-1, 2).astype(np.float64), ids.ravel().astype(np.int64)
 
-    def _find_checkerboard(self, grey: Image, effort: Effort) -> View | Refusal:
+    def _find_checkerboard(self, grey: Image, effort: Effort) -> BoardView | Refusal:
         """Finds all corners of a plain board."""
-        refusal = Refusal(f"no board with {self.columns} x {self.rows} inner corners found: all of it in view, flat and evenly lit?")
-        detectors = partial(self._fast_corners, give_up=True), partial(self._fast_corners, give_up=False), self._slow_corners
+        refusal = Refusal(
+            f"no board with {self.columns} x {self.rows} inner corners found: all of it in view,"
+            " flat and evenly lit?"
+        )
+        detectors = (
+            partial(self._fast_corners, give_up=True),
+            partial(self._fast_corners, give_up=False),
+            self._slow_corners,
+        )
         for detector in detectors[: {"quick": 1, "patient": 2, "thorough": 3}[effort]]:
             corners = detector(grey)
             if corners is None:
                 continue
             reason = self._fault(grey, corners)
             if reason is None:
-                return View(np.arange(len(corners)), self._ordered(grey, corners), (grey.shape[1], grey.shape[0]))
+                return BoardView(
+                    np.arange(len(corners)),
+                    self._ordered(grey, corners),
+                    (grey.shape[1], grey.shape[0]),
+                )
             refusal = Refusal(reason)
         return refusal
 
     def _fast_corners(self, grey: Image, give_up: bool) -> FloatArray | None:
-        """Finds corners in a small copy of the picture and refines them in the whole one; perhaps gives up where no board is likely."""
+        """Finds corners in a small copy of the picture and refines them in the whole one; perhaps
+        gives up where no board is likely.
+        """
         scale = min(1.0, _MAX_COARSE_PX / max(grey.shape))
-        small = grey if scale == 1 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | (cv2.CALIB_CB_FAST_CHECK if give_up else 0)
+        small = (
+            grey
+            if scale == 1
+            else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        )
+        flags = (
+            cv2.CALIB_CB_ADAPTIVE_THRESH
+            | cv2.CALIB_CB_NORMALIZE_IMAGE
+            | (cv2.CALIB_CB_FAST_CHECK if give_up else 0)
+        )
         found, corners = cv2.findChessboardCorners(small, (self.columns, self.rows), flags=flags)
         if not found:
             return None
         pixels = ((corners.reshape(-1, 2) + 0.5) / scale - 0.5).astype(np.float32)
         half = int(np.clip(0.3 * self._spacing_px(pixels), 2, 25))
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
-        return cv2.cornerSubPix(grey, pixels.reshape(-1, 1, 2), (half, half), (-1, -1), stop).reshape(-1, 2).astype(np.float64)
+        return (
+            cv2.cornerSubPix(grey, pixels.reshape(-1, 1, 2), (half, half), (-1, -1), stop)
+            .reshape(-1, 2)
+            .astype(np.float64)
+        )
 
     def _slow_corners(self, grey: Image) -> FloatArray | None:
         """Finds corners by OpenCV's sector-based detector."""
@@ -202,30 +288,45 @@ class Board:
         """Says what is wrong with corners that a detector claims to have found."""
         spacing = self._spacing_px(corners)
         if spacing < _MIN_SQUARE_PX:
-            return f"squares of {spacing:.0f} px are too small: come nearer or record in a higher resolution"
+            return (
+                f"squares of {spacing:.0f} px are too small: come nearer or record in a higher"
+                " resolution"
+            )
         homography, _ = cv2.findHomography(self.points_m[:, :2], corners)
         if homography is None:
             return "what was found is no flat grid"
         flat = cv2.perspectiveTransform(self.points_m[None, :, :2], homography)[0]
         bend = float(np.linalg.norm(flat - corners, axis=1).max()) / spacing
         if bend > _MAX_BEND:
-            return f"what was found is no flat grid (off by {bend:.2f} squares): part of the board hidden, or something else like a board?"
-        statistics = cv2.estimateChessboardSharpness(grey, (self.columns, self.rows), corners.astype(np.float32).reshape(-1, 1, 2))[0]
+            return (
+                f"what was found is no flat grid (off by {bend:.2f} squares): part of the board"
+                " hidden, or something else like a board?"
+            )
+        statistics = cv2.estimateChessboardSharpness(
+            grey, (self.columns, self.rows), corners.astype(np.float32).reshape(-1, 1, 2)
+        )[0]
         measured = float(np.asarray(statistics).ravel()[0])
         blur = measured / spacing
         if blur > _MAX_BLUR and measured > 4:
-            return f"blurred (edges {measured:.0f} px wide on squares of {spacing:.0f} px): hold the board still, more light"
+            return (
+                f"blurred (edges {measured:.0f} px wide on squares of {spacing:.0f} px): hold the"
+                " board still, more light"
+            )
         return None
 
     def _ordered(self, grey: Image, corners: FloatArray) -> FloatArray:
-        """Starts the count at one end, the same in every picture where the pattern allows it: where the first inner square is dark."""
+        """Starts the count at one end, the same in every picture where the pattern allows it: where
+        the first inner square is dark.
+        """
         grid = corners.reshape(self.rows, self.columns, 2)
         along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
         if along[0] * down[1] - along[1] * down[0] < 0:
             grid = grid[:, ::-1]  # counted as if seen through the board
         if not self.turns_into_itself:
             centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
-            column, row = np.clip(np.rint(centres).astype(int), 0, [grey.shape[1] - 1, grey.shape[0] - 1]).transpose(2, 0, 1)
+            column, row = np.clip(
+                np.rint(centres).astype(int), 0, [grey.shape[1] - 1, grey.shape[0] - 1]
+            ).transpose(2, 0, 1)
             level = grey[row, column].astype(np.float64)
             even = np.add.outer(np.arange(self.rows - 1), np.arange(self.columns - 1)) % 2 == 0
             if level[even].mean() > level[~even].mean():

@@ -1,8 +1,9 @@
 """Cameras and rigs: projection, viewing rays and undistortion.
 
-World: metres, right-handed, z up. Camera as in OpenCV: x right, y down, z forward, `x_camera = rotation @ x_world + translation`.
-Integer pixel coordinates are pixel centres. A point that a camera cannot see (behind it, or outside the field in which its lens
-model is one to one) has NaN pixels, and a pixel that no ray belongs to has a NaN ray; nothing is guessed.
+World: metres, right-handed, z up. Camera as in OpenCV: x right, y down, z forward, `x_camera =
+rotation @ x_world + translation`. Integer pixel coordinates are pixel centres. A point that a
+camera cannot see (behind it, or outside the field in which its lens model is one to one) has NaN
+pixels, and a pixel that no ray belongs to has a NaN ray; nothing is guessed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,8 +25,15 @@ _COUNTS = (0, 4, 5, 8, 12, 14)
 def _array(value: ArrayLike, shape: tuple[int | None, ...], what: str) -> FloatArray:
     """Returns a read-only float64 copy of `value`, checked for shape and finite numbers."""
     array = np.array(value, dtype=np.float64)
-    wanted = "(" + ", ".join("N" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
-    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
+    wanted = (
+        "("
+        + ", ".join("N" if n is None else str(n) for n in shape)
+        + ("," if len(shape) == 1 else "")
+        + ")"
+    )
+    if array.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
+    ):
         raise ValueError(f"{what} must be {wanted}, got {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{what} must be finite, got {array.tolist()}")
@@ -45,11 +53,10 @@ def _points(value: ArrayLike, columns: int, what: str) -> FloatArray:
 class Camera:
     """One calibrated camera.
 
-    Attributes:
-        name: Name, unique in its rig.
-        size: Image (width, height), px.
-        matrix: (3, 3) float64, upper triangular, px. A skew is respected (OpenCV ignores it).
-        distortion: (n,) float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, n = 0, 4, 5, 8, 12 or 14;
+    Attributes: name: Name, unique in its rig. size: Image (width, height), px. matrix: (3, 3)
+        float64, upper triangular, px. A skew is respected (OpenCV ignores it). distortion: (n,)
+        float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, n = 0, 4, 5, 8, 12 or
+        14;
             k1 k2 k3 k4 where `fisheye`.
         rotation: (3, 3) float64, camera from world.
         translation: (3,) float64, m, camera from world.
@@ -72,20 +79,32 @@ class Camera:
         who = f"camera {self.name}: "
         size = tuple(int(n) for n in self.size)
         if len(size) != 2 or min(size) < 1:
-            raise ValueError(f"{who}size must be (width, height) of at least one pixel, got {self.size}")
+            raise ValueError(
+                f"{who}size must be (width, height) of at least one pixel, got {self.size}"
+            )
         matrix = _array(self.matrix, (3, 3), who + "matrix")
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-            raise ValueError(f"{who}focal lengths must be positive, got {matrix[0, 0]:g}, {matrix[1, 1]:g}")
+            raise ValueError(
+                f"{who}focal lengths must be positive, got {matrix[0, 0]:g}, {matrix[1, 1]:g}"
+            )
         if np.any(matrix[[1, 2, 2], [0, 0, 1]] != 0) or matrix[2, 2] != 1:
-            raise ValueError(f"{who}matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}")
+            raise ValueError(
+                f"{who}matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}"
+            )
         distortion = _array(self.distortion, (None,), who + "distortion")
         counts = (4,) if self.fisheye else _COUNTS
         if len(distortion) not in counts:
-            raise ValueError(f"{who}distortion must have {' or '.join(map(str, counts))} numbers, got {len(distortion)}")
+            raise ValueError(
+                f"{who}distortion must have {' or '.join(map(str, counts))} numbers, got"
+                f" {len(distortion)}"
+            )
         rotation = _array(self.rotation, (3, 3), who + "rotation")
         error = np.abs(rotation @ rotation.T - np.eye(3)).max()
         if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-            raise ValueError(f"{who}rotation must be a rotation (orthonormal, determinant +1), got {rotation.tolist()}")
+            raise ValueError(
+                f"{who}rotation must be a rotation (orthonormal, determinant +1), got"
+                f" {rotation.tolist()}"
+            )
         for key, value in (
             ("size", size),
             ("matrix", matrix),
@@ -123,10 +142,12 @@ class Camera:
         Args:
             points_world: (N, 3), m.
 
-        Returns:
-            Pixels (N, 2) float64, NaN where the camera cannot see the point, and depth along the optical axis (N,) float64, m.
+        Returns: Pixels (N, 2) float64, NaN where the camera cannot see the point, and depth along
+            the optical axis (N,) float64, m.
         """
-        points_camera = _points(points_world, 3, "points_world") @ self.rotation.T + self.translation
+        points_camera = (
+            _points(points_world, 3, "points_world") @ self.rotation.T + self.translation
+        )
         depth_m = points_camera[:, 2].copy()
         with np.errstate(divide="ignore", invalid="ignore"):
             normalised = points_camera[:, :2] / depth_m[:, None]
@@ -139,15 +160,17 @@ class Camera:
         Args:
             pixels: (N, 2) as (x, y), px, in the recorded image.
 
-        Returns:
-            Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world; NaN where no ray meets the pixel.
+        Returns: Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world;
+            NaN where no ray meets the pixel.
         """
         normalised = self.lens.undistort(self._normalised(_points(pixels, 2, "pixels")))
         directions = np.column_stack([normalised, np.ones(len(normalised))]) @ self.rotation
         return self.center_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def undistort(self, pixels: ArrayLike) -> FloatArray:
-        """Moves recorded pixels (N, 2) to where the pinhole camera of the same matrix has them, (N, 2) float64, px."""
+        """Moves recorded pixels (N, 2) to where the pinhole camera of the same matrix has them, (N,
+        2) float64, px.
+        """
         return self._pixels(self.lens.undistort(self._normalised(_points(pixels, 2, "pixels"))))
 
     def pinhole(self, scale: float = 1.0) -> "Camera":
@@ -158,18 +181,22 @@ class Camera:
         half = 0.5 * (scale - 1)
         scaling = np.array([[scale, 0, half], [0, scale, half], [0, 0, 1.0]])
         size = (max(1, round(self.size[0] * scale)), max(1, round(self.size[1] * scale)))
-        return replace(self, size=size, matrix=scaling @ self.matrix, distortion=np.zeros(0), fisheye=False)
+        return replace(
+            self, size=size, matrix=scaling @ self.matrix, distortion=np.zeros(0), fisheye=False
+        )
 
     def pinhole_maps(self, scale: float = 1.0) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Returns the maps by which `cv2.remap` makes `pinhole(scale)`'s image of the recorded one.
 
-        Returns:
-            map_x and map_y, each (height, width) float32, px of the recorded image; -1 (outside) where the lens sees nothing.
+        Returns: map_x and map_y, each (height, width) float32, px of the recorded image; -1
+            (outside) where the lens sees nothing.
         """
         ideal = self.pinhole(scale)
         width, height = ideal.size
         x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-        recorded = self._pixels(self.lens.distort(ideal._normalised(np.column_stack([x.ravel(), y.ravel()]))))
+        recorded = self._pixels(
+            self.lens.distort(ideal._normalised(np.column_stack([x.ravel(), y.ravel()])))
+        )
         recorded[np.isnan(recorded).any(axis=1)] = -1
         maps = recorded.astype(np.float32).reshape(height, width, 2)
         return np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
@@ -202,7 +229,9 @@ class Rig:
             raise ValueError("a rig needs at least one camera")
         twice = sorted({name for name in self.names if self.names.count(name) > 1})
         if twice:
-            raise ValueError(f"camera names must differ, but these appear more than once: {', '.join(twice)}")
+            raise ValueError(
+                f"camera names must differ, but these appear more than once: {', '.join(twice)}"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -236,5 +265,7 @@ class Rig:
         """
         missing = [name for name in names if name not in self.names]
         if missing:
-            raise InputError(f"no calibration for {', '.join(missing)}: the rig has {', '.join(self.names)}")
+            raise InputError(
+                f"no calibration for {', '.join(missing)}: the rig has {', '.join(self.names)}"
+            )
         return Rig(tuple(self[name] for name in names))

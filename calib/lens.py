@@ -1,7 +1,9 @@
-"""Lens models between normalised coordinates (x / z, y / z of a point) and distorted ones, as OpenCV defines them.
+"""Lens models between normalised coordinates (x / z, y / z of a point) and distorted ones, as
+OpenCV defines them.
 
-A distortion polynomial is only a lens up to the radius at which it folds back on itself; beyond, two directions would share one
-pixel. Both classes find that radius once and answer NaN outside it, so that no false pixel is made up.
+A distortion polynomial is only a lens up to the radius at which it folds back on itself; beyond,
+two directions would share one pixel. Both classes find that radius once and answer NaN outside it,
+so that no false pixel is made up.
 """
 
 from functools import cached_property
@@ -17,18 +19,23 @@ _WIDEST = 100.0  # tangent of 89.4 degrees: a flat image ends somewhere
 
 
 def _first_positive_root(coefficients: ArrayLike) -> float:
-    """Returns the smallest positive real root of a polynomial (lowest order first, the constant not zero), or infinity."""
-    # In 1 / s the constant leads, so that a tiny highest coefficient gives a root near zero and not an overflow.
+    """Returns the smallest positive real root of a polynomial (lowest order first, the constant not
+    zero), or infinity.
+    """
+    # In 1 / s the constant leads, so that a tiny highest coefficient gives a root near zero and not
+    # an overflow.
     inverse = np.roots(np.asarray(coefficients, dtype=np.float64))
-    real = inverse[(np.abs(inverse.imag) < 1e-9 * np.maximum(1, np.abs(inverse.real))) & (inverse.real > 1e-12)].real
+    real = inverse[
+        (np.abs(inverse.imag) < 1e-9 * np.maximum(1, np.abs(inverse.real))) & (inverse.real > 1e-12)
+    ].real
     return float(1 / real.max()) if real.size else np.inf
 
 
 class RationalLens:
     """OpenCV's rational, tangential, thin-prism and tilted model.
 
-    Args:
-        coefficients: (n,) float64: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, the rest zero where n < 14.
+    Args: coefficients: (n,) float64: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, the rest zero where
+        n < 14.
 
     Source: OpenCV, "Camera Calibration and 3D Reconstruction", detailed description.
     """
@@ -47,18 +54,22 @@ class RationalLens:
 
     @cached_property
     def field_radius(self) -> float:
-        """Radius of the first fold, from the polynomial's derivative and, off centre, from the Jacobian's determinant."""
+        """Radius of the first fold, from the polynomial's derivative and, off centre, from the
+        Jacobian's determinant.
+        """
         above, below = np.polynomial.Polynomial(self._above), np.polynomial.Polynomial(self._below)
         s = np.polynomial.Polynomial([0, 1])
         # d/dr of r A(r^2) / B(r^2), times B^2.
         slope = above * below + 2 * s * (above.deriv() * below - above * below.deriv())
-        radius = float(np.sqrt(min(_first_positive_root(slope.coef), _first_positive_root(below.coef))))
+        radius = float(
+            np.sqrt(min(_first_positive_root(slope.coef), _first_positive_root(below.coef)))
+        )
         if not self._decentred:
             return radius
         radii = np.geomspace(1e-3, min(radius, _WIDEST), 400)
         angle = np.linspace(0, 2 * np.pi, 72, endpoint=False)
         x, y = np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle))
-        _, jacobian = self._bend(np.column_stack([x.ravel(), y.ravel()]), jacobian=True)
+        _, jacobian = self._distort(np.column_stack([x.ravel(), y.ravel()]), jacobian=True)
         with np.errstate(invalid="ignore"):
             determinant = jacobian[:, 0] * jacobian[:, 3] - jacobian[:, 1] * jacobian[:, 2]
         folded = ~(determinant.reshape(x.shape) > 0).all(axis=1)
@@ -69,24 +80,28 @@ class RationalLens:
         """Radii, and where the radial part puts them: the start of the inverse."""
         radii = np.linspace(0, min(self.field_radius, _WIDEST), 4096)
         squared = radii**2
-        ratio = np.polynomial.polynomial.polyval(squared, self._above) / np.polynomial.polynomial.polyval(squared, self._below)
+        ratio = np.polynomial.polynomial.polyval(
+            squared, self._above
+        ) / np.polynomial.polynomial.polyval(squared, self._below)
         return radii, radii * ratio
 
     def distort(self, normalised: FloatArray) -> FloatArray:
         """Bends (N, 2) ideal coordinates."""
         if self._identity:
             return normalised
-        distorted = self.bend(normalised)
+        distorted = self.distort_unbounded(normalised)
         distorted[np.einsum("ni,ni->n", normalised, normalised) > self.field_radius**2] = np.nan
         return distorted
 
-    def bend(self, normalised: FloatArray) -> FloatArray:
+    def distort_unbounded(self, normalised: FloatArray) -> FloatArray:
         """Bends (N, 2) without asking for the field: for solvers, whose next step may leave it."""
-        distorted, _ = self._bend(normalised)
+        distorted, _ = self._distort(normalised)
         return distorted if self._tilt is None else _apply_homography(self._tilt, distorted)
 
     def undistort(self, distorted: FloatArray) -> FloatArray:
-        """Straightens (N, 2) recorded coordinates by Newton's method, started from the radial part alone."""
+        """Straightens (N, 2) recorded coordinates by Newton's method, started from the radial part
+        alone.
+        """
         if self._identity:
             return distorted
         if self._tilt is not None:
@@ -94,7 +109,14 @@ class RationalLens:
         radii, bent = self._table
         radius_distorted = np.linalg.norm(distorted, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            estimate = distorted * np.where(radius_distorted > 0, np.interp(radius_distorted, bent, radii) / radius_distorted, 1.0)[:, None]
+            estimate = (
+                distorted
+                * np.where(
+                    radius_distorted > 0,
+                    np.interp(radius_distorted, bent, radii) / radius_distorted,
+                    1.0,
+                )[:, None]
+            )
         rows = np.arange(len(distorted))
         for _ in range(_NEWTON_STEPS):
             step = self._newton_step(estimate[rows], distorted[rows])
@@ -102,7 +124,7 @@ class RationalLens:
             rows = rows[np.abs(step).max(axis=1, initial=0.0) > _TOLERANCE]
             if not len(rows):
                 break
-        again, _ = self._bend(estimate)
+        again, _ = self._distort(estimate)
         wrong = ~(np.linalg.norm(again - distorted, axis=1) < 1e-8 * (1 + radius_distorted))
         wrong |= np.linalg.norm(estimate, axis=1) > self.field_radius * (1 + 1e-9)
         estimate[wrong] = np.nan
@@ -110,18 +132,31 @@ class RationalLens:
 
     @np.errstate(invalid="ignore", over="ignore", divide="ignore")
     def _newton_step(self, estimate: FloatArray, distorted: FloatArray) -> FloatArray:
-        """Returns how far Newton's method would move each estimate (N, 2) back, at most a fifth of its own radius."""
-        again, jacobian = self._bend(estimate, jacobian=True)
+        """Returns how far Newton's method would move each estimate (N, 2) back, at most a fifth of
+        its own radius.
+        """
+        again, jacobian = self._distort(estimate, jacobian=True)
         error = again - distorted
         a, b, c, d = jacobian.T
-        step = np.column_stack([d * error[:, 0] - b * error[:, 1], a * error[:, 1] - c * error[:, 0]]) / (a * d - b * c)[:, None]
+        step = (
+            np.column_stack([d * error[:, 0] - b * error[:, 1], a * error[:, 1] - c * error[:, 0]])
+            / (a * d - b * c)[:, None]
+        )
         # Near the fold the slope vanishes, and a whole step would leave the field.
         limit = 0.2 * np.maximum(np.linalg.norm(estimate, axis=1), 0.05)
-        return step * np.minimum(1, limit / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
+        return (
+            step * np.minimum(1, limit / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
+        )
 
-    @np.errstate(invalid="ignore", over="ignore", divide="ignore")  # far outside the field anything may happen; callers ask for finite
-    def _bend(self, normalised: FloatArray, jacobian: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Applies everything but the tilt; also the Jacobian (N, 4) as xx, xy, yx, yy if asked (else empty)."""
+    @np.errstate(
+        invalid="ignore", over="ignore", divide="ignore"
+    )  # far outside the field anything may happen; callers ask for finite
+    def _distort(
+        self, normalised: FloatArray, jacobian: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Applies everything but the tilt; also the Jacobian (N, 4) as xx, xy, yx, yy if asked
+        (else empty).
+        """
         x, y = normalised[:, 0], normalised[:, 1]
         s = x * x + y * y
         (_, k1, k2, k3), (_, k4, k5, k6) = self._above, self._below
@@ -151,12 +186,14 @@ class RationalLens:
 class FisheyeLens:
     """OpenCV's fisheye model: the angle from the axis, not its tangent, is what the radius follows.
 
-    Only directions in front of the camera (less than 90 degrees from the axis) are covered, as in OpenCV.
+    Only directions in front of the camera (less than 90 degrees from the axis) are covered, as in
+    OpenCV.
 
     Args:
         coefficients: (4,) float64: k1 k2 k3 k4.
 
-    Source: OpenCV, "Fisheye camera model" (Kannala and Brandt's polynomial with the leading term 1).
+    Source: OpenCV, "Fisheye camera model" (Kannala and Brandt's polynomial with the leading term
+    1).
     """
 
     def __init__(self, coefficients: FloatArray) -> None:
@@ -186,11 +223,11 @@ class FisheyeLens:
 
     def distort(self, normalised: FloatArray) -> FloatArray:
         """Bends (N, 2) ideal coordinates."""
-        distorted = self.bend(normalised)
+        distorted = self.distort_unbounded(normalised)
         distorted[~(np.arctan(np.linalg.norm(normalised, axis=1)) <= self._angle_limit)] = np.nan
         return distorted
 
-    def bend(self, normalised: FloatArray) -> FloatArray:
+    def distort_unbounded(self, normalised: FloatArray) -> FloatArray:
         """Bends (N, 2) without asking for the field: for solvers, whose next step may leave it."""
         radius = np.linalg.norm(normalised, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -217,11 +254,19 @@ class FisheyeLens:
 
 
 def _tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
-    """Returns the (3, 3) homography of a sensor tilted by tau_x, tau_y, rad. Source: OpenCV, as above."""
-    rotation_x = np.array([[1, 0, 0], [0, np.cos(tau_x), np.sin(tau_x)], [0, -np.sin(tau_x), np.cos(tau_x)]])
-    rotation_y = np.array([[np.cos(tau_y), 0, -np.sin(tau_y)], [0, 1, 0], [np.sin(tau_y), 0, np.cos(tau_y)]])
+    """Returns the (3, 3) homography of a sensor tilted by tau_x, tau_y, rad. Source: OpenCV, as
+    above.
+    """
+    rotation_x = np.array(
+        [[1, 0, 0], [0, np.cos(tau_x), np.sin(tau_x)], [0, -np.sin(tau_x), np.cos(tau_x)]]
+    )
+    rotation_y = np.array(
+        [[np.cos(tau_y), 0, -np.sin(tau_y)], [0, 1, 0], [np.sin(tau_y), 0, np.cos(tau_y)]]
+    )
     rotation = rotation_y @ rotation_x
-    onto_plane = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
+    onto_plane = np.array(
+        [[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]]
+    )
     return onto_plane @ rotation
 
 

@@ -20,7 +20,9 @@ def matrix_from_rodrigues(vector: ArrayLike) -> FloatArray:
 
 
 def rodrigues_from_matrix(rotation: ArrayLike) -> FloatArray:
-    """Returns the (3,) rotation vector, rad, of a (3, 3) rotation, by way of its unit quaternion (stable up to half a turn)."""
+    """Returns the (3,) rotation vector, rad, of a (3, 3) rotation, by way of its unit quaternion
+    (stable up to half a turn).
+    """
     r = np.asarray(rotation, dtype=np.float64)
     trace = np.trace(r)
     # The four squared quaternion components times four; the largest is the safe one to divide by.

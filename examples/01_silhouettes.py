@@ -12,10 +12,12 @@ from voxelpose import Recording, Silhouettes
 out = out_folder()
 recording = Recording.open(recording_folder(out))
 
-# The background of every camera is learnt from background/, or from the recording itself where that is missing.
+# The background of every camera is learnt from background/, or from the recording itself where that
+# is missing.
 silhouettes = Silhouettes(recording)
 
-# Pictures by camera name, (H, W, 3) uint8; a recording can be iterated, or be asked for some of its time steps.
+# Pictures by camera name, (H, W, 3) uint8; a recording can be iterated, or be asked for some of its
+# time steps.
 frames = next(recording.at([6]))
 masks = silhouettes.of(frames)  # (H, W) bool by camera name
 

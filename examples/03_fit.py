@@ -17,7 +17,10 @@ recording = Recording.open(recording_folder(out))
 result = fit(recording, Output(out / "fit", overwrite=True), Settings())
 
 motion = result.motion
-print(f"{len(motion)} of {recording.frame_count} frames have a pose; joints {motion.landmarks().shape}, metres")
+print(
+    f"{len(motion)} of {recording.frame_count} frames have a pose; joints"
+    f" {motion.landmarks().shape}, metres"
+)
 knee = motion.angles_rad[:, motion.model.dof_names.index("left_shin.flexion")]
 print(f"left knee: {np.degrees(knee.min()):.0f} to {np.degrees(knee.max()):.0f} degrees")
 print(f"hull that the body does not explain: {np.median(motion.quality['unexplained']):.0%}")

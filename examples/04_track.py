@@ -9,23 +9,29 @@ from common import out_folder, recording_folder
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.library.library import LibrarySettings
-from silhouette_core.library.make import make_library
-from silhouette_core.motion.repertoire import repertoire
+from silhouette_core.library.from_motion import make_library
+from silhouette_core.library.pose_library import LibrarySettings
+from silhouette_core.motion.keyposes import keypose_motions
 from voxelpose import Output, Recording, Settings, track
 
 out = out_folder()
 recording = Recording.open(recording_folder(out), cameras=["cam_2"])
 
-# A small pose library, so that this takes seconds. Without the option `library` the default one, eight times finer, is made and kept.
+# A small pose library, so that this takes seconds. Without the option `library` the default one,
+# eight times finer, is made and kept.
 library = out / "small.vplib"
 if not library.exists():
     model = BodyModel.from_sizes(BodySizes(stature_m=1.75))
-    make_library(repertoire(model), model, library, LibrarySettings(poses=3000))
+    make_library(keypose_motions(model), model, library, LibrarySettings(poses=3000))
 
-result = track(recording, Output(out / "track", overwrite=True), Settings(options={"library": str(library)}))
+result = track(
+    recording, Output(out / "track", overwrite=True), Settings(options={"library": str(library)})
+)
 
 confidence = result.motion.quality["confidence"]
-print(f"{len(result.motion)} of {recording.frame_count} frames have a pose; confidence {confidence.min():.2f} to {confidence.max():.2f}")
+print(
+    f"{len(result.motion)} of {recording.frame_count} frames have a pose; confidence"
+    f" {confidence.min():.2f} to {confidence.max():.2f}"
+)
 
 shutil.copy(result.folder / "contact_sheet.png", out / "04_track.png")

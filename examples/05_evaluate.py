@@ -1,4 +1,5 @@
-"""5. Evaluating: how far the results of examples 3 and 4 are from the truth; and handing them to other programs.
+"""5. Evaluating: how far the results of examples 3 and 4 are from the truth; and handing them to
+other programs.
 
 python examples/05_evaluate.py [OUT] writes OUT/export and OUT/05_evaluate.png.
 """
@@ -21,13 +22,25 @@ results = {"four cameras": Result.open(out / "fit"), "one camera": Result.open(o
 scores = {name: evaluate(result) for name, result in results.items()}
 print(markdown_table(scores))
 
-for file in export_motion(results["four cameras"].motion, out / "export", ("csv", "glb", "trc"), overwrite=True):
+for file in export_motion(
+    results["four cameras"].motion, out / "export", ("csv", "glb", "trc"), overwrite=True
+):
     print(file)
 
 figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")
 for step, (name, score) in enumerate(scores.items()):
-    axes.bar(np.arange(len(LANDMARK_NAMES)) + 0.4 * step, score.joint_root_mm, 0.4, label=f"{name}: {score.root_mm:.0f} mm")
-axes.set_xticks(np.arange(len(LANDMARK_NAMES)) + 0.2, [name.replace("_", " ") for name in LANDMARK_NAMES], rotation=45, ha="right")
+    axes.bar(
+        np.arange(len(LANDMARK_NAMES)) + 0.4 * step,
+        score.joint_root_mm,
+        0.4,
+        label=f"{name}: {score.root_mm:.0f} mm",
+    )
+axes.set_xticks(
+    np.arange(len(LANDMARK_NAMES)) + 0.2,
+    [name.replace("_", " ") for name in LANDMARK_NAMES],
+    rotation=45,
+    ha="right",
+)
 axes.set_ylabel("mean error, pelvis on pelvis, mm")
 axes.legend()
 figure.savefig(out / "05_evaluate.png", dpi=110)

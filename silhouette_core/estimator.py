@@ -1,20 +1,17 @@
 """What an estimator is, and how estimators are found.
 
-An estimator is a class without constructor arguments, registered under the entry point group `silhouette_core.estimators`:
+An estimator is a class without constructor arguments, registered under the entry point group
+`silhouette_core.estimators`:
 
     [project.entry-points."silhouette_core.estimators"]
-    multiview = "voxelpose.estimator:MultiViewEstimator"
+    multiview = "voxelpose.multiview:MultiViewEstimator"
 
 All take the same frames and give the same Motion; nothing downstream knows which one ran.
 """
 
 from __future__ import annotations
 
-import time
-from array import array
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
@@ -23,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from silhouette_core.progress import Reporter
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -66,51 +64,22 @@ class FrameSource(Protocol):
         ...
 
     def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:
-        """Yields (frame number in the recording, time in seconds, a frame per camera name); may be started more than once."""
+        """Yields (frame number in the recording, time in seconds, a frame per camera name); may be
+        started more than once.
+        """
         ...
-
-
-class Reporter(Protocol):
-    """Hears how far an estimator is. The command line draws it; libraries stay silent."""
-
-    def stage(self, name: str, total: int | None = None) -> None:
-        """A stage begins, of `total` steps (None: unknown); the stage before is over."""
-        ...
-
-    def advance(self, steps: int = 1) -> None:
-        """So many steps of the stage are done."""
-        ...
-
-    def note(self, text: str) -> None:
-        """Something the user should know that is no error: an assumption made, a camera left out."""
-        ...
-
-
-class Silent:
-    """The reporter that tells nobody."""
-
-    def stage(self, name: str, total: int | None = None) -> None:
-        """Does nothing."""
-
-    def advance(self, steps: int = 1) -> None:
-        """Does nothing."""
-
-    def note(self, text: str) -> None:
-        """Does nothing."""
 
 
 @dataclass(frozen=True)
 class Settings:
     """What an estimator is told.
 
-    Attributes:
-        stature_m: height of the person, metres; None: estimated.
-        chest_m: chest girth, metres; None: usual for the stature.
-        sex: whose proportions.
-        background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project does against shadows and noise.
-        smooth: smooth the finished motion over time (off-line, without lag).
-        threads: None: all cores.
-        options: settings of one estimator only, by name (`interference`, `voxel_size_m` of the multi-view one). An estimator refuses
+    Attributes: stature_m: height of the person, metres; None: estimated. chest_m: chest girth,
+        metres; None: usual for the stature. sex: whose proportions. background: `paper` is Okada
+        and Stenger 5.1 as written; `refined` adds what this project does against shadows and noise.
+        smooth: smooth the finished motion over time (off-line, without lag). threads: None: all
+        cores. options: settings of one estimator only, by name (`interference`, `voxel_size_m` of
+        the multi-view one). An estimator refuses
             names that it does not know with an InputError.
     """
 
@@ -127,32 +96,17 @@ class Settings:
 class Estimate:
     """What an estimator gives.
 
-    Attributes:
-        motion: the poses.
-        stage_s: stage -> (n,) float64 seconds, one value per frame (or a single one for a stage that runs once).
-        facts: what else is worth keeping in summary.json (numbers, words, lists of them): the estimated stature, the voxel size, ...
-        hypotheses: other poses that the frames allow: (frame number, probabilities (n,), joints (n, 15, 3) world m) each, likeliest first.
+    Attributes: motion: the poses. stage_s: stage -> (n,) float64 seconds, one value per frame (or a
+        single one for a stage that runs once). facts: what else is worth keeping in summary.json
+        (numbers, words, lists of them): the estimated stature, the voxel size, ... hypotheses:
+        other poses that the frames allow: (frame number, probabilities (n,), joints (n, 15, 3)
+        world m) each, likeliest first.
     """
 
     motion: Motion
     stage_s: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     facts: Mapping[str, object] = field(default_factory=dict)
     hypotheses: Iterable[tuple[int, NDArray, NDArray]] | None = None
-
-
-class Clock:
-    """How long every stage took, per frame."""
-
-    def __init__(self) -> None:
-        """Starts with nothing."""
-        self.seconds: dict[str, array[float]] = defaultdict(lambda: array("d"))
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Times a block."""
-        started = time.perf_counter()
-        yield
-        self.seconds[stage].append(time.perf_counter() - started)
 
 
 @runtime_checkable
@@ -164,16 +118,14 @@ class Estimator(Protocol):
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """Estimates the motion.
 
-        Args:
-            source: the frames. Held one time step at a time: memory must not grow with the recording's length.
-            settings: see Settings.
-            reporter: told of every stage and step.
+        Args: source: the frames. Held one time step at a time: memory must not grow with the
+            recording's length. settings: see Settings. reporter: told of every stage and step.
 
         Returns:
             The motion, how long each stage took, and facts.
 
-        Raises:
-            InputError: the source or the settings cannot be used, in one line that names the remedy.
+        Raises: InputError: the source or the settings cannot be used, in one line that names the
+            remedy.
         """
         ...
 
@@ -198,8 +150,12 @@ def load_estimator(name: str) -> Estimator:
     """
     points = available_estimators()
     if name not in points:
-        raise InputError(f"no estimator is called {name!r}: installed are {', '.join(sorted(points)) or 'none'}")
+        raise InputError(
+            f"no estimator is called {name!r}: installed are {', '.join(sorted(points)) or 'none'}"
+        )
     made = points[name].load()()
     if not isinstance(made, Estimator):
-        raise TypeError(f"{points[name].value} is registered as an estimator but has no name or no estimate()")
+        raise TypeError(
+            f"{points[name].value} is registered as an estimator but has no name or no estimate()"
+        )
     return made

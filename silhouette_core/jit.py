@@ -2,13 +2,15 @@
 
 import os
 
-# Threads that wait for work sleep. Spinning ones would take the cores from video decoding, and from whatever else the machine runs.
+# Threads that wait for work sleep. Spinning ones would take the cores from video decoding, and from
+# whatever else the machine runs.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import numba
 
-# error_model "numpy": no hidden division checks. nogil: kernels may run beside video decoding. fastmath stays off, so that
-# results are the same on every machine of one architecture and for every number of threads.
+# error_model "numpy": no hidden division checks. nogil: kernels may run beside video decoding.
+# fastmath stays off, so that results are the same on every machine of one architecture and for
+# every number of threads.
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
 parallel_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 prange = numba.prange

@@ -1,6 +1,8 @@
-"""A headless Chromium for the tests of pages. `python -m tests.browsing` (make browser) gets one where there is none.
+"""A headless Chromium for the tests of pages. `python -m tests.browsing` (make browser) gets one
+where there is none.
 
-Playwright's own build is taken where it can be downloaded, else the distribution's. WebGL runs on the processor: no GPU is needed.
+Playwright's own build is taken where it can be downloaded, else the distribution's. WebGL runs on
+the processor: no GPU is needed.
 """
 
 import os
@@ -22,11 +24,12 @@ _FLAGS += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else 
 def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
     """Opens an empty page; skips the test where there is no browser.
 
-    Yields:
-        The page (playwright.sync_api.Page), and a list that gathers what goes wrong in it: errors of the console, exceptions, failed
-        and outside requests.
+    Yields: The page (playwright.sync_api.Page), and a list that gathers what goes wrong in it:
+        errors of the console, exceptions, failed and outside requests.
     """
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (make install)")
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed (make install)"
+    )
     with sync_api.sync_playwright() as playwright:
         path = _executable(playwright)
         if path is None:
@@ -34,10 +37,16 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
         browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
         page = browser.new_page(viewport={"width": width, "height": height})
         faults: list[str] = []
-        page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+        page.on(
+            "console",
+            lambda message: faults.append(message.text) if message.type == "error" else None,
+        )
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.on("requestfailed", lambda request: faults.append(f"failed: {request.url}"))
-        page.on("request", lambda request: None if _own(request.url) else faults.append(f"outside: {request.url}"))
+        page.on(
+            "request",
+            lambda request: None if _own(request.url) else faults.append(f"outside: {request.url}"),
+        )
         try:
             yield page, faults
         finally:
@@ -45,7 +54,9 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
 
 
 def _own(url: str) -> bool:
-    return url.startswith(("http://localhost:", "http://127.0.0.1:", "ws://localhost:", "file:", "blob:", "data:"))
+    return url.startswith(
+        ("http://localhost:", "http://127.0.0.1:", "ws://localhost:", "file:", "blob:", "data:")
+    )
 
 
 def _executable(playwright) -> str | None:
@@ -67,19 +78,33 @@ def main() -> int:
     root = [] if hasattr(os, "geteuid") and os.geteuid() == 0 else ["sudo", "-n"]
     ways = [[sys.executable, "-m", "playwright", "install", "chromium"]]
     if shutil.which("apt-get"):
-        ways += [[*root, "apt-get", "update", "-qq"], [*root, "apt-get", "install", "-qq", "--no-install-recommends", "chromium"]]
+        ways += [
+            [*root, "apt-get", "update", "-qq"],
+            [*root, "apt-get", "install", "-qq", "--no-install-recommends", "chromium"],
+        ]
     for way in ways:
         if there():
             break
         print(" ".join(way), flush=True)
         try:
             subprocess.run(
-                way, check=False, timeout=600, stdout=subprocess.DEVNULL, env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+                way,
+                check=False,
+                timeout=600,
+                stdout=subprocess.DEVNULL,
+                env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             print(f"not so: {error}")
     found = there()
-    print(f"Chromium: {found}" if found else "no Chromium could be had: install one by hand; until then the tests of pages are skipped")
+    print(
+        f"Chromium: {found}"
+        if found
+        else (
+            "no Chromium could be had: install one by hand; until then the tests of pages are"
+            " skipped"
+        )
+    )
     return 0
 
 

@@ -15,7 +15,9 @@ from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 
 
-def ring(count: int = 3, size: tuple[int, int] = (160, 120), distortion: tuple[float, ...] = ()) -> Rig:
+def ring(
+    count: int = 3, size: tuple[int, int] = (160, 120), distortion: tuple[float, ...] = ()
+) -> Rig:
     """Cameras on a half circle of 4 m around a person, at 1.4 m height, looking at 1 m height."""
     cameras = []
     for number in range(count):
@@ -27,8 +29,19 @@ def ring(count: int = 3, size: tuple[int, int] = (160, 120), distortion: tuple[f
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         focal = 1.1 * size[1]
-        matrix = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
-        cameras.append(Camera(f"cam_{number + 1}", size, matrix, np.array(distortion), rotation, -rotation @ center))
+        matrix = np.array(
+            [[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]]
+        )
+        cameras.append(
+            Camera(
+                f"cam_{number + 1}",
+                size,
+                matrix,
+                np.array(distortion),
+                rotation,
+                -rotation @ center,
+            )
+        )
     return Rig(tuple(cameras))
 
 
@@ -50,7 +63,11 @@ class GreySource:
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
         for frame in range(self.frame_count):
-            yield frame, frame / self.fps, {c.name: np.full((c.size[1], c.size[0], 3), self.grey, np.uint8) for c in self.rig}
+            yield (
+                frame,
+                frame / self.fps,
+                {c.name: np.full((c.size[1], c.size[0], 3), self.grey, np.uint8) for c in self.rig},
+            )
 
 
 def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 25.0) -> Path:
@@ -58,7 +75,9 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
     folder.mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
     for camera in rig:
-        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), fps, camera.size)
+        writer = cv2.VideoWriter(
+            str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), fps, camera.size
+        )
         for _ in range(frame_count):
             writer.write(np.full((camera.size[1], camera.size[0], 3), 90, np.uint8))
         writer.release()
@@ -66,28 +85,53 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
 
 
 def write_staged(folder: Path, motion: Motion, rig: Rig) -> Path:
-    """Writes a recording of a posed body before an empty room: lossless videos, backgrounds and calibration."""
+    """Writes a recording of a posed body before an empty room: lossless videos, backgrounds and
+    calibration.
+    """
     (folder / "background").mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
     rotation, origin = motion.parts()
     for camera in rig:
         room = np.full((camera.size[1], camera.size[0], 3), (70, 60, 50), np.uint8)
         cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
-        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mkv"), cv2.VideoWriter.fourcc(*"FFV1"), motion.fps, camera.size)
+        writer = cv2.VideoWriter(
+            str(folder / f"{camera.name}.mkv"),
+            cv2.VideoWriter.fourcc(*"FFV1"),
+            motion.fps,
+            camera.size,
+        )
         for row in range(len(motion)):
-            seen = kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
-            parts, _ = render_parts(seen, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)
+            seen = (
+                kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T
+                + camera.translation
+            )
+            parts, _ = render_parts(
+                seen, motion.model.faces, motion.model.face_part, camera.matrix, camera.size
+            )
             writer.write(np.where(parts[..., None] > 0, np.array([90, 160, 230], np.uint8), room))
         writer.release()
     return folder
 
 
-_BALLS = ((0, 0, 1.6, 0.13), (0, 0, 1.3, 0.17), (0, 0, 1.0, 0.16), (0.35, 0.1, 1.2, 0.07), (-0.3, -0.1, 0.95, 0.07))
-_FEET = ((0.12, 0.25, 0.1, 0.09), (-0.12, -0.2, 0.1, 0.09), (0.12, 0.1, 0.5, 0.09), (-0.12, -0.1, 0.5, 0.09))
+_BALLS = (
+    (0, 0, 1.6, 0.13),
+    (0, 0, 1.3, 0.17),
+    (0, 0, 1.0, 0.16),
+    (0.35, 0.1, 1.2, 0.07),
+    (-0.3, -0.1, 0.95, 0.07),
+)
+_FEET = (
+    (0.12, 0.25, 0.1, 0.09),
+    (-0.12, -0.2, 0.1, 0.09),
+    (0.12, 0.1, 0.5, 0.09),
+    (-0.12, -0.1, 0.5, 0.09),
+)
 
 
 def figure_masks(camera: Camera, moments: Iterable[float]) -> list[np.ndarray]:
-    """Silhouettes of a figure of balls that walks, turns and nods; a moment is a frame, or between two."""
+    """Silhouettes of a figure of balls that walks, turns and nods; a moment is a frame, or between
+    two.
+    """
     masks = []
     for moment in moments:
         mask = np.zeros(camera.size[::-1], np.uint8)
@@ -95,22 +139,42 @@ def figure_masks(camera: Camera, moments: Iterable[float]) -> list[np.ndarray]:
         for x, y, z, radius in (*_BALLS, *_FEET):
             y = y * (swing if z < 0.8 else 1.0)
             place = np.array(
-                [[np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y + 0.03 * moment - 0.4, z * (1 + 0.05 * swing)]]
+                [
+                    [
+                        np.cos(turn) * x - np.sin(turn) * y,
+                        np.sin(turn) * x + np.cos(turn) * y + 0.03 * moment - 0.4,
+                        z * (1 + 0.05 * swing),
+                    ]
+                ]
             )
             (pixel,), (depth,) = camera.project(place)
             # Sixteenths of a pixel, or whole frames would look alike.
             middle = tuple(int(v) for v in np.round(pixel * 16))
-            cv2.circle(mask, middle, int(16 * camera.matrix[0, 0] * radius / depth), 255, cv2.FILLED, cv2.LINE_8, 4)
+            cv2.circle(
+                mask,
+                middle,
+                int(16 * camera.matrix[0, 0] * radius / depth),
+                255,
+                cv2.FILLED,
+                cv2.LINE_8,
+                4,
+            )
         masks.append(mask)
     return masks
 
 
-def write_figure(folder: Path, rig: Rig, films: dict[str, list[np.ndarray]], fps: float = 25.0) -> Path:
-    """Writes silhouettes as a recording of black and white videos, each with a black background still."""
+def write_figure(
+    folder: Path, rig: Rig, films: dict[str, list[np.ndarray]], fps: float = 25.0
+) -> Path:
+    """Writes silhouettes as a recording of black and white videos, each with a black background
+    still.
+    """
     write_rig(rig, folder / "calibration.toml")
     (folder / "background").mkdir()
     for name, film in films.items():
-        writer = cv2.VideoWriter(str(folder / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, film[0].shape[::-1])
+        writer = cv2.VideoWriter(
+            str(folder / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, film[0].shape[::-1]
+        )
         for mask in film:
             writer.write(cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR))
         writer.release()
@@ -122,7 +186,7 @@ _OUTSIDE = """
 import time
 import numpy as np
 from silhouette_core.estimator import Estimate
-from tests.takes import waving
+from tests.clips import waving
 
 class Standing:
     name = "standing"
@@ -141,9 +205,15 @@ class Standing:
 
 
 def install_standing(folder: Path) -> None:
-    """Puts an estimator of somebody else, named "standing", into a folder for sys.path; it loses the first frame."""
+    """Puts an estimator of somebody else, named "standing", into a folder for sys.path; it loses
+    the first frame.
+    """
     (folder / "standing_estimator.py").write_text(_OUTSIDE)
     metadata = folder / "standing_estimator-1.0.dist-info"
     metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: standing-estimator\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(f"[{GROUP}]\nstanding = standing_estimator:Standing\n")
+    (metadata / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: standing-estimator\nVersion: 1.0\n"
+    )
+    (metadata / "entry_points.txt").write_text(
+        f"[{GROUP}]\nstanding = standing_estimator:Standing\n"
+    )

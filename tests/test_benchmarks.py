@@ -23,7 +23,9 @@ def benchmarks(monkeypatch):
 def test_a_case_is_one_line_with_both_times_and_their_ratio(benchmarks, capsys):
     assert benchmarks.main(["a window"]) == 0
     _, line = capsys.readouterr().out.splitlines()
-    found = re.match(r"carve a window, 100\^3 x 4 views +([\d.]+) ms +([\d.]+) ms   ratio +([\d.]+) x", line)
+    found = re.match(
+        r"carve a window, 100\^3 x 4 views +([\d.]+) ms +([\d.]+) ms   ratio +([\d.]+) x", line
+    )
     assert found
     ours, reference, ratio = map(float, found.groups())
     assert ratio == pytest.approx(reference / ours, rel=0.1)

@@ -10,7 +10,12 @@ import pytest
 from voxelpose.cli import COMMANDS, _parse
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 
 
 def anchors(page: Path) -> set[str]:
@@ -34,7 +39,9 @@ def test_names_in_the_papers_map_exist():
     names = re.findall(r"`((?:calib|silhouette_core|voxelpose|carving|matching)\.[\w.]+)`", text)
     assert len(names) > 20
     for name in names:
-        words = (name if name.split(".")[0] not in ("carving", "matching") else f"voxelpose.{name}").split(".")
+        words = (
+            name if name.split(".")[0] not in ("carving", "matching") else f"voxelpose.{name}"
+        ).split(".")
         for length in range(len(words), 0, -1):
             try:
                 found = importlib.import_module(".".join(words[:length]))
@@ -47,14 +54,22 @@ def test_names_in_the_papers_map_exist():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_exist(page):
-    shown = re.findall(r"^(?:\.venv/bin/)?voxelpose (\w+)|`voxelpose (\w+)", page.read_text(encoding="utf-8"), re.MULTILINE)
+    shown = re.findall(
+        r"^(?:\.venv/bin/)?voxelpose (\w+)|`voxelpose (\w+)",
+        page.read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
     assert {one or other for one, other in shown} <= set(COMMANDS)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_shown_commands_are_understood(page):
-    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+    for block in re.findall(
+        r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    ):
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if words[:1] == ["voxelpose"] and "--help" not in words:
-                assert callable(_parse(words[1], [word.replace("…", "x") for word in words[2:]]).run), line
+                assert callable(
+                    _parse(words[1], [word.replace("…", "x") for word in words[2:]]).run
+                ), line

@@ -48,7 +48,9 @@ def test_the_results_are_good(ran):
 
 def test_the_notebook_holds_no_outputs():
     cells = nbformat.read(NOTEBOOK, as_version=4).cells
-    assert not any(cell.outputs or cell.execution_count for cell in cells if cell.cell_type == "code")
+    assert not any(
+        cell.outputs or cell.execution_count for cell in cells if cell.cell_type == "code"
+    )
 
 
 @pytest.mark.slow
@@ -57,5 +59,10 @@ def test_the_notebook_runs(ran, monkeypatch):
     monkeypatch.setenv("VOXELPOSE_OUT", str(ran))
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
-    pictures = [output for cell in notebook.cells for output in cell.get("outputs", ()) if "image/png" in output.get("data", {})]
+    pictures = [
+        output
+        for cell in notebook.cells
+        for output in cell.get("outputs", ())
+        if "image/png" in output.get("data", {})
+    ]
     assert len(pictures) == 5

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from silhouette_core.estimator import Settings
     from silhouette_core.image.silhouettes import Silhouettes
     from silhouette_core.motion.motion import Motion
-    from voxelpose.carving.recording import CarveSettings, Hull, carve_recording
-    from voxelpose.demo.recording import make_recording
+    from voxelpose.carving.hull import CarveSettings, Hull, carve_recording
+    from voxelpose.demo.filming import make_recording
     from voxelpose.evaluation import Score, evaluate
     from voxelpose.export.formats import export_motion
     from voxelpose.fitting import Output, fit, track
-    from voxelpose.recording import Recording
+    from voxelpose.recording.folder import Recording
     from voxelpose.results import Result
 
 __version__ = "0.1.0"
@@ -41,21 +41,21 @@ __all__ = [
 ]
 
 _HOME = {
-    "CarveSettings": "voxelpose.carving.recording",
-    "Hull": "voxelpose.carving.recording",
+    "CarveSettings": "voxelpose.carving.hull",
+    "Hull": "voxelpose.carving.hull",
     "InputError": "calib.errors",
     "Motion": "silhouette_core.motion.motion",
     "Output": "voxelpose.fitting",
-    "Recording": "voxelpose.recording",
+    "Recording": "voxelpose.recording.folder",
     "Result": "voxelpose.results",
     "Score": "voxelpose.evaluation",
     "Settings": "silhouette_core.estimator",
     "Silhouettes": "silhouette_core.image.silhouettes",
-    "carve_recording": "voxelpose.carving.recording",
+    "carve_recording": "voxelpose.carving.hull",
     "evaluate": "voxelpose.evaluation",
     "export_motion": "voxelpose.export.formats",
     "fit": "voxelpose.fitting",
-    "make_recording": "voxelpose.demo.recording",
+    "make_recording": "voxelpose.demo.filming",
     "track": "voxelpose.fitting",
 }
 

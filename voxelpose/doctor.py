@@ -15,12 +15,17 @@ from typing import Literal
 
 State = Literal["works", "limited", "fails"]
 
-_OPENCV_WHEELS = ("opencv-python", "opencv-python-headless", "opencv-contrib-python", "opencv-contrib-python-headless")
+_OPENCV_WHEELS = (
+    "opencv-python",
+    "opencv-python-headless",
+    "opencv-contrib-python",
+    "opencv-contrib-python-headless",
+)
 _WANTED_FREE_GB = 1.0
 
 
 @dataclass(frozen=True)
-class Finding:
+class HealthCheck:
     """One line of the report.
 
     Attributes:
@@ -36,7 +41,7 @@ class Finding:
     remedy: str = ""
 
 
-def examine(folder: Path | None = None) -> list[Finding]:
+def examine(folder: Path | None = None) -> list[HealthCheck]:
     """Looks at everything that a fit needs, and tries it.
 
     Args:
@@ -46,7 +51,7 @@ def examine(folder: Path | None = None) -> list[Finding]:
         A finding per subject. A check that ends in an exception is a finding too.
     """
     folder = folder or Path.cwd()
-    checks: dict[str, Callable[[], Finding]] = {
+    checks: dict[str, Callable[[], HealthCheck]] = {
         "Python": _python,
         "OpenCV": _opencv,
         "threads": _threads,
@@ -63,26 +68,36 @@ def examine(folder: Path | None = None) -> list[Finding]:
         try:
             findings.append(check())
         except Exception as error:  # whatever it is, it belongs in the report
-            findings.append(Finding(name, "fails", f"{type(error).__name__}: {error}", "install voxelpose again into a fresh environment"))
+            findings.append(
+                HealthCheck(
+                    name,
+                    "fails",
+                    f"{type(error).__name__}: {error}",
+                    "install voxelpose again into a fresh environment",
+                )
+            )
     return findings
 
 
-def _python() -> Finding:
+def _python() -> HealthCheck:
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     if sys.maxsize < 2**32:
-        return Finding("Python", "fails", f"{found}, 32 bit", "use a 64-bit Python")
-    return Finding("Python", "works", found)
+        return HealthCheck("Python", "fails", f"{found}, 32 bit", "use a 64-bit Python")
+    return HealthCheck("Python", "works", found)
 
 
-def _opencv() -> Finding:
+def _opencv() -> HealthCheck:
     installed = [wheel for wheel in _OPENCV_WHEELS if _installed(wheel)]
     import cv2
 
     found = f"OpenCV {cv2.__version__} ({', '.join(installed) or 'not from a wheel'})"
     if len(installed) > 1:
-        remedy = f"these wheels overwrite each other: pip uninstall {' '.join(installed)}, then pip install opencv-python-headless"
-        return Finding("OpenCV", "limited", found, remedy)
-    return Finding("OpenCV", "works", found)
+        remedy = (
+            f"these wheels overwrite each other: pip uninstall {' '.join(installed)}, then pip"
+            " install opencv-python-headless"
+        )
+        return HealthCheck("OpenCV", "limited", found, remedy)
+    return HealthCheck("OpenCV", "works", found)
 
 
 def _installed(distribution: str) -> bool:
@@ -93,45 +108,57 @@ def _installed(distribution: str) -> bool:
     return True
 
 
-def _threads() -> Finding:
+def _threads() -> HealthCheck:
     from silhouette_core import jit
 
     cores, threads = jit.cores(), jit.set_threads()
     found = f"{cores} cores, {threads} threads"
     if threads < cores:
-        return Finding("threads", "limited", found, "unset NUMBA_NUM_THREADS to use all cores")
-    return Finding("threads", "works", found)
+        return HealthCheck("threads", "limited", found, "unset NUMBA_NUM_THREADS to use all cores")
+    return HealthCheck("threads", "works", found)
 
 
-def _compiled() -> Finding:
+def _compiled() -> HealthCheck:
     import numba
     import numpy as np
 
     from silhouette_core.image.raster import render_parts
 
     corners = np.array([[-1.0, -1, 2], [1, -1, 2], [0, 1, 2]])
-    parts, _ = render_parts(corners, np.array([[0, 1, 2]]), np.array([4]), np.array([[20.0, 0, 16], [0, 20, 16], [0, 0, 1]]), (32, 32))
+    parts, _ = render_parts(
+        corners,
+        np.array([[0, 1, 2]]),
+        np.array([4]),
+        np.array([[20.0, 0, 16], [0, 20, 16], [0, 0, 1]]),
+        (32, 32),
+    )
     found = f"numba {numba.__version__}, NumPy {np.__version__}"
     if parts[14, 16] != 5:
-        return Finding(
-            "compiled code", "fails", f"{found}: a kernel computes nonsense", "delete __pycache__ folders, or set NUMBA_CACHE_DIR"
+        return HealthCheck(
+            "compiled code",
+            "fails",
+            f"{found}: a kernel computes nonsense",
+            "delete __pycache__ folders, or set NUMBA_CACHE_DIR",
         )
-    return Finding("compiled code", "works", found)
+    return HealthCheck("compiled code", "works", found)
 
 
-def _cache() -> Finding:
+def _cache() -> HealthCheck:
     import silhouette_core
 
     places = [os.environ.get("NUMBA_CACHE_DIR", ""), str(Path(silhouette_core.__file__).parent)]
     for place in filter(None, places):
         existing = next(parent for parent in (Path(place), *Path(place).parents) if parent.exists())
         if os.access(existing, os.W_OK):
-            return Finding("kept compilations", "works", place)
-    remedy = "set NUMBA_CACHE_DIR to a folder that you may write to; else every command compiles anew for a minute or so"
-    return Finding("kept compilations", "limited", f"{places[-1]} cannot be written", remedy)
+            return HealthCheck("kept compilations", "works", place)
+    remedy = (
+        "set NUMBA_CACHE_DIR to a folder that you may write to; else every command compiles anew"
+        " for a minute or so"
+    )
+    return HealthCheck("kept compilations", "limited", f"{places[-1]} cannot be written", remedy)
 
 
-def _video() -> Finding:
+def _video() -> HealthCheck:
     import cv2
     import numpy as np
 
@@ -150,51 +177,80 @@ def _video() -> Finding:
             means.append(float(image.mean()))
         capture.release()
     if len(means) == 3 and np.allclose(means, (60, 120, 180), atol=6):
-        return Finding("video", "works", "MPEG-4 is written and read")
-    remedy = "install opencv-python-headless from PyPI, which carries FFmpeg; folders of frames can be read in any case"
-    return Finding("video", "fails", f"of 3 frames written, {len(means)} were read", remedy)
+        return HealthCheck("video", "works", "MPEG-4 is written and read")
+    remedy = (
+        "install opencv-python-headless from PyPI, which carries FFmpeg; folders of frames can be"
+        " read in any case"
+    )
+    return HealthCheck("video", "fails", f"of 3 frames written, {len(means)} were read", remedy)
 
 
-def _pictures() -> Finding:
+def _pictures() -> HealthCheck:
     from silhouette_core.body.model import BodyModel
     from silhouette_core.body.sizes import BodySizes
 
     model = BodyModel.from_sizes(BodySizes(1.75))
-    return Finding("body and pictures", "works", f"{len(model.names)} parts, {len(model.faces)} triangles; drawn without a screen")
+    return HealthCheck(
+        "body and pictures",
+        "works",
+        f"{len(model.names)} parts, {len(model.faces)} triangles; drawn without a screen",
+    )
 
 
-def _estimators() -> Finding:
+def _estimators() -> HealthCheck:
     from silhouette_core.estimator import available_estimators, load_estimator
 
     points = available_estimators()
     if not points:
-        return Finding("estimators", "fails", "none is registered", "install voxelpose (pip install -e . in a clone)")
+        return HealthCheck(
+            "estimators",
+            "fails",
+            "none is registered",
+            "install voxelpose (pip install -e . in a clone)",
+        )
     for name in points:
         load_estimator(name)
-    return Finding("estimators", "works", ", ".join(sorted(points)))
+    return HealthCheck("estimators", "works", ", ".join(sorted(points)))
 
 
-def _open3d() -> Finding:
-    from voxelpose.open3d_import import import_open3d
+def _open3d() -> HealthCheck:
+    from voxelpose.view.open3d_import import import_open3d
 
     try:
         module = import_open3d()
-    except Exception as error:  # a shared library that is missing is an OSError, a broken wheel anything
-        remedy = "only windows need it; on Linux: pip install libusb-package, and apt install libgl1 libgomp1"
-        return Finding("open3d", "limited", f"{type(error).__name__}: {error}", remedy)
+    except (
+        Exception
+    ) as error:  # a shared library that is missing is an OSError, a broken wheel anything
+        remedy = (
+            "only windows need it; on Linux: pip install libusb-package, and apt install libgl1"
+            " libgomp1"
+        )
+        return HealthCheck("open3d", "limited", f"{type(error).__name__}: {error}", remedy)
     screen = "a screen" if _has_screen() else "no screen here: use view --png"
-    return Finding("open3d", "works", f"{module.__version__}, {screen}")
+    return HealthCheck("open3d", "works", f"{module.__version__}, {screen}")
 
 
 def _has_screen() -> bool:
-    return platform.system() != "Linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return platform.system() != "Linux" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
 
 
-def _disk(folder: Path) -> Finding:
+def _disk(folder: Path) -> HealthCheck:
     free = shutil.disk_usage(folder).free / 1e9
     found = f"{free:.1f} GB free in {folder}"
     if not os.access(folder, os.W_OK):
-        return Finding("disk", "fails", f"{folder} cannot be written", "change to a folder that you may write to")
+        return HealthCheck(
+            "disk",
+            "fails",
+            f"{folder} cannot be written",
+            "change to a folder that you may write to",
+        )
     if free < _WANTED_FREE_GB:
-        return Finding("disk", "limited", found, "free some space: overlay videos need about 1 MB per second and camera")
-    return Finding("disk", "works", found)
+        return HealthCheck(
+            "disk",
+            "limited",
+            found,
+            "free some space: overlay videos need about 1 MB per second and camera",
+        )
+    return HealthCheck("disk", "works", found)

@@ -16,26 +16,38 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from voxelpose.export.trc import POSE2SIM_AXES, read_trc
 from voxelpose.results import Result, is_result
-from voxelpose.trc import POSE2SIM_AXES, read_trc
 
 _LOST_MM = 300.0
 _CORRECT_MM = 150.0
 _FLIP_MM = 30.0
 _MIRROR = [
-    LANDMARK_NAMES.index(name.replace("left_", "right_") if name.startswith("left_") else name.replace("right_", "left_"))
+    LANDMARK_NAMES.index(
+        name.replace("left_", "right_")
+        if name.startswith("left_")
+        else name.replace("right_", "left_")
+    )
     for name in LANDMARK_NAMES
 ]
 _SIDE_BONES = ("hip knee", "knee ankle", "shoulder elbow", "elbow wrist")
 _BONES = np.array(
-    [[LANDMARK_NAMES.index(f"{side}_{joint}") for joint in bone.split()] for bone in _SIDE_BONES for side in ("left", "right")]
-    + [[LANDMARK_NAMES.index(joint) for joint in bone.split()] for bone in ("pelvis neck", "neck head_top")]
+    [
+        [LANDMARK_NAMES.index(f"{side}_{joint}") for joint in bone.split()]
+        for bone in _SIDE_BONES
+        for side in ("left", "right")
+    ]
+    + [
+        [LANDMARK_NAMES.index(joint) for joint in bone.split()]
+        for bone in ("pelvis neck", "neck head_top")
+    ]
 )
 
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of an estimate. Means are over the frames that have a pose; millimetres and degrees; shares from 0 to 1.
+    """Errors of an estimate. Means are over the frames that have a pose; millimetres and degrees;
+    shares from 0 to 1.
 
     Attributes:
         frames: frames whose truth is known.
@@ -73,12 +85,10 @@ def evaluate(
 ) -> Score:
     """Scores a result against known joint positions.
 
-    Args:
-        result: of a fit, or its folder, or a joints.csv.
-        truth: truth.json or TRC, see `read_truth`; None: truth.json in the recording that the result is of.
-        offset: added to the result's frame numbers before they are compared.
-        markers: for a TRC, see `read_truth`.
-        axes: likewise.
+    Args: result: of a fit, or its folder, or a joints.csv. truth: truth.json or TRC, see
+        `read_truth`; None: truth.json in the recording that the result is of. offset: added to the
+        result's frame numbers before they are compared. markers: for a TRC, see `read_truth`. axes:
+        likewise.
 
     Returns:
         The errors.
@@ -104,9 +114,9 @@ def _truth_of(result: Path) -> Path:
 def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> Score:
     """Scores joint positions.
 
-    Args:
-        truth_m: (T, 15, 3) float64, metres, in the order of LANDMARK_NAMES. Frames with NaN in them are unknown, and not scored.
-        estimate_m: (T, 15, 3) float64, NaN in frames without a pose.
+    Args: truth_m: (T, 15, 3) float64, metres, in the order of LANDMARK_NAMES. Frames with NaN in
+        them are unknown, and not scored. estimate_m: (T, 15, 3) float64, NaN in frames without a
+        pose.
 
     Returns:
         The errors.
@@ -115,7 +125,10 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
         ValueError: shapes differ, or the truth is unknown throughout.
     """
     if truth_m.shape != estimate_m.shape or truth_m.shape[1:] != (len(LANDMARK_NAMES), 3):
-        raise ValueError(f"truth and estimate must both be (T, {len(LANDMARK_NAMES)}, 3), got {truth_m.shape} and {estimate_m.shape}")
+        raise ValueError(
+            f"truth and estimate must both be (T, {len(LANDMARK_NAMES)}, 3), got {truth_m.shape}"
+            f" and {estimate_m.shape}"
+        )
     known = np.isfinite(truth_m).all(axis=(1, 2))
     if not known.any():
         raise ValueError("no frame of the truth has all its joints")
@@ -134,7 +147,11 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
         lost=float((count - posed.sum() + (per_frame > _LOST_MM).sum()) / count),
         mpjpe_mm=float(np.linalg.norm(estimate - truth, axis=2).mean()),
         root_mm=float(per_frame.mean()),
-        pa_mm=float(np.linalg.norm(_aligned(local, local_truth) - (truth - truth.mean(axis=1, keepdims=True)), axis=2).mean()),
+        pa_mm=float(
+            np.linalg.norm(
+                _aligned(local, local_truth) - (truth - truth.mean(axis=1, keepdims=True)), axis=2
+            ).mean()
+        ),
         pck150=float((error < _CORRECT_MM).mean()),
         flips=float((per_frame - exchanged > _FLIP_MM).mean()),
         jitter_mm=_jitter(estimate),
@@ -145,24 +162,50 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
 
 
 def markdown_table(scores: Mapping[str, Score]) -> str:
-    """Returns scores as a Markdown table, a line per name, and below several their mean, each counting the same."""
-    columns = ("mpjpe_mm", "root_mm", "pa_mm", "pck150", "angle_deg", "jitter_mm", "jitter_truth_mm", "flips", "lost")
-    lines = ["| recording | frames | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
+    """Returns scores as a Markdown table, a line per name, and below several their mean, each
+    counting the same.
+    """
+    columns = (
+        "mpjpe_mm",
+        "root_mm",
+        "pa_mm",
+        "pck150",
+        "angle_deg",
+        "jitter_mm",
+        "jitter_truth_mm",
+        "flips",
+        "lost",
+    )
+    lines = [
+        "| recording | frames | " + " | ".join(columns) + " |",
+        "|---" * (2 + len(columns)) + "|",
+    ]
 
     def line(name: str, frames: int, values: NDArray[np.float64]) -> str:
         digits = [3 if column in ("pck150", "flips", "lost") else 1 for column in columns]
-        cells = (f"{value:.{places}f}" if np.isfinite(value) else "–" for value, places in zip(values, digits, strict=True))
+        cells = (
+            f"{value:.{places}f}" if np.isfinite(value) else "–"
+            for value, places in zip(values, digits, strict=True)
+        )
         return f"| {name} | {frames} | " + " | ".join(cells) + " |"
 
     table = np.array([[getattr(score, column) for column in columns] for score in scores.values()])
-    lines += [line(name, score.frames, row) for (name, score), row in zip(scores.items(), table, strict=True)]
+    lines += [
+        line(name, score.frames, row)
+        for (name, score), row in zip(scores.items(), table, strict=True)
+    ]
     if len(scores) > 1:
-        lines.append(line("**mean**", sum(score.frames for score in scores.values()), table.mean(axis=0)))
+        lines.append(
+            line("**mean**", sum(score.frames for score in scores.values()), table.mean(axis=0))
+        )
     return "\n".join(lines) + "\n"
 
 
-def read_truth(path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES) -> NDArray[np.float64]:
-    """Reads known joint positions: a TRC, or a truth.json: `{"joints": {name: [[x, y, z] per frame]}}`, metres.
+def read_truth(
+    path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES
+) -> NDArray[np.float64]:
+    """Reads known joint positions: a TRC, or a truth.json: `{"joints": {name: [[x, y, z] per
+    frame]}}`, metres.
 
     Args:
         path: the file.
@@ -181,9 +224,13 @@ def read_truth(path: Path, markers: Mapping[str, str] | None = None, axes: str =
         document = json.loads(path.read_text(encoding="utf-8"))
         if document.get("unit", "m") != "m":
             raise InputError(f"{path} is in {document['unit']}: convert it to metres")
-        truth = np.stack([np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1)
+        truth = np.stack(
+            [np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1
+        )
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}") from error
+        raise InputError(
+            f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}"
+        ) from error
     return _with_something_known(truth, path)
 
 
@@ -214,14 +261,21 @@ def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:
             for row in csv.DictReader(file):
                 frame = int(row["frame"]) + offset
                 if row["joint"] in number and 0 <= frame < count:
-                    found[frame, number[row["joint"]]] = float(row["x_m"]), float(row["y_m"]), float(row["z_m"])
+                    found[frame, number[row["joint"]]] = (
+                        float(row["x_m"]),
+                        float(row["y_m"]),
+                        float(row["z_m"]),
+                    )
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{path} cannot be read as joints.csv (frame,joint,x_m,y_m,z_m): {error}") from error
+        raise InputError(
+            f"{path} cannot be read as joints.csv (frame,joint,x_m,y_m,z_m): {error}"
+        ) from error
     return found
 
 
 def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T, J, 3) `moving` under the similarity that fits it to `fixed` best in every frame, about the mean of `fixed`.
+    """Returns (T, J, 3) `moving` under the similarity that fits it to `fixed` best in every frame,
+    about the mean of `fixed`.
 
     Source: Umeyama, "Least-squares estimation of transformation parameters" (PAMI 1991), (40)-(43).
     """
@@ -236,7 +290,11 @@ def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray
 
 
 def _jitter(positions: NDArray[np.float64]) -> float:
-    return float(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2).mean()) if len(positions) > 3 else float("nan")
+    return (
+        float(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2).mean())
+        if len(positions) > 3
+        else float("nan")
+    )
 
 
 def _bone_angle(truth: NDArray[np.float64], estimate: NDArray[np.float64]) -> float:
@@ -244,4 +302,6 @@ def _bone_angle(truth: NDArray[np.float64], estimate: NDArray[np.float64]) -> fl
     for joints in (truth, estimate):
         bones = joints[:, _BONES[:, 1]] - joints[:, _BONES[:, 0]]
         directions.append(bones / np.maximum(np.linalg.norm(bones, axis=2, keepdims=True), 1e-9))
-    return float(np.degrees(np.arccos(np.clip((directions[0] * directions[1]).sum(axis=2), -1, 1))).mean())
+    return float(
+        np.degrees(np.arccos(np.clip((directions[0] * directions[1]).sum(axis=2), -1, 1))).mean()
+    )

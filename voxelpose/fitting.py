@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.files import write_rig
-from silhouette_core.estimator import Estimate, Reporter, Settings, Silent, load_estimator
-from silhouette_core.motion.files import write_motion
+from silhouette_core.estimator import Estimate, Settings, load_estimator
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion_file import write_motion
+from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose import __version__
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
 from voxelpose.export.joints import write_joints
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
-from voxelpose.view.overlay import draw_pictures
+from voxelpose.view.images.overlay import draw_pictures
 
 
 @dataclass(frozen=True)
@@ -42,16 +43,18 @@ class Output:
 
 
 def fit(
-    recording: Recording, output: Output, settings: Settings | None = None, estimator: str = "multiview", reporter: Reporter | None = None
+    recording: Recording,
+    output: Output,
+    settings: Settings | None = None,
+    estimator: str = "multiview",
+    reporter: Reporter | None = None,
 ) -> Result:
     """Estimates the motion of a recording and writes a result folder.
 
-    Args:
-        recording: the frames.
-        output: where the results go.
-        settings: what the estimator is told; stature, chest girth and sex that are not set are taken from the recording's subject.toml.
-        estimator: name under which the estimator is registered.
-        reporter: told of every stage; None: nobody is.
+    Args: recording: the frames. output: where the results go. settings: what the estimator is told;
+        stature, chest girth and sex that are not set are taken from the recording's subject.toml.
+        estimator: name under which the estimator is registered. reporter: told of every stage;
+        None: nobody is.
 
     Returns:
         The result, as read back from the folder.
@@ -59,18 +62,23 @@ def fit(
     Raises:
         InputError: the recording, the settings or the output cannot be used.
     """
-    reporter = reporter or Silent()
+    reporter = reporter or SilentReporter()
     started = time.perf_counter()
     settings = _with_subject(settings or Settings(), recording)
     if settings.threads is not None and settings.threads < 1:
-        raise InputError(f"{settings.threads} threads cannot work: give --threads 1 or more, or leave it out")
+        raise InputError(
+            f"{settings.threads} threads cannot work: give --threads 1 or more, or leave it out"
+        )
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     chosen = load_estimator(estimator)
     with writer as folder:
         estimate = chosen.estimate(recording, settings, reporter)
         motion = estimate.motion
         if not len(motion):
-            raise InputError("no pose was found in any frame: look at the silhouettes with `voxelpose carve`, and check the background")
+            raise InputError(
+                "no pose was found in any frame: look at the silhouettes with `voxelpose carve`,"
+                " and check the background"
+            )
         reporter.stage("files")
         write_joints(motion, folder / "joints.csv")
         write_bvh(motion, folder / "motion.bvh")
@@ -78,31 +86,40 @@ def fit(
         if estimate.hypotheses is not None:
             write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
         write_rig(recording.rig, folder / CALIBRATION)
-        (folder / SETTINGS).write_text(_settings_toml(recording, output, settings, estimator), encoding="utf-8")
+        (folder / SETTINGS).write_text(
+            _settings_toml(recording, output, settings, estimator), encoding="utf-8"
+        )
         pictures_s = time.perf_counter()
         if output.pictures:
             draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
-        seconds = {"pictures": time.perf_counter() - pictures_s, "total": time.perf_counter() - started}
+        seconds = {
+            "pictures": time.perf_counter() - pictures_s,
+            "total": time.perf_counter() - started,
+        }
         summary = _summary(recording, estimate, estimator, seconds)
         (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return Result.open(output.folder)
 
 
-def track(recording: Recording, output: Output, settings: Settings | None = None, reporter: Reporter | None = None) -> Result:
+def track(
+    recording: Recording,
+    output: Output,
+    settings: Settings | None = None,
+    reporter: Reporter | None = None,
+) -> Result:
     """Estimates the motion of a recording from one of its cameras, as `voxelpose track` does.
 
-    Args:
-        recording: one camera's frames: `Recording.open(folder, cameras=["cam_1"])`.
-        output: where the results go.
-        settings: as for `fit`. Its options: `library` (path of a pose library; else the default one, which is made at first use),
+    Args: recording: one camera's frames: `Recording.open(folder, cameras=["cam_1"])`. output: where
+        the results go. settings: as for `fit`. Its options: `library` (path of a pose library; else
+        the default one, which is made at first use),
             `start` ("facing" or "any"), `refine`, `weighting`, `motion_model`.
         reporter: told of every stage; None: nobody is.
 
     Returns:
         The result, as read back from the folder.
 
-    Raises:
-        InputError: the recording has several cameras, or it, the settings or the output cannot be used.
+    Raises: InputError: the recording has several cameras, or it, the settings or the output cannot
+        be used.
     """
     return fit(recording, output, settings, "monocular", reporter)
 
@@ -123,7 +140,10 @@ def _title(recording: Recording, estimate: Estimate) -> str:
     words = [
         recording.folder.resolve().name,
         f"stature {motion.model.sizes.stature_m:.2f} m",
-        f"{recording.frame_count} frames, {len(recording.rig)} camera{'s' if len(recording.rig) > 1 else ''}",
+        (
+            f"{recording.frame_count} frames, {len(recording.rig)}"
+            f" camera{'s' if len(recording.rig) > 1 else ''}"
+        ),
         *([f"{lost} frames without a pose"] if lost else []),
     ]
     return " · ".join(words)
@@ -131,7 +151,11 @@ def _title(recording: Recording, estimate: Estimate) -> str:
 
 def _settings_toml(recording: Recording, output: Output, settings: Settings, estimator: str) -> str:
     document = tomlkit.document()
-    document.add(tomlkit.comment("What this result was made with; a setting that is missing was left to the program."))
+    document.add(
+        tomlkit.comment(
+            "What this result was made with; a setting that is missing was left to the program."
+        )
+    )
     document["recording"] = _path_from(Path(output.folder).resolve(), recording.folder.resolve())
     document["frames"] = [recording.first, recording.first + recording.frame_count]
     document["cameras"] = list(recording.rig.names)
@@ -146,14 +170,18 @@ def _settings_toml(recording: Recording, output: Output, settings: Settings, est
 
 
 def _path_from(here: Path, there: Path) -> str:
-    """Returns a relative path, so that recording and result can move together; an absolute one across Windows drives."""
+    """Returns a relative path, so that recording and result can move together; an absolute one
+    across Windows drives.
+    """
     try:
         return Path(os.path.relpath(there, here)).as_posix()
     except ValueError:
         return str(there)
 
 
-def _summary(recording: Recording, estimate: Estimate, estimator: str, seconds: Mapping[str, float]) -> dict[str, object]:
+def _summary(
+    recording: Recording, estimate: Estimate, estimator: str, seconds: Mapping[str, float]
+) -> dict[str, object]:
     motion = estimate.motion
     posed = {int(frame) for frame in motion.frames}
     first, count = recording.first, recording.frame_count
@@ -170,11 +198,18 @@ def _summary(recording: Recording, estimate: Estimate, estimator: str, seconds: 
             "with_pose": len(motion),
             "lost": [frame for frame in range(first, first + count) if frame not in posed],
         },
-        "body": {"stature_m": sizes.stature_m, "chest_girth_m": sizes.chest_girth_m, "sex": sizes.sex},
+        "body": {
+            "stature_m": sizes.stature_m,
+            "chest_girth_m": sizes.chest_girth_m,
+            "sex": sizes.sex,
+        },
         "quality": _quality(motion),
         "seconds": {
             **{name: round(value, 3) for name, value in seconds.items()},
-            "stages": {name: _spread(values, 4) | {"sum": round(float(np.sum(values)), 3)} for name, values in estimate.stage_s.items()},
+            "stages": {
+                name: _range_of(values, 4) | {"sum": round(float(np.sum(values)), 3)}
+                for name, values in estimate.stage_s.items()
+            },
         },
         "facts": dict(estimate.facts),
     }
@@ -188,14 +223,19 @@ def _quality(motion: Motion) -> dict[str, object]:
     for name, array in motion.quality.items():
         values = np.asarray(array, float)
         if values.ndim == 1:
-            found[name] = _spread(values, 4)
+            found[name] = _range_of(values, 4)
         elif values.ndim == 2 and values.shape[1] in (len(motion.model.names), len(LANDMARK_NAMES)):
-            columns = motion.model.names if values.shape[1] == len(motion.model.names) else LANDMARK_NAMES
-            found[name] = {column: round(float(np.nanmean(values[:, k])), 4) for k, column in enumerate(columns)}
+            columns = (
+                motion.model.names if values.shape[1] == len(motion.model.names) else LANDMARK_NAMES
+            )
+            found[name] = {
+                column: round(float(np.nanmean(values[:, k])), 4)
+                for k, column in enumerate(columns)
+            }
     return found
 
 
-def _spread(values: NDArray, digits: int) -> dict[str, float]:
+def _range_of(values: NDArray, digits: int) -> dict[str, float]:
     if not np.isfinite(values).any():
         return {}
     numbers = {"min": np.nanmin(values), "median": np.nanmedian(values), "max": np.nanmax(values)}

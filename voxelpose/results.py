@@ -18,8 +18,8 @@ import numpy as np
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig
-from silhouette_core.motion.files import read_motion
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion_file import read_motion
 
 SUMMARY = "summary.json"
 MOTION = "motion.safetensors"
@@ -58,13 +58,18 @@ class Result:
         """
         folder = Path(folder)
         if not is_result(folder):
-            raise InputError(f"{folder} is not a result of voxelpose (no {SUMMARY} of ours in it): give the folder of a fit")
+            raise InputError(
+                f"{folder} is not a result of voxelpose (no {SUMMARY} of ours in it): give the"
+                " folder of a fit"
+            )
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
         try:
             settings = tomllib.loads((folder / SETTINGS).read_text(encoding="utf-8"))
         except (OSError, tomllib.TOMLDecodeError) as error:
             raise InputError(f"{folder / SETTINGS} cannot be read: {error}") from error
-        return cls(folder, read_motion(folder / MOTION), read_rig(folder / CALIBRATION), summary, settings)
+        return cls(
+            folder, read_motion(folder / MOTION), read_rig(folder / CALIBRATION), summary, settings
+        )
 
 
 def is_result(folder: Path) -> bool:
@@ -77,7 +82,9 @@ def is_result(folder: Path) -> bool:
 
 
 def as_json(document: Mapping[str, object]) -> str:
-    """Returns a document as JSON text: NumPy's values as plain ones, what is not finite as null, which JSON has no number for."""
+    """Returns a document as JSON text: NumPy's values as plain ones, what is not finite as null,
+    which JSON has no number for.
+    """
     return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
 
 
@@ -97,32 +104,43 @@ class ResultWriter:
     with ResultWriter(out) as folder:
         (folder / "joints.csv").write_text(...)
 
-    Inside, `folder` is a new folder beside `out`. When the block ends well it takes out's name; when it ends with any exception,
-    KeyboardInterrupt included, it is removed. A full disk becomes an InputError.
+    Inside, `folder` is a new folder beside `out`. When the block ends well it takes out's name;
+    when it ends with any exception, KeyboardInterrupt included, it is removed. A full disk becomes
+    an InputError.
     """
 
-    def __init__(self, out: Path | str, overwrite: bool = False, keep_out_of: Path | None = None) -> None:
+    def __init__(
+        self, out: Path | str, overwrite: bool = False, keep_out_of: Path | None = None
+    ) -> None:
         """Looks at where the results are to go, before any work is done.
 
-        Args:
-            out: the folder to be made.
-            overwrite: whether an earlier result of this name is replaced (at the end, when the new one is whole).
-            keep_out_of: a folder that the results must not lie in: the recording.
+        Args: out: the folder to be made. overwrite: whether an earlier result of this name is
+            replaced (at the end, when the new one is whole). keep_out_of: a folder that the results
+            must not lie in: the recording.
 
         Raises:
             InputError: `out` exists and is not to be replaced, or cannot be made.
         """
         self.out = Path(out)
         whole = self.out.resolve()
-        if keep_out_of is not None and (whole == keep_out_of.resolve() or keep_out_of.resolve() in whole.parents):
-            raise InputError(f"{self.out} lies in the recording {keep_out_of}: give --out another place")
+        if keep_out_of is not None and (
+            whole == keep_out_of.resolve() or keep_out_of.resolve() in whole.parents
+        ):
+            raise InputError(
+                f"{self.out} lies in the recording {keep_out_of}: give --out another place"
+            )
         if self.out.is_symlink() or (self.out.exists() and not self.out.is_dir()):
             raise InputError(f"{self.out} exists and is not a folder: give --out another name")
         if self.out.exists() and any(self.out.iterdir()):
             if not overwrite:
-                raise InputError(f"{self.out} exists: give --out another name, or add --overwrite to replace it")
+                raise InputError(
+                    f"{self.out} exists: give --out another name, or add --overwrite to replace it"
+                )
             if not is_result(self.out):
-                raise InputError(f"{self.out} exists and is not a result of voxelpose, so it is not overwritten: give --out another name")
+                raise InputError(
+                    f"{self.out} exists and is not a result of voxelpose, so it is not overwritten:"
+                    " give --out another name"
+                )
 
     def __enter__(self) -> Path:
         whole = self.out.resolve()
@@ -134,7 +152,12 @@ class ResultWriter:
             raise InputError(f"{self.out} cannot be made: {error.strerror or error}") from error
         return self.folder
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if error is None:
             try:
                 self._rename()
@@ -148,7 +171,10 @@ class ResultWriter:
             except OSError:
                 break
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise InputError(f"the disk is full: {self.out} was not written; free some space or give --out another disk") from error
+            raise InputError(
+                f"the disk is full: {self.out} was not written; free some space or give --out"
+                " another disk"
+            ) from error
         if kind is None:
             raise error
 

@@ -1,15 +1,17 @@
 """TOML in aniposelib's layout, as aniposelib, Pose2Sim, FreeMoCap and Caliscope write it.
 
-One table per camera: name, size [w, h], matrix, distortions, rotation (world to camera), translation, perhaps fisheye; then
-`[metadata]`. The variants that are read:
+One table per camera: name, size [w, h], matrix, distortions, rotation (world to camera),
+translation, perhaps fisheye; then `[metadata]`. The variants that are read:
 
-- aniposelib and FreeMoCap name tables cam_0, cam_1 ... with the camera's own name in `name`, and leave `fisheye` out where false;
+- aniposelib and FreeMoCap name tables cam_0, cam_1 ... with the camera's own name in `name`, and
+  leave `fisheye` out where false;
 - Pose2Sim names tables after cameras and writes sizes as floats;
-- Caliscope has `[cameras.N]` or `[cam_N]` with `port` or `cam_id` in place of `name`, the rotation as a 3x3 matrix, `ignore = true`
-  for cameras it left out, and tables for its own business.
+- Caliscope has `[cameras.N]` or `[cam_N]` with `port` or `cam_id` in place of `name`, the rotation
+  as a 3x3 matrix, `ignore = true` for cameras it left out, and tables for its own business.
 
-None of them states a unit; ours is `[metadata] unit = "m"`. Tables without any camera key, and keys that are not ours, are passed
-over. On writing, tables are named after cameras and rotations are Rodrigues vectors, as aniposelib expects.
+None of them states a unit; ours is `[metadata] unit = "m"`. Tables without any camera key, and keys
+that are not ours, are passed over. On writing, tables are named after cameras and rotations are
+Rodrigues vectors, as aniposelib expects.
 """
 
 import tomllib
@@ -34,20 +36,26 @@ def read(source: Source) -> Rig:
     try:
         content = tomllib.loads(source.path.read_text(encoding="utf-8-sig"))
     except tomllib.TOMLDecodeError as error:
-        raise source.error(f"not a calibration that is known here (nor valid TOML: {error})") from None
+        raise source.error(
+            f"not a calibration that is known here (nor valid TOML: {error})"
+        ) from None
     tables = dict(content)
     nested = tables.pop("cameras", None)
     if isinstance(nested, dict):
         tables |= {f"cam_{key}" if key.isdigit() else key: value for key, value in nested.items()}
     found = {
-        key: table for key, table in tables.items() if isinstance(table, dict) and _CAMERA_KEYS & table.keys() and not table.get("ignore")
+        key: table
+        for key, table in tables.items()
+        if isinstance(table, dict) and _CAMERA_KEYS & table.keys() and not table.get("ignore")
     }
     if not found:
         return source.rig([])
     metadata = content.get("metadata")
     metadata = metadata if isinstance(metadata, dict) else {}
     metres = source.metres_per_unit(metadata.get("unit", metadata.get("units")), _REMEDY)
-    return source.rig([source.camera(str(table.get("name", key)), table, metres) for key, table in found.items()])
+    return source.rig(
+        [source.camera(str(table.get("name", key)), table, metres) for key, table in found.items()]
+    )
 
 
 def write(rig: Rig, path: Path, notes: Mapping[str, Any] | None = None) -> None:

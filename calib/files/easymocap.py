@@ -1,8 +1,9 @@
 """EasyMocap's folder of `intri.yml` and `extri.yml` (OpenCV FileStorage).
 
-Per camera NAME in the list `names`: `K_NAME`, `dist_NAME` and perhaps `H_NAME`, `W_NAME` (image size, px) in the first; `Rot_NAME` (3x3)
-or `R_NAME` (Rodrigues) and `T_NAME` in the second. Neither states a unit nor, mostly, a size: a `unit: m` entry in either file is ours,
-the size comes from the caller where it is missing.
+Per camera NAME in the list `names`: `K_NAME`, `dist_NAME` and perhaps `H_NAME`, `W_NAME` (image
+    size, px) in the first; `Rot_NAME` (3x3)
+or `R_NAME` (Rodrigues) and `T_NAME` in the second. Neither states a unit nor, mostly, a size: a
+`unit: m` entry in either file is ours, the size comes from the caller where it is missing.
 """
 
 import re
@@ -23,7 +24,9 @@ _FILES = ("intri.yml", "extri.yml")
 def is_easymocap(path: Path) -> bool:
     """Whether a path is such a folder, or one of its two files."""
     folder = path if path.is_dir() else path.parent
-    return (path.is_dir() or path.name in _FILES) and any((folder / name).is_file() for name in _FILES)
+    return (path.is_dir() or path.name in _FILES) and any(
+        (folder / name).is_file() for name in _FILES
+    )
 
 
 def read(source: Source) -> Rig:
@@ -36,15 +39,21 @@ def read(source: Source) -> Rig:
     whole = Source(folder, source.unit, source.size)
     missing = [name for name in _FILES if not (folder / name).is_file()]
     if missing:
-        raise whole.error(f"{missing[0]} is missing: EasyMocap's calibration is {' and '.join(_FILES)}")
-    content = {key: value for name in _FILES for key, value in opencv.load(Source(folder / name)).items()}
+        raise whole.error(
+            f"{missing[0]} is missing: EasyMocap's calibration is {' and '.join(_FILES)}"
+        )
+    content = {
+        key: value for name in _FILES for key, value in opencv.load(Source(folder / name)).items()
+    }
     names = content.get("names")
     if not isinstance(names, list) or not names:
         raise whole.error("names is missing: a list of the cameras' names")
     metres = whole.metres_per_unit(content.get("unit"), "add an entry unit: m to extri.yml")
     cameras = []
     for number_or_name in names:
-        name = str(int(number_or_name)) if isinstance(number_or_name, float) else str(number_or_name)
+        name = (
+            str(int(number_or_name)) if isinstance(number_or_name, float) else str(number_or_name)
+        )
 
         def of(key: str, name: str = name) -> Any:
             return content.get(f"{key}_{name}")
@@ -69,9 +78,14 @@ def write(rig: Rig, path: Path) -> None:
     """
     for camera in rig:
         if camera.fisheye or len(camera.distortion) > 5:
-            raise InputError(f"camera {camera.name}: EasyMocap holds k1 k2 p1 p2 k3 and no more: write TOML")
+            raise InputError(
+                f"camera {camera.name}: EasyMocap holds k1 k2 p1 p2 k3 and no more: write TOML"
+            )
         if not re.fullmatch(r"[A-Za-z0-9_-]+", camera.name):
-            raise InputError(f"camera {camera.name}: EasyMocap's names are letters, digits, - and _: rename it or write TOML")
+            raise InputError(
+                f"camera {camera.name}: EasyMocap's names are letters, digits, - and _: rename it"
+                " or write TOML"
+            )
     path.mkdir()
     for name in _FILES:
         storage = cv2.FileStorage(str(path / name), cv2.FILE_STORAGE_WRITE)

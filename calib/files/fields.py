@@ -1,4 +1,6 @@
-"""What every calibration format has in common: units, checked numbers, and one clear line for each thing that is wrong."""
+"""What every calibration format has in common: units, checked numbers, and one clear line for each
+thing that is wrong.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,7 +37,11 @@ class Source:
 
     def error(self, message: str, camera: str | None = None) -> InputError:
         """Makes the one line that names the file, the camera and the remedy."""
-        return InputError(f"{self.path}: camera {camera}: {message}" if camera is not None else f"{self.path}: {message}")
+        return InputError(
+            f"{self.path}: camera {camera}: {message}"
+            if camera is not None
+            else f"{self.path}: {message}"
+        )
 
     def metres_per_unit(self, stated: object, remedy: str) -> float:
         """Returns the length of the file's unit in metres.
@@ -49,15 +55,24 @@ class Source:
         """
         unit = self.unit if stated is None else stated
         if unit is None:
-            raise self.error(f"in which unit are its lengths? {remedy} or pass --unit m|cm|mm (Pose2Sim writes m, FreeMoCap mm)")
+            raise self.error(
+                f"in which unit are its lengths? {remedy} or pass --unit m|cm|mm (Pose2Sim writes"
+                " m, FreeMoCap mm)"
+            )
         if not isinstance(unit, str) or unit not in METRES:
             raise self.error(f"unit must be m, cm or mm, not {unit!r}: {remedy}")
         if self.unit is not None and self.unit != unit:
-            raise self.error(f"the file says its unit is {unit}, --unit says {self.unit}: leave --unit out or correct the file")
+            raise self.error(
+                f"the file says its unit is {unit}, --unit says {self.unit}: leave --unit out or"
+                " correct the file"
+            )
         return METRES[unit]
 
-    def numbers(self, camera: str, key: str, value: object, shape: tuple[int, ...] | None = None) -> FloatArray:
-        """Returns finite float64 numbers of one shape (flat where None); lists nested one deeper than needed are accepted.
+    def numbers(
+        self, camera: str, key: str, value: object, shape: tuple[int, ...] | None = None
+    ) -> FloatArray:
+        """Returns finite float64 numbers of one shape (flat where None); lists nested one deeper
+        than needed are accepted.
 
         Raises:
             InputError: The value is missing, not numbers, not finite, or has another shape.
@@ -67,9 +82,13 @@ class Source:
         try:
             array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):
-            raise self.error(f"{key} must be numbers, got {_short(value)}: {_AGAIN}", camera) from None
+            raise self.error(
+                f"{key} must be numbers, got {_short(value)}: {_AGAIN}", camera
+            ) from None
         count = array.size if shape is None else int(np.prod(shape))
-        if array.size != count or (shape is not None and len(shape) == 2 and array.ndim == 2 and array.shape != shape):
+        if array.size != count or (
+            shape is not None and len(shape) == 2 and array.ndim == 2 and array.shape != shape
+        ):
             raise self.error(f"{key} must have shape {shape}, got {array.shape}: {_AGAIN}", camera)
         if not np.isfinite(array).all():
             raise self.error(f"{key} holds a NaN or infinite number: {_AGAIN}", camera)
@@ -78,10 +97,9 @@ class Source:
     def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera:
         """Makes a camera of raw values.
 
-        Args:
-            name: Camera name.
-            values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation` and perhaps `fisheye`.
-            metres_per_unit: Metres in one unit of the translation.
+        Args: name: Camera name. values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or
+            matrix), `translation` and perhaps `fisheye`. metres_per_unit: Metres in one unit of the
+            translation.
 
         Raises:
             InputError: A value is missing or wrong.
@@ -89,13 +107,19 @@ class Source:
         size = self.image_size(name, values.get("size"))
         matrix = self.numbers(name, "matrix", values.get("matrix"), (3, 3))
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-            raise self.error(f"focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}: {_AGAIN}", name)
+            raise self.error(
+                f"focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}:"
+                f" {_AGAIN}",
+                name,
+            )
         fisheye = values.get("fisheye", False)
         if not isinstance(fisheye, bool):
             raise self.error(f"fisheye must be true or false, got {_short(fisheye)}", name)
         distortion = self.numbers(name, "distortions", values.get("distortions"))
         if fisheye and len(distortion) == 5 and distortion[4] == 0:
-            distortion = distortion[:4]  # some programs write the pinhole model's fifth place for fisheyes too
+            distortion = distortion[
+                :4
+            ]  # some programs write the pinhole model's fifth place for fisheyes too
         try:
             return Camera(
                 name=name,
@@ -103,26 +127,39 @@ class Source:
                 matrix=matrix,
                 distortion=distortion,
                 rotation=self.rotation(name, values.get("rotation")),
-                translation=self.numbers(name, "translation", values.get("translation"), (3,)) * metres_per_unit,
+                translation=self.numbers(name, "translation", values.get("translation"), (3,))
+                * metres_per_unit,
                 fisheye=fisheye,
             )
         except ValueError as error:
             raise self.error(f"{error}: {_AGAIN}") from None
 
     def rotation(self, camera: str, value: object) -> FloatArray:
-        """Returns a (3, 3) rotation of a Rodrigues vector (3 numbers, rad) or of a matrix rounded at most to three digits."""
+        """Returns a (3, 3) rotation of a Rodrigues vector (3 numbers, rad) or of a matrix rounded
+        at most to three digits.
+        """
         numbers = self.numbers(camera, "rotation", value)
         if numbers.size == 3:
             if np.linalg.norm(numbers) > _FULL_TURN:
-                raise self.error(f"rotation {numbers.tolist()} turns more than once: give a Rodrigues vector in radians", camera)
+                raise self.error(
+                    f"rotation {numbers.tolist()} turns more than once: give a Rodrigues vector in"
+                    " radians",
+                    camera,
+                )
             return matrix_from_rodrigues(numbers)
         if numbers.size != 9:
-            raise self.error(f"rotation must be 3 (Rodrigues) or 9 (matrix) numbers, got {numbers.size}: {_AGAIN}", camera)
+            raise self.error(
+                f"rotation must be 3 (Rodrigues) or 9 (matrix) numbers, got {numbers.size}:"
+                f" {_AGAIN}",
+                camera,
+            )
         given = numbers.reshape(3, 3)
         rotation = nearest_rotation(given)
         error = float(np.abs(given - rotation).max())
         if error > 1e-3:
-            raise self.error(f"rotation is not a rotation matrix (off by {error:.2g}): {_AGAIN}", camera)
+            raise self.error(
+                f"rotation is not a rotation matrix (off by {error:.2g}): {_AGAIN}", camera
+            )
         # Re-orthonormalising numbers that are right already would only disturb their last digits.
         return rotation if error > 1e-12 else given
 
@@ -130,21 +167,31 @@ class Source:
         """Returns the image's (width, height), from the file or else from the caller."""
         if value is None:
             if self.size is None:
-                raise self.error("the image size is not in the file: state it (width and height in px)", camera)
+                raise self.error(
+                    "the image size is not in the file: state it (width and height in px)", camera
+                )
             return self.size
         width, height = self.numbers(camera, "size", value, (2,)).tolist()
         if width != round(width) or height != round(height) or min(width, height) < 1:
-            raise self.error(f"size must be width and height in whole pixels, got {_short(value)}", camera)
+            raise self.error(
+                f"size must be width and height in whole pixels, got {_short(value)}", camera
+            )
         return int(width), int(height)
 
     def rig(self, cameras: list[Camera]) -> Rig:
         """Makes the rig, or says that there is no camera or that two share a name."""
         if not cameras:
-            raise self.error("no camera in it: expected at least one with matrix, distortions, rotation and translation")
+            raise self.error(
+                "no camera in it: expected at least one with matrix, distortions, rotation and"
+                " translation"
+            )
         names = [camera.name for camera in cameras]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise self.error(f"name {twice[0]!r} appears {names.count(twice[0])} times: give every camera its own name")
+            raise self.error(
+                f"name {twice[0]!r} appears {names.count(twice[0])} times: give every camera its"
+                " own name"
+            )
         return Rig(tuple(cameras))
 
 

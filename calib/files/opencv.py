@@ -2,13 +2,17 @@
 
 Layouts that are read:
 
-- one file with all cameras: a map per camera, named after it, beside an optional `unit` (this is also what is written);
+- one file with all cameras: a map per camera, named after it, beside an optional `unit` (this is
+  also what is written);
 - one file with one camera, its keys at the top level;
-- a folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or `cam_1/config.xml` ... (after the folder).
+- a folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or
+  `cam_1/config.xml` ... (after the folder).
 
-Keys, whatever their case and underscores: `camera_matrix` (or K, intrinsic_matrix, mtx), `distortion_coefficients` (dist_coeffs, dist, D,
-distortions), `rotation` (R, Rot, rvec, rotation_vector, rotation_matrix), `translation` (T, tvec, translation_vector), `image_width`
-and `image_height` (or `image_size`, `size`), `fisheye`, `unit`, `name`. Rotation and translation take the world into the camera.
+Keys, whatever their case and underscores: `camera_matrix` (or K, intrinsic_matrix, mtx),
+`distortion_coefficients` (dist_coeffs, dist, D, distortions), `rotation` (R, Rot, rvec,
+rotation_vector, rotation_matrix), `translation` (T, tvec, translation_vector), `image_width` and
+`image_height` (or `image_size`, `size`), `fisheye`, `unit`, `name`. Rotation and translation take
+the world into the camera.
 """
 
 import re
@@ -24,7 +28,15 @@ from calib.files.fields import Source
 
 _ALIASES = {
     "matrix": ("cameramatrix", "k", "intrinsicmatrix", "intrinsics", "mtx", "matrix"),
-    "distortions": ("distortioncoefficients", "distortioncoeffs", "distcoeffs", "dist", "d", "distortions", "distortion"),
+    "distortions": (
+        "distortioncoefficients",
+        "distortioncoeffs",
+        "distcoeffs",
+        "dist",
+        "d",
+        "distortions",
+        "distortion",
+    ),
     "rotation": ("rotation", "r", "rot", "rvec", "rvecs", "rotationvector", "rotationmatrix"),
     "translation": ("translation", "t", "tvec", "tvecs", "translationvector"),
     "size": ("imagesize", "size"),
@@ -46,7 +58,11 @@ def read(source: Source) -> Rig:
         InputError: OpenCV cannot read the file, or a camera in it is incomplete or wrong.
     """
     content = load(source)
-    maps = {key: value for key, value in content.items() if isinstance(value, dict) and "matrix" in _named(value)}
+    maps = {
+        key: value
+        for key, value in content.items()
+        if isinstance(value, dict) and "matrix" in _named(value)
+    }
     if not maps and "matrix" in _named(content):
         maps = {source.path.stem: content}
     if not maps:
@@ -70,11 +86,25 @@ def read_folder(source: Source) -> Rig:
         files = [entry] if entry.is_file() else sorted(entry.glob("*")) if entry.is_dir() else []
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         inner = [Source(file, source.unit, source.size) for file in files]
-        holding = [(one, content) for one in inner if _is_storage(one.path) and "matrix" in _named(content := load(one))]
+        holding = [
+            (one, content)
+            for one in inner
+            if _is_storage(one.path) and "matrix" in _named(content := load(one))
+        ]
         if entry.is_dir() and len(holding) > 1:
-            raise Source(entry).error(f"{len(holding)} calibrations in one camera's folder: keep {holding[0][0].path.name} or the other")
+            raise Source(entry).error(
+                f"{len(holding)} calibrations in one camera's folder: keep"
+                f" {holding[0][0].path.name} or the other"
+            )
         for one, content in holding:
-            cameras.append(_camera(one, entry.stem if entry.is_file() else entry.name, content, _metres(one, content)))
+            cameras.append(
+                _camera(
+                    one,
+                    entry.stem if entry.is_file() else entry.name,
+                    content,
+                    _metres(one, content),
+                )
+            )
     return source.rig(cameras)
 
 
@@ -87,7 +117,10 @@ def write(rig: Rig, path: Path) -> None:
     """
     for name in rig.names:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
-            raise InputError(f"camera {name}: OpenCV's keys are letters, digits, - and _, starting with a letter: rename it or write TOML")
+            raise InputError(
+                f"camera {name}: OpenCV's keys are letters, digits, - and _, starting with a"
+                " letter: rename it or write TOML"
+            )
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     except cv2.error:
@@ -101,7 +134,10 @@ def write(rig: Rig, path: Path) -> None:
         storage.write("image_height", camera.size[1])
         storage.write("fisheye", int(camera.fisheye))
         storage.write("camera_matrix", camera.matrix)
-        storage.write("distortion_coefficients", camera.distortion.reshape(-1, 1) if len(camera.distortion) else np.zeros((4, 1)))
+        storage.write(
+            "distortion_coefficients",
+            camera.distortion.reshape(-1, 1) if len(camera.distortion) else np.zeros((4, 1)),
+        )
         storage.write("rotation", camera.rotation)
         storage.write("translation", camera.translation.reshape(3, 1))
         storage.endWriteStruct()
@@ -132,7 +168,11 @@ def _plain(node: Any) -> Any:
         matrix = None
         if {"rows", "cols", "data"} <= set(node.keys()):
             matrix = node.mat()
-        return matrix if matrix is not None else {key: _plain(node.getNode(key)) for key in node.keys()}  # noqa: SIM118
+        return (
+            matrix
+            if matrix is not None
+            else {key: _plain(node.getNode(key)) for key in node.keys()}
+        )  # noqa: SIM118
     if node.isSeq():
         return [_plain(node.at(index)) for index in range(node.size())]
     if node.isInt() or node.isReal():
@@ -143,7 +183,11 @@ def _plain(node: Any) -> Any:
 def _is_storage(path: Path) -> bool:
     """Whether a file looks like a FileStorage rather than somebody else's YAML, XML or JSON."""
     start = path.read_bytes()[:1000].lstrip()
-    return start.startswith(b"%YAML") or b"<opencv_storage" in start or (start.startswith(b"{") and path.suffix.lower() == ".json")
+    return (
+        start.startswith(b"%YAML")
+        or b"<opencv_storage" in start
+        or (start.startswith(b"{") and path.suffix.lower() == ".json")
+    )
 
 
 def _named(content: dict[str, Any]) -> dict[str, Any]:
@@ -160,7 +204,9 @@ def _metres(source: Source, *maps: dict[str, Any]) -> float:
     """Returns metres per unit, as stated in any of the maps."""
     stated = {unit for values in maps if (unit := _named(values).get("unit")) is not None}
     if len(stated) > 1:
-        raise source.error(f"cameras in different units ({', '.join(sorted(map(str, stated)))}): write them in one")
+        raise source.error(
+            f"cameras in different units ({', '.join(sorted(map(str, stated)))}): write them in one"
+        )
     return source.metres_per_unit(stated.pop() if stated else None, _REMEDY)
 
 

@@ -1,4 +1,6 @@
-"""Plain JSON, for scripts: `{"unit": "m", "cameras": [{...}, ...]}` with the keys of the TOML layout and the rotation as a matrix."""
+"""Plain JSON, for scripts: `{"unit": "m", "cameras": [{...}, ...]}` with the keys of the TOML
+layout and the rotation as a matrix.
+"""
 
 import json
 from pathlib import Path
@@ -16,11 +18,22 @@ def read(source: Source) -> Rig:
     """
     content: dict[str, Any] = json.loads(source.path.read_text(encoding="utf-8-sig"))
     cameras = content["cameras"]
-    named = list(cameras.items()) if isinstance(cameras, dict) else list(enumerate(cameras)) if isinstance(cameras, list) else []
+    named = (
+        list(cameras.items())
+        if isinstance(cameras, dict)
+        else list(enumerate(cameras))
+        if isinstance(cameras, list)
+        else []
+    )
     if not all(isinstance(values, dict) for _, values in named):
-        raise source.error("cameras must be a list of objects with name, size, matrix, distortions, rotation and translation")
+        raise source.error(
+            "cameras must be a list of objects with name, size, matrix, distortions, rotation and"
+            " translation"
+        )
     metres = source.metres_per_unit(content.get("unit"), 'add "unit": "m"')
-    return source.rig([source.camera(str(values.get("name", key)), values, metres) for key, values in named])
+    return source.rig(
+        [source.camera(str(values.get("name", key)), values, metres) for key, values in named]
+    )
 
 
 def write(rig: Rig, path: Path) -> None:
@@ -37,4 +50,6 @@ def write(rig: Rig, path: Path) -> None:
         }
         for camera in rig
     ]
-    path.write_text(json.dumps({"unit": "m", "cameras": cameras}, indent=1) + "\n", encoding="utf-8")
+    path.write_text(
+        json.dumps({"unit": "m", "cameras": cameras}, indent=1) + "\n", encoding="utf-8"
+    )

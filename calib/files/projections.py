@@ -1,9 +1,11 @@
 """A list of 3x4 projection matrices in JSON.
 
-`{"unit": "m", "projections": [[[...4], [...4], [...4]], ...]}`, or the bare list. Optional lists beside `projections`, one entry per
-matrix: `names` (else cam_0, cam_1 ...) and `sizes` as [w, h] (or one `size` for all); else the caller states the size. A matrix is
-taken apart into K, R and t, with the skew kept, so that K [R | t] is the given matrix again up to its scale. Its sign is free: a
-matrix and its negative are one camera, and points with a positive depth are before it once det(K R) > 0.
+`{"unit": "m", "projections": [[[...4], [...4], [...4]], ...]}`, or the bare list. Optional lists
+beside `projections`, one entry per
+matrix: `names` (else cam_0, cam_1 ...) and `sizes` as [w, h] (or one `size` for all); else the
+caller states the size. A matrix is taken apart into K, R and t, with the skew kept, so that K [R |
+t] is the given matrix again up to its scale. Its sign is free: a matrix and its negative are one
+camera, and points with a positive depth are before it once det(K R) > 0.
 """
 
 import json
@@ -26,17 +28,21 @@ def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     Args:
         projection: (3, 4), homogeneous pixels from world, of any scale and sign.
 
-    Returns:
-        matrix (3, 3) with a positive diagonal and 1 in the corner, rotation (3, 3), translation (3,) in the world's unit.
+    Returns: matrix (3, 3) with a positive diagonal and 1 in the corner, rotation (3, 3),
+        translation (3,) in the world's unit.
 
     Raises:
         ValueError: The left 3x3 part is singular: no camera at a finite place.
 
-    Source: Hartley and Zisserman, Multiple View Geometry, 2nd ed., 6.2.4.
+    Source: Hartley and Zisserman, Multiple BoardView Geometry, 2nd ed., 6.2.4.
     """
     left = projection[:, :3]
     scale = float(np.linalg.norm(left[2]))
-    if not np.isfinite(projection).all() or scale == 0 or abs(np.linalg.det(left / scale)) < 1e-9 * np.linalg.norm(left / scale) ** 3:
+    if (
+        not np.isfinite(projection).all()
+        or scale == 0
+        or abs(np.linalg.det(left / scale)) < 1e-9 * np.linalg.norm(left / scale) ** 3
+    ):
         raise ValueError("the left 3x3 part is singular")
     scaled = projection / (scale * np.sign(np.linalg.det(left)))
     # RQ of M is QR of M turned upside down.
@@ -59,8 +65,12 @@ def read(source: Source) -> Rig:
     matrices = content["projections"]
     if not isinstance(matrices, list):
         raise source.error("projections must be a list of 3x4 matrices")
-    names = _listed(source, content, "names", len(matrices)) or [f"cam_{index}" for index in range(len(matrices))]
-    sizes = _listed(source, content, "sizes", len(matrices)) or [content.get("size")] * len(matrices)
+    names = _listed(source, content, "names", len(matrices)) or [
+        f"cam_{index}" for index in range(len(matrices))
+    ]
+    sizes = _listed(source, content, "sizes", len(matrices)) or [content.get("size")] * len(
+        matrices
+    )
     metres = source.metres_per_unit(content.get("unit"), 'add "unit": "m"')
     cameras = []
     for name, size, values in zip(names, sizes, matrices, strict=True):
@@ -68,8 +78,19 @@ def read(source: Source) -> Rig:
         try:
             matrix, rotation, translation = decompose(projection)
         except ValueError as error:
-            raise source.error(f"projection is no camera ({error}): check the matrix", str(name)) from None
-        cameras.append(Camera(str(name), source.image_size(str(name), size), matrix, np.zeros(0), rotation, translation * metres))
+            raise source.error(
+                f"projection is no camera ({error}): check the matrix", str(name)
+            ) from None
+        cameras.append(
+            Camera(
+                str(name),
+                source.image_size(str(name), size),
+                matrix,
+                np.zeros(0),
+                rotation,
+                translation * metres,
+            )
+        )
     return source.rig(cameras)
 
 
@@ -81,7 +102,10 @@ def write(rig: Rig, path: Path) -> None:
     """
     bent = [camera.name for camera in rig if not camera.is_pinhole]
     if bent:
-        raise InputError(f"{', '.join(bent)}: a 3x4 matrix cannot hold lens distortion: write TOML, or undistort the images first")
+        raise InputError(
+            f"{', '.join(bent)}: a 3x4 matrix cannot hold lens distortion: write TOML, or undistort"
+            " the images first"
+        )
     content = {
         "unit": "m",
         "names": list(rig.names),

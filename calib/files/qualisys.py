@@ -2,11 +2,13 @@
 
 What QTM writes, and what becomes of it here:
 
-- `transform`: the camera's place in the world in millimetres, and a rotation whose camera looks along -z with y up; OpenCV's
-  rotation is diag(1, -1, -1) times it.
-- `intrinsic`: focal lengths and centre in 1/64 px of the whole sensor; `fov_video` is the part of it that is filmed.
-- distortion: k1, k2, p1, p2, k3 on normalised coordinates, as OpenCV's. They are *not* in 64ths: board stills of such a camera give
-  k1 = -0.049 where its file says -0.048. (Pose2Sim divides them by 64; a TOML that comes from there has next to no distortion.)
+- `transform`: the camera's place in the world in millimetres, and a rotation whose camera looks
+  along -z with y up; OpenCV's rotation is diag(1, -1, -1) times it.
+- `intrinsic`: focal lengths and centre in 1/64 px of the whole sensor; `fov_video` is the part of
+  it that is filmed.
+- distortion: k1, k2, p1, p2, k3 on normalised coordinates, as OpenCV's. They are *not* in 64ths:
+  board stills of such a camera give k1 = -0.049 where its file says -0.048. (Pose2Sim divides them
+  by 64; a TOML that comes from there has next to no distortion.)
 - `viewrotation` turns QTM's own display only and is passed over.
 
 Marker cameras are left out where there are video cameras. The unit is always mm.
@@ -24,7 +26,13 @@ from calib.files.fields import Source
 
 _SUBPIXELS = 64
 _FLIP = np.diag([1.0, -1.0, -1.0])
-_DISTORTION = ("radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2", "radialDistortion3")
+_DISTORTION = (
+    "radialDistortion1",
+    "radialDistortion2",
+    "tangentalDistortion1",
+    "tangentalDistortion2",
+    "radialDistortion3",
+)
 
 
 def read(source: Source) -> Rig:
@@ -34,13 +42,21 @@ def read(source: Source) -> Rig:
         InputError: The file is no QTM calibration, or a camera in it is incomplete or wrong.
     """
     try:
-        root = ElementTree.fromstring(source.path.read_text(encoding="utf-8-sig").replace("encoding='ASCII'", ""))
+        root = ElementTree.fromstring(
+            source.path.read_text(encoding="utf-8-sig").replace("encoding='ASCII'", "")
+        )
     except (ElementTree.ParseError, ValueError) as error:
         raise source.error(f"broken XML: {error}") from None
     metres = source.metres_per_unit("mm", "QTM writes mm")
     found = [camera for camera in root.iter("camera") if camera.get("active", "1") != "0"]
-    video = [camera for camera in found if "video" in camera.get("model", "").lower() or camera.get("model") == "none"]
-    return source.rig([_camera(source, index, element, metres) for index, element in enumerate(video or found)])
+    video = [
+        camera
+        for camera in found
+        if "video" in camera.get("model", "").lower() or camera.get("model") == "none"
+    ]
+    return source.rig(
+        [_camera(source, index, element, metres) for index, element in enumerate(video or found)]
+    )
 
 
 def write(rig: Rig, path: Path) -> None:
@@ -53,16 +69,25 @@ def write(rig: Rig, path: Path) -> None:
     cameras = ElementTree.SubElement(root, "cameras")
     for camera in rig:
         if camera.fisheye or len(camera.distortion) > 5:
-            raise InputError(f"camera {camera.name}: a Qualisys file holds k1 k2 p1 p2 k3 and no more: write TOML")
+            raise InputError(
+                f"camera {camera.name}: a Qualisys file holds k1 k2 p1 p2 k3 and no more: write"
+                " TOML"
+            )
         width, height = camera.size
-        element = ElementTree.SubElement(cameras, "camera", {"active": "1", "model": "none", "serial": camera.name, "viewrotation": "0"})
+        element = ElementTree.SubElement(
+            cameras,
+            "camera",
+            {"active": "1", "model": "none", "serial": camera.name, "viewrotation": "0"},
+        )
         whole = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
         for key in ("fov_marker", "fov_marker_max", "fov_video", "fov_video_max"):
             ElementTree.SubElement(element, key, whole)
         rotation = _FLIP @ camera.rotation
         place = dict(zip("xyz", map(_text, 1000 * camera.center_m), strict=True))
         ElementTree.SubElement(
-            element, "transform", place | {f"r{i + 1}{j + 1}": _text(rotation[i, j]) for i in range(3) for j in range(3)}
+            element,
+            "transform",
+            place | {f"r{i + 1}{j + 1}": _text(rotation[i, j]) for i in range(3) for j in range(3)},
         )
         bent = np.concatenate([camera.distortion, np.zeros(5 - len(camera.distortion))])
         numbers = {
@@ -76,7 +101,9 @@ def write(rig: Rig, path: Path) -> None:
             "sensorMinV": 0,
             "sensorMaxV": _SUBPIXELS * (height - 1),
         } | dict(zip(_DISTORTION, bent, strict=True))
-        ElementTree.SubElement(element, "intrinsic", {key: _text(value) for key, value in numbers.items()})
+        ElementTree.SubElement(
+            element, "intrinsic", {key: _text(value) for key, value in numbers.items()}
+        )
     ElementTree.indent(root)
     path.write_bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")
 
@@ -90,13 +117,29 @@ def _camera(source: Source, index: int, element: ElementTree.Element, metres: fl
     resolution = element.get("video_resolution", "")
     if resolution[:-1].isdigit() and not 0.9 < int(resolution[:-1]) / min(size) < 1.1:
         raise source.error(
-            f"filmed at {resolution} but calibrated at {min(size):.0f} lines: record at full resolution or write a TOML", name
+            f"filmed at {resolution} but calibrated at {min(size):.0f} lines: record at full"
+            " resolution or write a TOML",
+            name,
         )
-    fu, fv, cu, cv = _numbers(source, name, element, "intrinsic", ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV"))
+    fu, fv, cu, cv = _numbers(
+        source,
+        name,
+        element,
+        "intrinsic",
+        ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV"),
+    )
     intrinsic = element.find("intrinsic")
-    skew = source.numbers(name, "skew", intrinsic.get("skew", "0") if intrinsic is not None else "0", (1,))[0]
-    matrix = [[fu, skew, cu - _SUBPIXELS * left], [0, fv, cv - _SUBPIXELS * top], [0, 0, _SUBPIXELS]]
-    rotation = _numbers(source, name, element, "transform", tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))).reshape(3, 3)
+    skew = source.numbers(
+        name, "skew", intrinsic.get("skew", "0") if intrinsic is not None else "0", (1,)
+    )[0]
+    matrix = [
+        [fu, skew, cu - _SUBPIXELS * left],
+        [0, fv, cv - _SUBPIXELS * top],
+        [0, 0, _SUBPIXELS],
+    ]
+    rotation = _numbers(
+        source, name, element, "transform", tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+    ).reshape(3, 3)
     place = _numbers(source, name, element, "transform", ("x", "y", "z"))
     values = {
         "size": size,
@@ -108,7 +151,12 @@ def _camera(source: Source, index: int, element: ElementTree.Element, metres: fl
 
 
 def _numbers(
-    source: Source, name: str, element: ElementTree.Element, tag: str, keys: tuple[str, ...], missing: str | None = None
+    source: Source,
+    name: str,
+    element: ElementTree.Element,
+    tag: str,
+    keys: tuple[str, ...],
+    missing: str | None = None,
 ) -> NDArray[np.float64]:
     """Returns the named attributes of a camera's child."""
     child = element.find(tag)

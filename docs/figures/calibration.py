@@ -1,4 +1,5 @@
-"""Draws the pictures of docs/calibration.md: `python -m docs.figures.calibration` writes docs/images/calibration_*.
+"""Draws the pictures of docs/calibration.md: `python -m docs.figures.calibration` writes
+docs/images/calibration_*.
 
 A made-up rig films a made-up board; everything from there on is what the commands do.
 """
@@ -30,21 +31,31 @@ def main() -> None:
     # The second camera's board never comes into the lower left.
     for number, (camera, skipped) in enumerate(((rig.cameras[0], False), (rig.cameras[1], True))):
         film = Film(replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number)
-        poses = [pose for pose in held_poses(90, number, (1.0, 1.7)) if not skipped or pose[1][0] > 0.3 or pose[1][1] < -0.2]
+        poses = [
+            pose
+            for pose in held_poses(90, number, (1.0, 1.7))
+            if not skipped or pose[1][0] > 0.3 or pose[1][1] < -0.2
+        ]
         pictures = {f"{index:02d}.png": film.picture(pose) for index, pose in enumerate(poses[:24])}
         views = {name: BOARD.find(picture) for name, picture in pictures.items()}
         found = calibrate_intrinsics(BOARD, views, camera=camera.name)
         lenses.append(Lens(camera.name, found, views))
-        stills.append([pictures[line.picture] for line in found.pictures if line.left_out is None][3:6])
+        stills.append(
+            [pictures[line.picture] for line in found.pictures if line.left_out is None][3:6]
+        )
         print(camera.name, *found.advice, sep="\n  ")
-    strip = np.hstack([cv2.resize(still, (320, 240), interpolation=cv2.INTER_AREA) for still in stills[0]])
+    strip = np.hstack(
+        [cv2.resize(still, (320, 240), interpolation=cv2.INTER_AREA) for still in stills[0]]
+    )
     cv2.imwrite(str(IMAGES / "calibration_stills.jpg"), strip, [cv2.IMWRITE_JPEG_QUALITY, 80])
     (IMAGES / "calibration_coverage.png").write_bytes(png(coverage_picture(lenses)))
     views = board_views(rig, BOARD, 80, 0.2)
     floor = {camera.name: camera.project(BOARD.points_m @ FACE_UP.T)[0] for camera in rig}
     some = next(iter(views["moment_0"].values()))
     views["floor"] = {name: replace(some, pixels=pixels) for name, pixels in floor.items()}
-    (IMAGES / "calibration_rig.png").write_bytes(png(rig_picture(calibrate_extrinsics(BOARD, lost(rig), views, floor="floor").rig)))
+    (IMAGES / "calibration_rig.png").write_bytes(
+        png(rig_picture(calibrate_extrinsics(BOARD, lost(rig), views, floor="floor").rig))
+    )
 
 
 if __name__ == "__main__":

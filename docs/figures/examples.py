@@ -1,4 +1,6 @@
-"""Draws the pictures of docs/python.md: `python -m docs.figures.examples` runs the examples and writes docs/images/example_*."""
+"""Draws the pictures of docs/python.md: `python -m docs.figures.examples` runs the examples and
+writes docs/images/example_*.
+"""
 
 import subprocess
 import sys
@@ -26,7 +28,11 @@ def write_pictures(out: Path) -> None:
         picture = cv2.imread(str(path))
         if picture is None:
             raise OSError(f"{path} cannot be read")
-        small = cv2.resize(picture, (_WIDTH, round(picture.shape[0] * _WIDTH / picture.shape[1])), interpolation=cv2.INTER_AREA)
+        small = cv2.resize(
+            picture,
+            (_WIDTH, round(picture.shape[0] * _WIDTH / picture.shape[1])),
+            interpolation=cv2.INTER_AREA,
+        )
         name = path.stem[3:]
         if name == "evaluate":  # lines and letters
             cv2.imwrite(str(IMAGES / f"example_{name}.png"), small)

@@ -1,8 +1,10 @@
-"""Redoes Fig. 2 of Iiyama, Kameda and Minoh: `python -m docs.figures.interference` writes docs/images/interference.png.
+"""Redoes Fig. 2 of Iiyama, Kameda and Minoh: `python -m docs.figures.interference` writes
+docs/images/interference.png.
 
-Somebody stands with the left leg crossed before the right one. Matched part by part, the left shin finds the right shin's voxels, which
-explain it just as well; matched together, each shin has its own. The voxels are the visual hull of the demo's mannequin, which shares
-nothing with the body that is matched. As in the paper the root part is given, and no part is judged by what hangs on it.
+Somebody stands with the left leg crossed before the right one. Matched part by part, the left shin
+finds the right shin's voxels, which explain it just as well; matched together, each shin has its
+own. The voxels are the visual hull of the demo's mannequin, which shares nothing with the body that
+is matched. As in the paper the root part is given, and no part is judged by what hangs on it.
 """
 
 from __future__ import annotations
@@ -21,16 +23,16 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.fitting.agreement import posed_mesh
-from silhouette_core.fitting.pose import RELAXED_RAD, Pose
-from silhouette_core.fitting.solid import Solid
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.silhouette_error import posed_mesh
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
+from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.matcher import Match, MatchSettings, match
-from voxelpose.view.canvas import colour_of, text_width, write_text
+from voxelpose.view.images.canvas import colour_of, text_width, write_text
 
 PICTURE = Path(__file__).parents[1] / "images" / "interference.png"
 VOXEL_M = 0.02
@@ -53,14 +55,14 @@ class Example:
         grid: the voxels' places.
         occupancy: (nx, ny, nz) bool.
         joints_m: (15, 3) true joints, in the order of LANDMARK_NAMES.
-        solid: the body that is matched.
+        body_volume: the body that is matched.
         root: its root part placed, the joints relaxed.
     """
 
     grid: VoxelGrid
     occupancy: NDArray[np.bool_]
     joints_m: NDArray[np.float64]
-    solid: Solid
+    body_volume: BodyVolume
     root: Pose
 
 
@@ -78,32 +80,52 @@ def make_example() -> Example:
     vertices, joints = actor.pose(np.zeros(2), turns)
     rig = _cameras()
     one = np.zeros(len(actor.faces), np.int32)
-    masks = [render_parts(vertices @ c.rotation.T + c.translation, actor.faces, one, c.matrix, c.size)[0] > 0 for c in rig]
+    masks = [
+        render_parts(vertices @ c.rotation.T + c.translation, actor.faces, one, c.matrix, c.size)[0]
+        > 0
+        for c in rig
+    ]
     grid = VoxelGrid.from_bounds(vertices.min(0) - 0.1, vertices.max(0) + 0.1, VOXEL_M)
     model = BodyModel.from_sizes(BodySizes(STATURE_M, sex="male"))
     hips = [LANDMARK_NAMES.index(name) for name in ("left_hip", "right_hip")]
     true = np.stack([joints[name] for name in LANDMARK_NAMES])
     root = true[hips].mean(0) - model.landmarks_m[hips].mean(0) + model.joints_m[0]
-    return Example(grid, carve(rig, masks, grid), true, Solid.of(model, VOXEL_M), Pose(root, np.eye(3), RELAXED_RAD.copy()))
+    return Example(
+        grid,
+        carve(rig, masks, grid),
+        true,
+        BodyVolume.of(model, VOXEL_M),
+        Pose(root, np.eye(3), RELAXED_RAD.copy()),
+    )
 
 
-def match_example(example: Example, interference: bool, step_rad: float = MatchSettings.step_rad) -> Match:
+def match_example(
+    example: Example, interference: bool, step_rad: float = MatchSettings.step_rad
+) -> Match:
     """Matches as the paper does, with or without interference."""
     settings = MatchSettings(step_rad=step_rad, interference=interference)
-    return match(example.solid, example.grid, example.occupancy, example.root, settings)
+    return match(example.body_volume, example.grid, example.occupancy, example.root, settings)
 
 
 def matched_joints(example: Example, found: Match) -> dict[str, NDArray[np.float64]]:
     """Returns the places (3,) m of the joints that a match found."""
-    model, pose = example.solid.model, found.pose
-    placed = landmarks(model, *forward(model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]))
+    model, pose = example.body_volume.model, found.pose
+    placed = landmarks(
+        model,
+        *forward(
+            model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+        ),
+    )
     return dict(zip(LANDMARK_NAMES, placed[0], strict=True))
 
 
 def errors_m(example: Example, found: Match) -> dict[str, float]:
     """Returns how far each joint is from the truth, metres."""
     joints = matched_joints(example, found)
-    return {name: float(np.linalg.norm(joints[name] - example.joints_m[k])) for k, name in enumerate(LANDMARK_NAMES)}
+    return {
+        name: float(np.linalg.norm(joints[name] - example.joints_m[k]))
+        for k, name in enumerate(LANDMARK_NAMES)
+    }
 
 
 def draw(example: Example, plain: Match, joint: Match) -> NDArray[np.uint8]:
@@ -115,15 +137,29 @@ def draw(example: Example, plain: Match, joint: Match) -> NDArray[np.uint8]:
     voxels = _ground(vertices)
     inside = numbers > 0
     weight = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), 6.0 * _FINE)
-    rounded = cv2.GaussianBlur(np.where(inside, depth, 0), (0, 0), 6.0 * _FINE) / np.maximum(weight, 1e-6) + (weight < 1e-6)
-    voxels[inside] = (light[numbers[inside].astype(int) - 1] * _light(rounded)[inside])[:, None] * _VOXEL
+    rounded = cv2.GaussianBlur(np.where(inside, depth, 0), (0, 0), 6.0 * _FINE) / np.maximum(
+        weight, 1e-6
+    ) + (weight < 1e-6)
+    voxels[inside] = (light[numbers[inside].astype(int) - 1] * _light(rounded)[inside])[
+        :, None
+    ] * _VOXEL
     found, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     outline = [np.asarray(contour, np.int32) for contour in found]
-    worst = [max(errors_m(example, found).items(), key=lambda item: item[1]) for found in (plain, joint)]
+    worst = [
+        max(errors_m(example, found).items(), key=lambda item: item[1]) for found in (plain, joint)
+    ]
     panels = (
         (voxels, "(a) voxels", "of a body of another shape"),
-        (_body(example, plain, outline), "(b) part by part", f"{worst[0][0].replace('_', ' ')} {100 * worst[0][1]:.0f} cm off"),
-        (_body(example, joint, outline), "(c) interfering parts at once", f"no joint more than {100 * worst[1][1]:.0f} cm off"),
+        (
+            _body(example, plain, outline),
+            "(b) part by part",
+            f"{worst[0][0].replace('_', ' ')} {100 * worst[0][1]:.0f} cm off",
+        ),
+        (
+            _body(example, joint, outline),
+            "(c) interfering parts at once",
+            f"no joint more than {100 * worst[1][1]:.0f} cm off",
+        ),
     )
     return np.concatenate([_captioned(*panel) for panel in panels], axis=1)
 
@@ -131,7 +167,13 @@ def draw(example: Example, plain: Match, joint: Match) -> NDArray[np.uint8]:
 def main() -> None:
     """Writes the picture."""
     parser = argparse.ArgumentParser(description="Redoes Fig. 2 of Iiyama, Kameda and Minoh.")
-    parser.add_argument("file", nargs="?", type=Path, default=PICTURE, help="where to write (default: the picture of the docs)")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        default=PICTURE,
+        help="where to write (default: the picture of the docs)",
+    )
     file = parser.parse_args().file
     example = make_example()
     picture = draw(example, match_example(example, False), match_example(example, True))
@@ -152,7 +194,9 @@ def _cameras(count: int = 8) -> Rig:
         centre = np.array([3.5 * np.sin(angle), -3.5 * np.cos(angle), (1.0, 2.4)[k % 2]])
         rotation = _facing(np.array([0, 0, 0.9]) - centre)
         matrix = np.array([[300, 0, 159.5], [0, 300, 159.5], [0, 0, 1.0]])
-        cameras.append(Camera(f"cam_{k + 1}", (320, 320), matrix, np.zeros(0), rotation, -rotation @ centre))
+        cameras.append(
+            Camera(f"cam_{k + 1}", (320, 320), matrix, np.zeros(0), rotation, -rotation @ centre)
+        )
     return Rig(tuple(cameras))
 
 
@@ -164,8 +208,12 @@ def _facing(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([right, np.cross(ahead, right), ahead])
 
 
-def _cubes(grid: VoxelGrid, occupancy: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-    """Returns the visible sides of the voxels as triangles: vertices, faces, and twice the direction plus the voxel's parity."""
+def _cubes(
+    grid: VoxelGrid, occupancy: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+    """Returns the visible sides of the voxels as triangles: vertices, faces, and twice the
+    direction plus the voxel's parity.
+    """
     padded = np.pad(occupancy, 1)
     corners, tones = [], []
     for direction in range(6):
@@ -177,18 +225,28 @@ def _cubes(grid: VoxelGrid, occupancy: NDArray[np.bool_]) -> tuple[NDArray[np.fl
         tones.append(2 * direction + voxels.sum(1) % 2)
     vertices = np.concatenate(corners).reshape(-1, 3)
     first = 4 * np.arange(len(vertices) // 4)[:, None]
-    faces = np.concatenate([first + np.array(half) for half in ((0, 1, 2), (0, 2, 3))]).astype(np.int32)
+    faces = np.concatenate([first + np.array(half) for half in ((0, 1, 2), (0, 2, 3))]).astype(
+        np.int32
+    )
     return vertices, faces, np.tile(np.concatenate(tones), 2).astype(np.int32)
 
 
 def _look(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Takes world points (N, 3) into the viewer's frame."""
-    toward = np.array([np.cos(_AZIMUTH) * np.cos(_ELEVATION), np.sin(_AZIMUTH) * np.cos(_ELEVATION), np.sin(_ELEVATION)])
+    toward = np.array(
+        [
+            np.cos(_AZIMUTH) * np.cos(_ELEVATION),
+            np.sin(_AZIMUTH) * np.cos(_ELEVATION),
+            np.sin(_ELEVATION),
+        ]
+    )
     rotation = _facing(-toward)
     return (points - (0, 0, 0.83) - _DISTANCE_M * toward) @ rotation.T
 
 
-def _render(seen: NDArray[np.float64], faces: NDArray[np.int32], number: NDArray[np.int32]) -> tuple[NDArray, NDArray]:
+def _render(
+    seen: NDArray[np.float64], faces: NDArray[np.int32], number: NDArray[np.int32]
+) -> tuple[NDArray, NDArray]:
     width, height = (_FINE * side for side in _PANEL)
     focal = _FOCAL * height
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
@@ -201,19 +259,26 @@ def _ground(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     panel = np.full((height, width, 3), _BACKGROUND, float)
     feet = _look(vertices[vertices[:, 2] < 0.25] * (1, 1, 0))
     focal = _FOCAL * height
-    pixels = np.rint(feet[:, :2] / feet[:, 2:] * focal + ((width - 1) / 2, (height - 1) / 2)).astype(np.int32)
+    pixels = np.rint(
+        feet[:, :2] / feet[:, 2:] * focal + ((width - 1) / 2, (height - 1) / 2)
+    ).astype(np.int32)
     shadow = np.zeros((height, width), np.float32)
     cv2.fillConvexPoly(shadow, cv2.convexHull(pixels), 1.0)
     shadow = cv2.GaussianBlur(shadow, (0, 0), 9 * _FINE)
     return np.asarray(panel * (1 - 0.22 * shadow[..., None]), np.float64)
 
 
-def _body(example: Example, found: Match, outline: Sequence[NDArray[np.int32]]) -> NDArray[np.float64]:
+def _body(
+    example: Example, found: Match, outline: Sequence[NDArray[np.int32]]
+) -> NDArray[np.float64]:
     """Draws a matched body over the outline of the voxels."""
-    model = example.solid.model
+    model = example.body_volume.model
     vertices = posed_mesh(model, found.pose)
     parts, depth = _render(_look(vertices), model.faces, model.face_part)
-    sides = np.array([colour_of(name) if name.partition("_")[2] in _LIMBS else _TRUNK for name in model.names], float)
+    sides = np.array(
+        [colour_of(name) if name.partition("_")[2] in _LIMBS else _TRUNK for name in model.names],
+        float,
+    )
     panel = _ground(vertices)
     cv2.drawContours(panel, outline, -1, (222, 214, 206), cv2.FILLED)
     cv2.drawContours(panel, outline, -1, (176, 166, 156), _FINE)
@@ -242,7 +307,9 @@ def _light(depth: NDArray[np.floating]) -> NDArray[np.float64]:
 def _captioned(panel: NDArray[np.float64], title: str, note: str) -> NDArray[np.uint8]:
     """Reduces a panel to its size and writes under it."""
     width, height = _PANEL
-    small = cv2.resize(np.clip(panel, 0, 255).astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(
+        np.clip(panel, 0, 255).astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA
+    )
     foot = np.full((70, width, 3), _BACKGROUND, np.uint8)
     write_text(foot, title, (width - text_width(title, 20, True)) // 2, 22, 20, _TEXT, True)
     write_text(foot, note, (width - text_width(note, 16)) // 2, 50, 16, _QUIET)

@@ -1,11 +1,13 @@
 """The articulated tree: 27 parts, and how far each joint turns.
 
-Every part owns the joint at its proximal end. A joint turns by `Exp(sum_k q_k axis_k)`, the axes given in the body frame of the rest
-pose (z up, facing -y, left hand toward +x; arms 45 degrees below the horizontal). Positive angles mean the anatomical movement named.
-Limits are ranges of a healthy adult, rounded outward (Kapandji, The Physiology of the Joints; AAOS, Joint Motion).
+Every part owns the joint at its proximal end. A joint turns by `Exp(sum_k q_k axis_k)`, the axes
+given in the body frame of the rest pose (z up, facing -y, left hand toward +x; arms 45 degrees
+below the horizontal). Positive angles mean the anatomical movement named. Limits are ranges of a
+healthy adult, rounded outward (Kapandji, The Physiology of the Joints; AAOS, Joint Motion).
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,101 +15,131 @@ _ARM = np.sqrt(0.5)  # the rest pose holds the arms 45 degrees below the horizon
 
 
 @dataclass(frozen=True)
-class Freedom:
+class Dof:
     """One degree of freedom of a joint.
 
     Attributes:
         name: the anatomical movement that a positive angle makes.
         axis: unit vector in the body frame of the rest pose.
         limits_deg: smallest and largest angle.
-        held: True where silhouettes do not show it; the estimators then leave it at rest.
+        fixed: True where silhouettes do not show it; the estimators then leave it at rest.
     """
 
     name: str
     axis: tuple[float, float, float]
     limits_deg: tuple[float, float]
-    held: bool = False
+    fixed: bool = False
 
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 _TRUNK = ("flexion", _X), ("lateral", _Y), ("rotation", _Z)
 
 
-def _trunk(flexion: tuple[float, float], lateral: float, rotation: float, held: bool = False) -> tuple[Freedom, ...]:
+def _trunk(
+    flexion: tuple[float, float], lateral: float, rotation: float, fixed: bool = False
+) -> tuple[Dof, ...]:
     limits = flexion, (-lateral, lateral), (-rotation, rotation)
-    return tuple(Freedom(name, axis, span, held) for (name, axis), span in zip(_TRUNK, limits, strict=True))
+    return tuple(
+        Dof(name, axis, span, fixed) for (name, axis), span in zip(_TRUNK, limits, strict=True)
+    )
 
 
-_SPINE: tuple[tuple[str, str, tuple[Freedom, ...]], ...] = (
+_SPINE: tuple[tuple[str, str, tuple[Dof, ...]], ...] = (
     ("pelvis", "", ()),
     ("lumbar", "pelvis", _trunk((-25, 55), 25, 20)),
-    ("abdomen", "lumbar", _trunk((-10, 20), 10, 10, held=True)),
+    ("abdomen", "lumbar", _trunk((-10, 20), 10, 10, fixed=True)),
     ("thorax", "abdomen", _trunk((-20, 35), 20, 30)),
-    ("upper_thorax", "thorax", _trunk((-10, 15), 8, 10, held=True)),
+    ("upper_thorax", "thorax", _trunk((-10, 15), 8, 10, fixed=True)),
     ("neck", "upper_thorax", _trunk((-50, 55), 35, 50)),
-    ("head", "neck", _trunk((-25, 25), 15, 35, held=True)),
+    ("head", "neck", _trunk((-25, 25), 15, 35, fixed=True)),
 )
-_LEFT: tuple[tuple[str, str, tuple[Freedom, ...]], ...] = (
-    ("clavicle", "upper_thorax", (Freedom("elevation", (0, -1, 0), (-12, 40)), Freedom("protraction", (0, 0, -1), (-22, 25)))),
+_LEFT: tuple[tuple[str, str, tuple[Dof, ...]], ...] = (
+    (
+        "clavicle",
+        "upper_thorax",
+        (Dof("elevation", (0, -1, 0), (-12, 40)), Dof("protraction", (0, 0, -1), (-22, 25))),
+    ),
     (
         "upper_arm",
         "clavicle",
         (
-            Freedom("abduction", (0, -1, 0), (-75, 140)),
-            Freedom("forward", (-_ARM, 0, -_ARM), (-75, 135)),
-            Freedom("twist", (_ARM, 0, -_ARM), (-95, 95)),
+            Dof("abduction", (0, -1, 0), (-75, 140)),
+            Dof("forward", (-_ARM, 0, -_ARM), (-75, 135)),
+            Dof("twist", (_ARM, 0, -_ARM), (-95, 95)),
         ),
     ),
     (
         "forearm",
         "upper_arm",
-        (Freedom("flexion", (-_ARM, 0, -_ARM), (-5, 150)), Freedom("pronation", (_ARM, 0, -_ARM), (-85, 85), held=True)),
+        (
+            Dof("flexion", (-_ARM, 0, -_ARM), (-5, 150)),
+            Dof("pronation", (_ARM, 0, -_ARM), (-85, 85), fixed=True),
+        ),
     ),
     (
         "hand",
         "forearm",
-        (Freedom("flexion", (-_ARM, 0, -_ARM), (-70, 75)), Freedom("deviation", (0, -1, 0), (-30, 20))),
+        (Dof("flexion", (-_ARM, 0, -_ARM), (-70, 75)), Dof("deviation", (0, -1, 0), (-30, 20))),
     ),
-    ("thumb", "hand", (Freedom("flexion", (0, -1, 0), (-20, 50), held=True),)),
-    ("fingers", "hand", (Freedom("flexion", (-_ARM, 0, -_ARM), (-10, 90), held=True),)),
+    ("thumb", "hand", (Dof("flexion", (0, -1, 0), (-20, 50), fixed=True),)),
+    ("fingers", "hand", (Dof("flexion", (-_ARM, 0, -_ARM), (-10, 90), fixed=True),)),
     (
         "thigh",
         "pelvis",
         (
-            Freedom("flexion", (-1, 0, 0), (-35, 130)),
-            Freedom("abduction", (0, -1, 0), (-35, 70)),
-            Freedom("rotation", (0, 0, 1), (-50, 50)),
+            Dof("flexion", (-1, 0, 0), (-35, 130)),
+            Dof("abduction", (0, -1, 0), (-35, 70)),
+            Dof("rotation", (0, 0, 1), (-50, 50)),
         ),
     ),
-    ("shin", "thigh", (Freedom("flexion", _X, (-3, 155)),)),
-    ("foot", "shin", (Freedom("dorsiflexion", (-1, 0, 0), (-55, 35)), Freedom("eversion", (0, -1, 0), (-30, 25)))),
-    ("toes", "foot", (Freedom("extension", (-1, 0, 0), (-30, 60), held=True),)),
+    ("shin", "thigh", (Dof("flexion", _X, (-3, 155)),)),
+    (
+        "foot",
+        "shin",
+        (Dof("dorsiflexion", (-1, 0, 0), (-55, 35)), Dof("eversion", (0, -1, 0), (-30, 25))),
+    ),
+    ("toes", "foot", (Dof("extension", (-1, 0, 0), (-30, 60), fixed=True),)),
 )
 
 
-def _side(side: str) -> tuple[tuple[str, str, tuple[Freedom, ...]], ...]:
+def _side(side: str) -> tuple[tuple[str, str, tuple[Dof, ...]], ...]:
     sign = 1.0 if side == "left" else -1.0
     own = {name for name, _, _ in _LEFT}
     # A rotation axis is a pseudo-vector: mirroring x turns its y and z parts round.
-    mirrored = lambda f: Freedom(f.name, (f.axis[0], sign * f.axis[1], sign * f.axis[2]), f.limits_deg, f.held)  # noqa: E731
+    mirrored = lambda f: Dof(
+        f.name, (f.axis[0], sign * f.axis[1], sign * f.axis[2]), f.limits_deg, f.fixed
+    )  # noqa: E731
     return tuple(
-        (f"{side}_{name}", f"{side}_{parent}" if parent in own else parent, tuple(mirrored(f) for f in freedoms))
-        for name, parent, freedoms in _LEFT
+        (
+            f"{side}_{name}",
+            f"{side}_{parent}" if parent in own else parent,
+            tuple(mirrored(f) for f in dofs),
+        )
+        for name, parent, dofs in _LEFT
     )
 
 
 TREE = _SPINE + _side("left") + _side("right")
 PART_NAMES = tuple(name for name, _, _ in TREE)
 PARENTS = np.array([PART_NAMES.index(parent) if parent else -1 for _, parent, _ in TREE], np.int32)
-FREEDOMS = tuple((part, freedom) for part, (_, _, freedoms) in enumerate(TREE) for freedom in freedoms)
+DOFS = tuple((part, dof) for part, (_, _, dofs) in enumerate(TREE) for dof in dofs)
 
 LANDMARK_NAMES = tuple(
-    "pelvis left_hip left_knee left_ankle right_hip right_knee right_ankle neck head_top left_shoulder left_elbow left_wrist "
-    "right_shoulder right_elbow right_wrist".split()
+    "pelvis left_hip left_knee left_ankle right_hip right_knee right_ankle neck head_top"
+    " left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist".split()
 )
-"""The 15 joints of the HumanEva protocol (Sigal, Balan and Black, IJCV 2010), in the order of every (…, 15, 3) array."""
+"""The 15 joints of the HumanEva protocol (Sigal, Balan and Black, IJCV 2010), in the order of every
+(…, 15, 3) array.
+"""
 
-_LANDMARK_OF = {"hip": "thigh", "knee": "shin", "ankle": "foot", "shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand"}
+_LANDMARK_OF = {
+    "hip": "thigh",
+    "knee": "shin",
+    "ankle": "foot",
+    "shoulder": "upper_arm",
+    "elbow": "forearm",
+    "wrist": "hand",
+}
 
 
 def landmark_part(landmark: str) -> int:
@@ -119,3 +151,17 @@ def landmark_part(landmark: str) -> int:
 
 
 LANDMARK_PART = np.array([landmark_part(name) for name in LANDMARK_NAMES], np.int32)
+
+_CHAINS = (
+    "pelvis neck head_top",
+    *(f"neck {side}_shoulder {side}_elbow {side}_wrist" for side in ("left", "right")),
+    *(f"pelvis {side}_hip {side}_knee {side}_ankle" for side in ("left", "right")),
+)
+LANDMARK_BONES = np.array(
+    [
+        [LANDMARK_NAMES.index(name) for name in bone]
+        for chain in _CHAINS
+        for bone in pairwise(chain.split())
+    ]
+)
+"""(14, 2) int: the lines of a skeleton through the 15 joints of joints.csv."""

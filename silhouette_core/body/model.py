@@ -1,4 +1,6 @@
-"""The articulated body that both estimators fit: parts, joints, limits, a closed mesh, and how bodies differ."""
+"""The articulated body that both estimators fit: parts, joints, limits, a closed mesh, and how
+bodies differ.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ import numpy as np
 from safetensors import safe_open
 
 from calib.errors import InputError
-from silhouette_core.body.joints import FREEDOMS, LANDMARK_PART, PARENTS, PART_NAMES
+from silhouette_core.body.joints import DOFS, LANDMARK_PART, PARENTS, PART_NAMES
 from silhouette_core.body.shape import ShapeSpace
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.volume import sample_volume
@@ -21,19 +23,17 @@ _USUAL_CHEST = 0.55  # chest girth over stature, both templates
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
-    """An articulated body at rest. All lengths in metres, body frame: z up, facing -y, left hand toward +x.
+    """An articulated body at rest. All lengths in metres, body frame: z up, facing -y, left hand
+    toward +x.
 
-    Attributes:
-        joints_m: (27, 3) float64, the joint at the proximal end of every part.
-        vertices_m: (V, 3) float64, the closed surface at rest.
-        faces: (F, 3) int32, outward oriented triangles.
-        face_part: (F,) int32, the one part to which each triangle belongs.
-        skin_parts: (V, 4) int32, parts that move a vertex.
-        skin_weights: (V, 4) float64, their shares, summing to 1.
-        landmarks_m: (15, 3) float64, the HumanEva joints at rest, in the order of `joints.LANDMARK_NAMES`.
-        space: how this body may differ from itself in shape (relative to the template it was made from).
-        shape: (20,) float64, its deviations along `sizes.SHAPE_AXES`.
-        sizes: the measurements it was made from.
+    Attributes: joints_m: (27, 3) float64, the joint at the proximal end of every part. vertices_m:
+        (V, 3) float64, the closed surface at rest. faces: (F, 3) int32, outward oriented triangles.
+        face_part: (F,) int32, the one part to which each triangle belongs. skin_parts: (V, 4)
+        int32, parts that move a vertex. skin_weights: (V, 4) float64, their shares, summing to 1.
+        landmarks_m: (15, 3) float64, the HumanEva joints at rest, in the order of
+        `joints.LANDMARK_NAMES`. space: how this body may differ from itself in shape (relative to
+        the template it was made from). shape: (20,) float64, its deviations along
+        `sizes.SHAPE_AXES`. sizes: the measurements it was made from.
     """
 
     joints_m: np.ndarray
@@ -50,19 +50,19 @@ class BodyModel:
     names = PART_NAMES
     parents = PARENTS
     landmark_part = LANDMARK_PART
-    freedoms = FREEDOMS
-    dof_part = np.array([part for part, _ in FREEDOMS], np.int32)
-    dof_axis = np.array([freedom.axis for _, freedom in FREEDOMS], float)
-    dof_limits_rad = np.radians([freedom.limits_deg for _, freedom in FREEDOMS])
-    dof_held = np.array([freedom.held for _, freedom in FREEDOMS])
-    dof_names = tuple(f"{PART_NAMES[part]}.{freedom.name}" for part, freedom in FREEDOMS)
+    dofs = DOFS
+    dof_part = np.array([part for part, _ in DOFS], np.int32)
+    dof_axis = np.array([dof.axis for _, dof in DOFS], float)
+    dof_limits_rad = np.radians([dof.limits_deg for _, dof in DOFS])
+    dof_fixed = np.array([dof.fixed for _, dof in DOFS])
+    dof_names = tuple(f"{PART_NAMES[part]}.{dof.name}" for part, dof in DOFS)
 
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
         """Makes the default body for a person's measurements.
 
-        Args:
-            sizes: stature, and chest girth and sex where known. An unknown sex takes the man's template.
+        Args: sizes: stature, and chest girth and sex where known. An unknown sex takes the man's
+            template.
 
         Returns:
             The template of that sex, scaled to the stature, its girths following the chest's.
@@ -72,11 +72,22 @@ class BodyModel:
         body = template._scaled(scale, sizes)
         if sizes.chest_girth_m is None:
             return body
-        stout = sizes.chest_girth_m / ((template.sizes.chest_girth_m or _USUAL_CHEST * template.sizes.stature_m) * scale) - 1
+        stout = (
+            sizes.chest_girth_m
+            / ((template.sizes.chest_girth_m or _USUAL_CHEST * template.sizes.stature_m) * scale)
+            - 1
+        )
         shape = np.zeros(len(SHAPE_AXES))
         for k, axis in enumerate(SHAPE_AXES):
-            # Limbs grow with the chest, but less: the regression slope of limb girths on chest girth is about one half.
-            shape[k] = stout if axis.name in ("trunk_width", "trunk_depth") else 0.5 * stout if axis.name.endswith("_girth") else 0.0
+            # Limbs grow with the chest, but less: the regression slope of limb girths on chest
+            # girth is about one half.
+            shape[k] = (
+                stout
+                if axis.name in ("trunk_width", "trunk_depth")
+                else 0.5 * stout
+                if axis.name.endswith("_girth")
+                else 0.0
+            )
         return body.reshaped(shape)
 
     def reshaped(self, shape: np.ndarray) -> BodyModel:
@@ -86,7 +97,13 @@ class BodyModel:
             shape: (20,) float64, relative to the template scaled to the stature.
         """
         joints, vertices, landmarks = self.space.apply(np.asarray(shape, float))
-        return replace(self, joints_m=joints, vertices_m=vertices, landmarks_m=landmarks, shape=np.asarray(shape, float))
+        return replace(
+            self,
+            joints_m=joints,
+            vertices_m=vertices,
+            landmarks_m=landmarks,
+            shape=np.asarray(shape, float),
+        )
 
     def _scaled(self, factor: float, sizes: BodySizes) -> BodyModel:
         return replace(
@@ -138,8 +155,13 @@ def _read_template(name: str) -> BodyModel:
             data = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
             about = file.metadata()
     except FileNotFoundError:
-        raise InputError(f"the body template {path.name} is missing from the installation: install voxelpose again") from None
-    joints, vertices, landmarks = (data[key].astype(float) for key in ("joints_m", "vertices_m", "landmarks_m"))
+        raise InputError(
+            f"the body template {path.name} is missing from the installation: install voxelpose"
+            " again"
+        ) from None
+    joints, vertices, landmarks = (
+        data[key].astype(float) for key in ("joints_m", "vertices_m", "landmarks_m")
+    )
     weights = data["skin_weights"].astype(float)
     weights /= weights.sum(1, keepdims=True)
     sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])

@@ -14,9 +14,9 @@ from silhouette_core.body.sizes import SHAPE_AXES, ShapeAxis
 class ShapeSpace:
     """A linear space of bodies around one rest body. K shape axes, V vertices; metres.
 
-    Attributes:
-        joints_m: (27, 3), vertices_m: (V, 3), landmarks_m: (15, 3): the middle of the space.
-        joints_change: (K, 27, 3), vertices_change: (K, V, 3), landmarks_change: (K, 15, 3): change per unit deviation.
+    Attributes: joints_m: (27, 3), vertices_m: (V, 3), landmarks_m: (15, 3): the middle of the
+        space. joints_change: (K, 27, 3), vertices_change: (K, V, 3), landmarks_change: (K, 15, 3):
+        change per unit deviation.
     """
 
     joints_m: np.ndarray
@@ -28,18 +28,30 @@ class ShapeSpace:
 
     @classmethod
     def of(
-        cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray, skin_parts: np.ndarray, skin_weights: np.ndarray
+        cls,
+        joints: np.ndarray,
+        vertices: np.ndarray,
+        landmarks: np.ndarray,
+        skin_parts: np.ndarray,
+        skin_weights: np.ndarray,
     ) -> ShapeSpace:
         """Builds the space around a rest body.
 
-        A part's surface is scaled about the part's own joint, and so are the joints that it carries; vertices blend between parts by
-        their skin weights, so that no seam opens.
+        A part's surface is scaled about the part's own joint, and so are the joints that it
+        carries; vertices blend between parts by their skin weights, so that no seam opens.
         """
-        change = [_change(axis, joints, vertices, landmarks, skin_parts, skin_weights) for axis in SHAPE_AXES]
-        return cls(joints, vertices, landmarks, *(np.stack(part) for part in zip(*change, strict=True)))
+        change = [
+            _change(axis, joints, vertices, landmarks, skin_parts, skin_weights)
+            for axis in SHAPE_AXES
+        ]
+        return cls(
+            joints, vertices, landmarks, *(np.stack(part) for part in zip(*change, strict=True))
+        )
 
     def apply(self, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns joints (27, 3), vertices (V, 3) and landmarks (15, 3) at the deviations `shape` (K,)."""
+        """Returns joints (27, 3), vertices (V, 3) and landmarks (15, 3) at the deviations `shape`
+        (K,).
+        """
         return (
             self.joints_m + np.tensordot(shape, self.joints_change, 1),
             self.vertices_m + np.tensordot(shape, self.vertices_change, 1),
@@ -52,7 +64,9 @@ class ShapeSpace:
 
 
 def bone_directions(joints: np.ndarray) -> np.ndarray:
-    """Returns the (27, 3) unit vectors along the parts, from each joint toward the next one (or on from the parent's)."""
+    """Returns the (27, 3) unit vectors along the parts, from each joint toward the next one (or on
+    from the parent's).
+    """
     children = [np.flatnonzero(p == PARENTS) for p in range(len(PARENTS))]
     direction = np.zeros_like(joints)
     for p, found in enumerate(children):
@@ -67,20 +81,38 @@ def bone_directions(joints: np.ndarray) -> np.ndarray:
 
 
 def _change(
-    axis: ShapeAxis, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray, skin_parts: np.ndarray, skin_weights: np.ndarray
+    axis: ShapeAxis,
+    joints: np.ndarray,
+    vertices: np.ndarray,
+    landmarks: np.ndarray,
+    skin_parts: np.ndarray,
+    skin_weights: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     stretch = np.zeros((len(joints), 3, 3))
     for p, direction in enumerate(bone_directions(joints)):
         if PART_NAMES[p].removeprefix("left_").removeprefix("right_") in axis.parts:
             along = np.outer(direction, direction)
             one = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
-            stretch[p] = along if axis.along == "length" else np.eye(3) - along if axis.along == "girth" else np.diag(one[axis.along])
+            stretch[p] = (
+                along
+                if axis.along == "length"
+                else np.eye(3) - along
+                if axis.along == "girth"
+                else np.diag(one[axis.along])
+            )
     moved = np.zeros_like(joints)
     for p, parent in enumerate(PARENTS):
         if parent >= 0:
-            moved[p] = moved[parent] + (stretch[parent] @ (joints[p] - joints[parent]) if axis.joints else 0.0)
+            moved[p] = moved[parent] + (
+                stretch[parent] @ (joints[p] - joints[parent]) if axis.joints else 0.0
+            )
     flesh = stretch if axis.flesh else np.zeros_like(stretch)
     offsets = vertices[:, None] - joints[skin_parts]
-    skin = (skin_weights[..., None] * (moved[skin_parts] + np.einsum("vkij,vkj->vki", flesh[skin_parts], offsets))).sum(1)
-    marks = moved[LANDMARK_PART] + np.einsum("lij,lj->li", stretch[LANDMARK_PART], landmarks - joints[LANDMARK_PART])
+    skin = (
+        skin_weights[..., None]
+        * (moved[skin_parts] + np.einsum("vkij,vkj->vki", flesh[skin_parts], offsets))
+    ).sum(1)
+    marks = moved[LANDMARK_PART] + np.einsum(
+        "lij,lj->li", stretch[LANDMARK_PART], landmarks - joints[LANDMARK_PART]
+    )
     return moved, skin, marks

@@ -26,9 +26,14 @@ class BodySizes:
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.stature_m <= 2.6:
-            raise InputError(f"stature {self.stature_m} m is not a person's: give it in metres, for example 1.75")
+            raise InputError(
+                f"stature {self.stature_m} m is not a person's: give it in metres, for example 1.75"
+            )
         if self.chest_girth_m is not None and not 0.4 <= self.chest_girth_m <= 1.8:
-            raise InputError(f"chest girth {self.chest_girth_m} m is not a person's: give it in metres, for example 0.96")
+            raise InputError(
+                f"chest girth {self.chest_girth_m} m is not a person's: give it in metres, for"
+                " example 0.96"
+            )
         if self.sex not in ("male", "female", "unknown"):
             raise InputError(f"sex {self.sex!r} is not known: give male, female or unknown")
 
@@ -37,19 +42,17 @@ class BodySizes:
 class ShapeAxis:
     """One way in which bodies of the same stature differ, as a relative change of size.
 
-    Attributes:
-        name: of the measure.
-        parts: base names of the parts it scales ("thigh" stands for both sides).
-        along: "length" (along the bone), "girth" (across it), or one of "x", "y", "z" of the body frame.
-        spread: standard deviation over adults, relative; the prior of the adaptation.
-        joints: whether the joints carried by those parts move with it.
-        flesh: whether the surface moves with it.
+    Attributes: name: of the measure. parts: base names of the parts it scales ("thigh" stands for
+        both sides). along: "length" (along the bone), "girth" (across it), or one of "x", "y", "z"
+        of the body frame. sigma: standard deviation over adults, relative; the prior of the
+        adaptation. joints: whether the joints carried by those parts move with it. flesh: whether
+        the surface moves with it.
     """
 
     name: str
     parts: tuple[str, ...]
     along: str
-    spread: float
+    sigma: float
     joints: bool = True
     flesh: bool = True
 
@@ -77,4 +80,4 @@ SHAPE_AXES = (
     ShapeAxis("shin_girth", ("shin",), "girth", 0.10, joints=False),
     ShapeAxis("foot_girth", ("foot", "toes"), "x", 0.10, joints=False),
 )
-SHAPE_SPREAD = np.array([axis.spread for axis in SHAPE_AXES])
+SHAPE_SIGMA = np.array([axis.sigma for axis in SHAPE_AXES])

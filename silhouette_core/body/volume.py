@@ -6,7 +6,9 @@ from scipy.spatial import KDTree
 from silhouette_core.jit import kernel
 
 
-def sample_volume(vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
+def sample_volume(
+    vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarray, spacing_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Samples the inside of a closed mesh.
 
     Args:
@@ -15,12 +17,13 @@ def sample_volume(vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarr
         face_part: (F,) int32.
         spacing_m: lattice spacing.
 
-    Returns:
-        points (N, 3) float64 inside the mesh, and the part (N,) int32 of the nearest triangle centre.
+    Returns: points (N, 3) float64 inside the mesh, and the part (N,) int32 of the nearest triangle
+        centre.
     """
     low, high = vertices_m.min(0), vertices_m.max(0)
     shape = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
-    # Half-integer offsets with an irrational touch keep lattice lines off vertices and edges, where parity would be ambiguous.
+    # Half-integer offsets with an irrational touch keep lattice lines off vertices and edges, where
+    # parity would be ambiguous.
     origin = low + spacing_m * np.array([0.5000317, 0.4999713, 0.5])
     inside = np.zeros(tuple(shape), np.bool_)
     _fill(vertices_m, faces.astype(np.int64), origin, spacing_m, inside)
@@ -31,7 +34,9 @@ def sample_volume(vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarr
 
 @kernel
 def _fill(vertices, faces, origin, spacing, inside):
-    """Parity along z: every triangle toggles the cells above it in each lattice column that it covers."""
+    """Parity along z: every triangle toggles the cells above it in each lattice column that it
+    covers.
+    """
     nx, ny, nz = inside.shape
     for f in range(faces.shape[0]):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]

@@ -1,1 +1,3 @@
-"""The monocular estimator: Bayesian filtering over a tree of silhouettes, and what it takes beyond the paper."""
+"""The monocular estimator: Bayesian filtering over a tree of silhouettes, and what it takes beyond
+the paper.
+"""

@@ -12,23 +12,24 @@ from silhouette_core.filter.kernels import shifts as kernels
 from silhouette_core.filter.window import SIZE, Window
 from silhouette_core.image.distance import Weighting, pixel_weights
 from silhouette_core.image.kernels.distance import padded_prefix
-from silhouette_core.library.pictures import reduce_silhouette
-from silhouette_core.scoring.backend import Spans
+from silhouette_core.image.spans import Spans
+from silhouette_core.library.rendering import reduce_silhouette
 
 _MARGIN_PX = 1
 _REACH = range(-_MARGIN_PX, _MARGIN_PX + 1)
 SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])
-"""(S, 2): how nodes are moved (right, down), in a level's own pixels: what the centroid's place leaves open."""
+"""(S, 2): how nodes are moved (right, down), in a level's own pixels: what the centroid's place
+leaves open.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """How nodes lie on the silhouette. K nodes.
 
-    Attributes:
-        distance: (K,) float64, the least silhouette distance over scales and shifts.
-        scale: (K,) int64, number of the window in which it was found.
-        shift_px: (K, 2) int64, by which the node's silhouette was moved (right, down), in full-resolution pixels.
+    Attributes: distance: (K,) float64, the least silhouette distance over scales and shifts. scale:
+        (K,) int64, number of the window in which it was found. shift_px: (K, 2) int64, by which the
+        node's silhouette was moved (right, down), in full-resolution pixels.
     """
 
     distance: NDArray[np.float64]
@@ -39,9 +40,8 @@ class Alignment:
 class Evidence:
     """A silhouette seen at several assumed distances, prepared for every resolution of the tree.
 
-    Args:
-        windows: the same silhouette through windows of different assumed distance, the expected one in the middle.
-        weighting: of the disagreeing pixels.
+    Args: windows: the same silhouette through windows of different assumed distance, the expected
+        one in the middle. weighting: of the disagreeing pixels.
     """
 
     def __init__(self, windows: Sequence[Window], weighting: Weighting = "nwxor"):
@@ -67,12 +67,18 @@ class Evidence:
         return Alignment(found[np.arange(len(nodes)), best], scale, SHIFTS_PX[move] * reduction)
 
     def _prepared(self, reduction: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns prefix sums and weights of the silhouette for every window and shift, see `kernels.interleave`."""
+        """Returns prefix sums and weights of the silhouette for every window and shift, see
+        `kernels.interleave`.
+        """
         if reduction not in self._tables:
             height, width = SIZE[1] // reduction, SIZE[0] // reduction
-            prefixes = np.empty((len(self.windows), height + 2 * _MARGIN_PX, width + 2 * _MARGIN_PX + 1))
+            prefixes = np.empty(
+                (len(self.windows), height + 2 * _MARGIN_PX, width + 2 * _MARGIN_PX + 1)
+            )
             bases = [
-                padded_prefix(*relative_weights(window, self.weighting, reduction), _MARGIN_PX, prefix)
+                padded_prefix(
+                    *relative_weights(window, self.weighting, reduction), _MARGIN_PX, prefix
+                )
                 for window, prefix in zip(self.windows, prefixes, strict=True)
             ]
             table = np.empty((height, width + 1, len(bases) * len(SHIFTS_PX)))
@@ -81,20 +87,23 @@ class Evidence:
         return self._tables[reduction]
 
 
-def relative_weights(window: Window, weighting: Weighting, reduction: int) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def relative_weights(
+    window: Window, weighting: Weighting, reduction: int
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Weighs a window's pixels, relative to the whole silhouette's weight.
 
-    The paper divides by the pixels of the region that holds both silhouettes, which is the same for all its pictures. Here the same person
-    fills more or less of the window as the assumed distance changes, and the smaller picture would always seem to fit better.
+    The paper divides by the pixels of the region that holds both silhouettes, which is the same for
+    all its pictures. Here the same person fills more or less of the window as the assumed distance
+    changes, and the smaller picture would always seem to fit better.
 
     Args:
         window: the silhouette.
         weighting: see `pixel_weights`.
         reduction: 1, 2 or 4: how many times smaller than the window.
 
-    Returns:
-        the silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in the silhouette; 0 where the camera does
-        not reach: what it does not show speaks neither for nor against a pose.
+    Returns: the silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of
+        d_P in the silhouette; 0 where the camera does not reach: what it does not show speaks
+        neither for nor against a pose.
 
     Source: Okada and Stenger, eq. (6)-(9).
     """

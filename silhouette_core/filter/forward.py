@@ -11,18 +11,21 @@ from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
 from silhouette_core.filter.evidence import Evidence
-from silhouette_core.filter.path import Candidates, turned
+from silhouette_core.filter.motion_cost import PoseCandidates, turned
 from silhouette_core.filter.person import Person, upright_distance
 from silhouette_core.filter.tree_filter import Posterior, TreeFilter
 from silhouette_core.filter.window import Window, look_at
 from silhouette_core.image.distance import Weighting
-from silhouette_core.library.pictures import STATURE_PX
+from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.kinematics import rotation_matrices
 
-_FIRST_REACH, _FIRST_COUNT = 0.30, 9  # logarithm of the distance, either way: somebody may crouch, or hold the arms up
+_FIRST_REACH, _FIRST_COUNT = (
+    0.30,
+    9,
+)  # logarithm of the distance, either way: somebody may crouch, or hold the arms up
 _STEP = 0.05
 _DISTANCE_GAIN = 0.4
-_PITCH_SPREAD_RAD = np.radians(8.0)
+_PITCH_SIGMA_RAD = np.radians(8.0)
 _LOST = 2.5  # times the usual distance of the best node
 _LOST_BY = 0.05
 _GAP_S = 1.0
@@ -30,7 +33,7 @@ _FPS = 30.0  # of the motion model's steps
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class FilterFrame:
     """A frame and what the filter believes of it.
 
     Attributes:
@@ -51,29 +54,32 @@ class Belief:
     lost: bool
 
 
-class Forward:
+class ForwardFilter:
     """Filters one frame after the other.
 
-    Args:
-        tree: the filter.
-        camera: without distortion.
-        facing: upright and facing the camera is likelier in the first frame; else all poses are alike.
-        weighting: of the silhouette distance.
-        distance_m: where the person stands all the time, as in the paper; None: found, frame by frame.
+    Args: tree: the filter. camera: without distortion. facing: upright and facing the camera is
+        likelier in the first frame; else all poses are alike. weighting: of the silhouette
+        distance. distance_m: where the person stands all the time, as in the paper; None: found,
+        frame by frame.
     """
 
     def __init__(
-        self, tree: TreeFilter, camera: Camera, facing: bool = True, weighting: Weighting = "balanced", distance_m: float | None = None
+        self,
+        tree: TreeFilter,
+        camera: Camera,
+        facing: bool = True,
+        weighting: Weighting = "balanced",
+        distance_m: float | None = None,
     ):
         """Starts without belief."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
         self._distance_m = distance_m
         self._facing = facing
-        self._last: Belief | None = None
+        self._last: FilterFrame | None = None
         self._usual: list[float] = []
 
-    def step(self, number: int, time_s: float, person: Person) -> Belief:
+    def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
         """Filters a frame."""
         last, library = self._last, self.tree.library
         fresh = last is None or last.lost or time_s - last.time_s > _GAP_S
@@ -87,7 +93,9 @@ class Forward:
         else:
             middle, factors = last.distance_m, np.exp(np.array([0.0, -_STEP, _STEP]))
         metre_px = STATURE_PX / library.model.sizes.stature_m
-        windows = tuple(look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors)
+        windows = tuple(
+            look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
+        )
         prior = self._prior(windows[0], last, time_s, fresh)
         posterior = self.tree.update(prior, Evidence(windows, self.weighting))
         best = float(posterior.distance[0])
@@ -95,18 +103,35 @@ class Forward:
         lost = best > _LOST * usual + _LOST_BY
         if not lost:
             self._usual = [*self._usual[-60:], best]
-        found = float(np.exp(posterior.probability @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])))
+        found = float(
+            np.exp(
+                posterior.probability
+                @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])
+            )
+        )
         gain = 1.0 if fresh else _DISTANCE_GAIN
-        belief = Belief(number, time_s, person, windows, posterior, float(middle * (found / middle) ** gain), lost)
-        self._last = belief
-        return belief
+        filter_frame = FilterFrame(
+            number,
+            time_s,
+            person,
+            windows,
+            posterior,
+            float(middle * (found / middle) ** gain),
+            lost,
+        )
+        self._last = filter_frame
+        return filter_frame
 
     def correct(self, distance_m: float) -> None:
-        """Takes over the person's distance (m, along the virtual optical axis) from somebody who knows better: the refined poses."""
+        """Takes over the person's distance (m, along the virtual optical axis) from somebody who
+        knows better: the refined poses.
+        """
         if self._last is not None:
             self._last = replace(self._last, distance_m=distance_m)
 
-    def _prior(self, window: Window, last: Belief | None, time_s: float, fresh: bool) -> NDArray[np.float64]:
+    def _prior(
+        self, window: Window, last: FilterFrame | None, time_s: float, fresh: bool
+    ) -> NDArray[np.float64]:
         library = self.tree.library
         if last is None or (fresh and not last.lost):
             prior = self._initial()
@@ -115,9 +140,10 @@ class Forward:
             prior = self.tree.predict(last.posterior, steps)
             if last.lost:
                 prior = 0.5 * prior + 0.5 / len(prior)
-        # Only views from about this height count; they are a property of the camera, not of the motion.
+        # Only views from about this height count; they are a property of the camera, not of the
+        # motion.
         pitch = library.views[library.sample_view, 1]
-        prior = prior * np.exp(-0.5 * ((pitch - window.pitch_rad) / _PITCH_SPREAD_RAD) ** 2)
+        prior = prior * np.exp(-0.5 * ((pitch - window.pitch_rad) / _PITCH_SIGMA_RAD) ** 2)
         return prior / prior.sum()
 
     def _initial(self) -> NDArray[np.float64]:
@@ -125,27 +151,41 @@ class Forward:
         if not self._facing:
             return np.full(len(library), 1.0 / len(library))
         yaw = library.views[library.sample_view, 0]
-        tilt = Rotation.from_quat(library.base_quaternion, scalar_first=True).magnitude()[library.sample_base]
-        # A person who is about to be recorded mostly looks at the camera; how the limbs are held is left open.
+        tilt = Rotation.from_quat(library.base_quaternion, scalar_first=True).magnitude()[
+            library.sample_base
+        ]
+        # A person who is about to be recorded mostly looks at the camera; how the limbs are held is
+        # left open.
         prior = np.exp(2.0 * (np.cos(yaw) - 1) - 0.5 * (tilt / np.radians(20)) ** 2)
         return prior / prior.sum()
 
 
-def candidates_of(tree: TreeFilter, belief: Belief, rows: Sequence[int] | NDArray[np.integer]) -> Candidates:
+def candidates_of(
+    tree: TreeFilter, filter_frame: FilterFrame, rows: Sequence[int] | NDArray[np.integer]
+) -> PoseCandidates:
     """Returns some of a posterior's samples, by row, as poses in the world."""
-    library, posterior = tree.library, belief.posterior
+    library, posterior = tree.library, filter_frame.posterior
     rows = np.asarray(rows)
     sample = posterior.samples[rows]
     base, view = library.sample_base[sample], library.sample_view[sample]
-    window = belief.windows[0]
-    rotation = turned(window.heading_rad + library.views[view, 0]) @ rotation_matrices(library.base_quaternion[base])
+    window = filter_frame.windows[0]
+    rotation = turned(window.heading_rad + library.views[view, 0]) @ rotation_matrices(
+        library.base_quaternion[base]
+    )
     places = np.empty((len(rows), 3))
     for scale in np.unique(posterior.scale[rows]):
         own = posterior.scale[rows] == scale
-        one = belief.windows[scale]
-        places[own] = one.place(library.pelvis_px[sample[own]] + posterior.shift_px[rows[own]], one.distance_m)
+        one = filter_frame.windows[scale]
+        places[own] = one.place(
+            library.pelvis_px[sample[own]] + posterior.shift_px[rows[own]], one.distance_m
+        )
     sigma = tree.settings.sigma
-    hidden = library.occluded[sample][:, library.model.dof_part].astype(bool)
-    return Candidates(
-        places, rotation, library.base_angles[base].astype(float), hidden, -0.5 * (posterior.distance[rows] / sigma) ** 2, belief.time_s
+    occluded = library.occluded[sample][:, library.model.dof_part].astype(bool)
+    return PoseCandidates(
+        places,
+        rotation,
+        library.base_angles[base].astype(float),
+        occluded,
+        -0.5 * (posterior.distance[rows] / sigma) ** 2,
+        filter_frame.time_s,
     )

@@ -1,4 +1,6 @@
-"""Bayesian filtering over the tree of silhouettes: from the posterior of one frame to that of the next."""
+"""Bayesian filtering over the tree of silhouettes: from the posterior of one frame to that of the
+next.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +12,24 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from silhouette_core.filter.evidence import Alignment, Evidence
-from silhouette_core.library.library import PoseLibrary
+from silhouette_core.library.pose_library import PoseLibrary
 
-SPREAD = 2.5
-"""Factor on the motion model's sigmas: beside a library's few dozens of neighbours the joint angles' own are so narrow that a wrong turn
-could not be left again (with 54 angles, two samples would hold nearly all of a transition)."""
+SIGMA_SCALE = 2.5
+"""Factor on the motion model's sigmas: beside a library's few dozens of neighbours the joint
+angles' own are so narrow that a wrong turn could not be left again (with 54 angles, two samples
+would hold nearly all of a transition)."""
 
 
 @dataclass(frozen=True)
 class FilterSettings:
     """How the filter believes and prunes.
 
-    Attributes:
-        sigma: standard deviation of the silhouette distance of a right pose, eq. (10), as a share of the silhouette's own weight.
-        coarse: by how much sigma grows with every level above the last: a representative stands for its whole node there.
-        survivors: share of the best node's posterior that a node must reach for its children to be scored.
-        most: nodes per level that are kept at most.
-        floor: share of the prior spread evenly over the library, so that a lost track recovers.
+    Attributes: sigma: standard deviation of the silhouette distance of a right pose, eq. (10), as a
+        share of the silhouette's own weight. coarse: by how much sigma grows with every level above
+        the last: a representative stands for its whole node there. survivors: share of the best
+        node's posterior that a node must reach for its children to be scored. most: nodes per level
+        that are kept at most. floor: share of the prior spread evenly over the library, so that a
+        lost track recovers.
     """
 
     sigma: float = 0.07
@@ -59,21 +62,25 @@ class Posterior:
 class TreeFilter:
     """Tree-based filtering.
 
-    Args:
-        library: poses and their tree.
-        transitions: (N, N) sparse, row i the distribution of the next pose after sample i, eq. (4) and (5).
-        settings: see FilterSettings.
+    Args: library: poses and their tree. transitions: (N, N) sparse, row i the distribution of the
+        next pose after sample i, eq. (4) and (5). settings: see FilterSettings.
 
     Source: Okada and Stenger, section 6.
     """
 
-    def __init__(self, library: PoseLibrary, transitions: csr_matrix, settings: FilterSettings | None = None):
+    def __init__(
+        self, library: PoseLibrary, transitions: csr_matrix, settings: FilterSettings | None = None
+    ):
         """Prepares which samples hang on every node."""
         self.library = library
         self.settings = settings or FilterSettings()
         self.transitions = transitions
-        # Children are stored together, in the order of their parents: where those of every node begin.
-        self._children = [np.searchsorted(level.parent, np.arange(len(above) + 1)) for above, level in pairwise(library.levels)]
+        # Children are stored together, in the order of their parents: where those of every node
+        # begin.
+        self._children = [
+            np.searchsorted(level.parent, np.arange(len(above) + 1))
+            for above, level in pairwise(library.levels)
+        ]
 
     def predict(self, posterior: Posterior, steps: int = 1) -> NDArray[np.float64]:
         """Returns the prior (N,) of the next frame.
@@ -86,8 +93,8 @@ class TreeFilter:
         """
         # The first step starts from few samples: their rows alone are added up.
         rows = self.transitions[posterior.samples]
-        spread = rows.data * np.repeat(posterior.probability, np.diff(rows.indptr))
-        belief = np.bincount(rows.indices, spread, minlength=len(self.library))
+        sigma = rows.data * np.repeat(posterior.probability, np.diff(rows.indptr))
+        belief = np.bincount(rows.indices, sigma, minlength=len(self.library))
         for _ in range(steps - 1):
             belief = self.transitions.T @ belief
         belief /= max(belief.sum(), 1e-300)
@@ -111,10 +118,13 @@ class TreeFilter:
             nodes = _ranges(first[nodes[kept]], first[nodes[kept] + 1])
             scored.append(len(nodes))
             found, log_likelihood, kept = self._level(depth, nodes, belief[depth], evidence)
-        # Within a leaf all poses look alike: its likelihood counts for each of its samples, with the sample's own prior (12), (13).
+        # Within a leaf all poses look alike: its likelihood counts for each of its samples, with
+        # the sample's own prior (12), (13).
         leaf = nodes[kept]
         counts = library.leaf_offsets[leaf + 1] - library.leaf_offsets[leaf]
-        samples = library.leaf_samples[_ranges(library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1])]
+        samples = library.leaf_samples[
+            _ranges(library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1])
+        ]
         of_leaf = np.repeat(kept, counts)
         with np.errstate(divide="ignore"):
             log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])
@@ -123,17 +133,25 @@ class TreeFilter:
         order = np.argsort(-probability, kind="stable")
         of_leaf = of_leaf[order]
         return Posterior(
-            samples[order].astype(np.int64), probability[order], found.distance[of_leaf], found.scale[of_leaf], found.shift_px[of_leaf],
+            samples[order].astype(np.int64),
+            probability[order],
+            found.distance[of_leaf],
+            found.scale[of_leaf],
+            found.shift_px[of_leaf],
             tuple(scored),
-        )  # fmt: skip
+        )
 
     def _level(
         self, depth: int, nodes: NDArray[np.int64], belief: NDArray[np.float64], evidence: Evidence
     ) -> tuple[Alignment, NDArray[np.float64], NDArray[np.int64]]:
-        """Scores nodes of a level: how they lie on the silhouette, their log likelihoods, and which (by place) survive."""
+        """Scores nodes of a level: how they lie on the silhouette, their log likelihoods, and which
+        (by place) survive.
+        """
         settings, levels_below = self.settings, len(self.library.levels) - 1 - depth
         found = evidence.distances(self.library.levels[depth].spans, nodes, 2**levels_below)
-        log_likelihood = -0.5 * (found.distance / (settings.sigma * settings.coarse**levels_below)) ** 2  # (10), (11)
+        log_likelihood = (
+            -0.5 * (found.distance / (settings.sigma * settings.coarse**levels_below)) ** 2
+        )  # (10), (11)
         with np.errstate(divide="ignore"):
             log_posterior = log_likelihood + np.log(belief[nodes])
             kept = np.flatnonzero(log_posterior >= log_posterior.max() + np.log(settings.survivors))
@@ -147,7 +165,9 @@ class TreeFilter:
         sums = np.concatenate([[0.0], np.cumsum(prior[library.leaf_samples])])
         of_level = [sums[library.leaf_offsets[1:]] - sums[library.leaf_offsets[:-1]]]
         for level, above in zip(library.levels[:0:-1], library.levels[-2::-1], strict=True):
-            of_level.insert(0, np.bincount(level.parent, of_level[0], minlength=len(above.representative)))
+            of_level.insert(
+                0, np.bincount(level.parent, of_level[0], minlength=len(above.representative))
+            )
         return of_level
 
 
@@ -155,4 +175,8 @@ def _ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np
     """Returns first[0] .. last[0] - 1, first[1] .. last[1] - 1, ... one after the other."""
     counts = (last - first).astype(np.int64)
     ends = np.cumsum(counts)
-    return np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - counts, counts) + np.repeat(first, counts)
+    return (
+        np.arange(ends[-1] if len(ends) else 0)
+        - np.repeat(ends - counts, counts)
+        + np.repeat(first, counts)
+    )

@@ -1,8 +1,11 @@
-"""A virtual camera turned toward the person, so that a silhouette anywhere in the picture compares with the library's.
+"""A virtual camera turned toward the person, so that a silhouette anywhere in the picture compares
+with the library's.
 
-The library shows every pose from one distance, its silhouette's centroid in the middle. An observed silhouette is brought into the same
-form: a camera at the same place is turned until the centroid lies on its axis, held level, and zoomed until a body of the library's
-stature at the assumed distance has the library's size. Beyond paper A, whose person stays in one place.
+The library shows every pose from one distance, its silhouette's centroid in the middle. An observed
+silhouette is brought into the same
+form: a camera at the same place is turned until the centroid lies on its axis, held level, and
+zoomed until a body of the library's stature at the assumed distance has the library's size. Beyond
+paper A, whose person stays in one place.
 """
 
 from __future__ import annotations
@@ -26,14 +29,11 @@ _SEEN = 0.999
 class Window:
     """An observed silhouette as the library would show it.
 
-    Attributes:
-        picture: (240, 320) bool, the silhouette.
-        seen: (240, 320) bool, where the camera's picture reaches; elsewhere nothing is known.
-        world_from_virtual: (3, 3) float64, the virtual camera's orientation (x right, level; y down; z forward).
-        center_m: (3,) float64, the camera's place in the world.
-        focal_px: of the virtual camera.
-        axis_px: (2,) float64, where its optical axis meets the picture.
-        distance_m: assumed distance of the person.
+    Attributes: picture: (240, 320) bool, the silhouette. seen: (240, 320) bool, where the camera's
+        picture reaches; elsewhere nothing is known. world_from_virtual: (3, 3) float64, the virtual
+        camera's orientation (x right, level; y down; z forward). center_m: (3,) float64, the
+        camera's place in the world. focal_px: of the virtual camera. axis_px: (2,) float64, where
+        its optical axis meets the picture. distance_m: assumed distance of the person.
     """
 
     picture: NDArray[np.bool_]
@@ -56,7 +56,9 @@ class Window:
         return float(np.arctan2(toward_x, -toward_y))
 
     def place(self, pixel: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
-        """Returns the world points (N, 3) m at pixels (N, 2) of the window, at a distance along the optical axis."""
+        """Returns the world points (N, 3) m at pixels (N, 2) of the window, at a distance along the
+        optical axis.
+        """
         offset = (np.atleast_2d(pixel) - self.axis_px) / self.focal_px
         rays = np.concatenate([offset, np.ones((len(offset), 1))], axis=1)
         return self.center_m + distance_m * rays @ self.world_from_virtual.T
@@ -68,34 +70,43 @@ class Window:
 
 
 def look_at(
-    camera: Camera, mask: NDArray[np.bool_], distance_m: float, pixels_per_metre: float, toward_px: NDArray[np.float64] | None = None
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    distance_m: float,
+    pixels_per_metre: float,
+    toward_px: NDArray[np.float64] | None = None,
 ) -> Window:
     """Turns a virtual camera toward a silhouette.
 
-    Args:
-        camera: without distortion; (h, w) are its size.
-        mask: (h, w) bool, the silhouette, not empty.
-        distance_m: where the person is assumed, along the virtual optical axis.
-        pixels_per_metre: size of the library's pictures at that distance.
-        toward_px: (2,) a pixel of the window's middle; None: the silhouette's centroid, as the library's pictures have it.
+    Args: camera: without distortion; (h, w) are its size. mask: (h, w) bool, the silhouette, not
+        empty. distance_m: where the person is assumed, along the virtual optical axis.
+        pixels_per_metre: size of the library's pictures at that distance. toward_px: (2,) a pixel
+        of the window's middle; None: the silhouette's centroid, as the library's pictures have it.
 
-    Returns:
-        The window. Its silhouette's centroid is within half a pixel of the middle, unless `toward_px` was given.
+    Returns: The window. Its silhouette's centroid is within half a pixel of the middle, unless
+        `toward_px` was given.
 
     Raises:
         ValueError: the silhouette is empty, or of another size than the camera's.
     """
     if mask.shape != camera.size[::-1] or not mask.any():
-        raise ValueError(f"mask must be {camera.size[::-1]} and not empty, got {mask.shape} with {np.count_nonzero(mask)} pixels")
+        raise ValueError(
+            f"mask must be {camera.size[::-1]} and not empty, got {mask.shape} with"
+            f" {np.count_nonzero(mask)} pixels"
+        )
     focal = pixels_per_metre * distance_m
     target = _centroid(mask) if toward_px is None else np.asarray(toward_px, float)
     camera_from_virtual = _turned(camera, target)
     if toward_px is None:
         for _ in range(_TURNS):
-            coarse = _warp(camera, mask, camera_from_virtual, focal / 2, (SIZE[0] // 2, SIZE[1] // 2))
+            coarse = _warp(
+                camera, mask, camera_from_virtual, focal / 2, (SIZE[0] // 2, SIZE[1] // 2)
+            )
             if not coarse.any():
                 break
-            off = (_centroid(coarse) - ((SIZE[0] // 2 - 1) / 2, (SIZE[1] // 2 - 1) / 2)) / (focal / 2)
+            off = (_centroid(coarse) - ((SIZE[0] // 2 - 1) / 2, (SIZE[1] // 2 - 1) / 2)) / (
+                focal / 2
+            )
             if np.abs(off).max() * focal < 0.5:
                 break
             ray = camera_from_virtual @ np.array([off[0], off[1], 1.0])
@@ -103,7 +114,15 @@ def look_at(
             camera_from_virtual = _turned(camera, target)
     picture = _warp(camera, mask, camera_from_virtual, focal, SIZE)
     seen = _warp(camera, np.ones_like(mask), camera_from_virtual, focal, SIZE)
-    return Window(picture, seen, camera.rotation.T @ camera_from_virtual, camera.center_m, focal, _CENTER.copy(), distance_m)
+    return Window(
+        picture,
+        seen,
+        camera.rotation.T @ camera_from_virtual,
+        camera.center_m,
+        focal,
+        _CENTER.copy(),
+        distance_m,
+    )
 
 
 def _centroid(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -117,21 +136,36 @@ def _turned(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
     forward /= np.linalg.norm(forward)
     up = camera.rotation[:, 2]  # the world's vertical as the camera sees it
     right = np.cross(forward, up)
-    if np.linalg.norm(right) < 0.05:  # looking straight down or up: the camera's own x is as good as any
+    if (
+        np.linalg.norm(right) < 0.05
+    ):  # looking straight down or up: the camera's own x is as good as any
         right = np.cross(forward, [0.0, -1.0, 0.0])
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(forward, right), forward], axis=1)
 
 
 def _warp(
-    camera: Camera, mask: NDArray[np.bool_], camera_from_virtual: NDArray[np.float64], focal: float, size: tuple[int, int]
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    camera_from_virtual: NDArray[np.float64],
+    focal: float,
+    size: tuple[int, int],
 ) -> NDArray[np.bool_]:
     """Returns the mask as the virtual camera sees it, each pixel from the majority of its samples."""
     width, height = size
     fine = _OVERSAMPLE
-    virtual = np.array([[focal * fine, 0.0, (width * fine - 1) / 2], [0.0, focal * fine, (height * fine - 1) / 2], [0.0, 0.0, 1.0]])
+    virtual = np.array(
+        [
+            [focal * fine, 0.0, (width * fine - 1) / 2],
+            [0.0, focal * fine, (height * fine - 1) / 2],
+            [0.0, 0.0, 1.0],
+        ]
+    )
     camera_from_window = camera.matrix @ camera_from_virtual @ np.linalg.inv(virtual)
     wide = cv2.warpPerspective(
-        mask.astype(np.uint8) * 255, camera_from_window, (width * fine, height * fine), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        mask.astype(np.uint8) * 255,
+        camera_from_window,
+        (width * fine, height * fine),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
     )
     return cv2.resize(wide, size, interpolation=cv2.INTER_AREA) > 127

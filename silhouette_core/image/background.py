@@ -17,12 +17,15 @@ _PRIOR_FRAMES = 10  # how many frames the assumed noise is worth against the mea
 class BackgroundSettings:
     """What decides between person and background; one set serves all cameras.
 
-    Attributes:
-        method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up; "refined" is what
+    Attributes: method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up;
+        "refined" is what
             `silhouette_core.image.foreground` makes of it.
-        noise: least standard deviation of a colour channel (of 255); also what is assumed for a still.
-        log_likelihood: the paper's threshold, as the logarithm of the density of the normalised colour.
-        raw_difference: the paper's clear difference: length of the difference of raw colours (of 255).
+        noise: least standard deviation of a colour channel (of 255); also what is assumed for a
+            still.
+        log_likelihood: the paper's threshold, as the logarithm of the density of the normalised
+            colour.
+        raw_difference: the paper's clear difference: length of the difference of raw colours (of
+            255).
         refined: thresholds of the refined method.
     """
 
@@ -35,7 +38,9 @@ class BackgroundSettings:
 
 @dataclass(frozen=True, eq=False)
 class _Learnt:
-    """Per pixel and channel (H, W, 3): mean and variance of the colour, mean and variance of the colour over its length."""
+    """Per pixel and channel (H, W, 3): mean and variance of the colour, mean and variance of the
+    colour over its length.
+    """
 
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
@@ -46,7 +51,8 @@ class _Learnt:
 class BackgroundModel:
     """Background of one camera. Make it with `from_frames`, `from_still` or `from_median`.
 
-    Source: Okada and Stenger, section 5.1, for the Gaussian over a colour divided by its length, and the clear difference of colours.
+    Source: Okada and Stenger, section 5.1, for the Gaussian over a colour divided by its length,
+    and the clear difference of colours.
     Beyond the paper: `from_still`, `from_median`, the least noise, and all of the refined method.
     """
 
@@ -56,12 +62,15 @@ class BackgroundModel:
         self.mean: NDArray[np.float32] = np.ascontiguousarray(learnt.mean, np.float32)
         noise = np.maximum(np.sqrt(learnt.variance.mean(axis=2)), self.settings.noise)
         self._background = Background.from_noise(self.mean, noise)
-        # Noise of the raw channels turns a colour of length L by noise / L: dark pixels have no sure direction.
+        # Noise of the raw channels turns a colour of length L by noise / L: dark pixels have no
+        # sure direction.
         length = np.maximum(np.linalg.norm(learnt.mean, axis=2, keepdims=True), 1.0)
         variance = np.maximum(learnt.unit_variance, (self.settings.noise / length) ** 2)
         self._unit_mean = np.ascontiguousarray(learnt.unit_mean, np.float32)
         self._half_precision = np.ascontiguousarray(0.5 / variance, np.float32)
-        self._log_peak = np.ascontiguousarray(-0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32)
+        self._log_peak = np.ascontiguousarray(
+            -0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32
+        )
 
     @property
     def size(self) -> tuple[int, int]:
@@ -69,7 +78,9 @@ class BackgroundModel:
         return self.mean.shape[1], self.mean.shape[0]
 
     @classmethod
-    def from_frames(cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None) -> "BackgroundModel":
+    def from_frames(
+        cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
+    ) -> "BackgroundModel":
         """Learns from pictures of the empty scene, one after the other.
 
         Args:
@@ -92,23 +103,34 @@ class BackgroundModel:
             raise ValueError("frames must hold at least one picture of the empty scene, got none")
         mean, square, unit_mean, unit_square = (total / count for total in sums)
         assumed = (settings or BackgroundSettings()).noise ** 2
-        variance = (count * np.maximum(square - mean**2, 0) + _PRIOR_FRAMES * assumed) / (count + _PRIOR_FRAMES)
-        return cls(_Learnt(mean, variance, unit_mean, np.maximum(unit_square - unit_mean**2, 0)), settings)
+        variance = (count * np.maximum(square - mean**2, 0) + _PRIOR_FRAMES * assumed) / (
+            count + _PRIOR_FRAMES
+        )
+        return cls(
+            _Learnt(mean, variance, unit_mean, np.maximum(unit_square - unit_mean**2, 0)), settings
+        )
 
     @classmethod
-    def from_still(cls, frame: np.ndarray, settings: BackgroundSettings | None = None) -> "BackgroundModel":
-        """Learns from one picture of the empty scene, (H, W, 3) uint8, BGR; the noise is assumed (`settings.noise`)."""
+    def from_still(
+        cls, frame: np.ndarray, settings: BackgroundSettings | None = None
+    ) -> "BackgroundModel":
+        """Learns from one picture of the empty scene, (H, W, 3) uint8, BGR; the noise is assumed
+        (`settings.noise`).
+        """
         return cls.from_frames([frame], settings)
 
     @classmethod
-    def from_median(cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None) -> "BackgroundModel":
-        """Learns from pictures in which the person moves about: the median over time of every pixel.
+    def from_median(
+        cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
+    ) -> "BackgroundModel":
+        """Learns from pictures in which the person moves about: the median over time of every
+        pixel.
 
-        Right where each place is empty more than half of the time; who stands still becomes background.
+        Right where each place is empty more than half of the time; who stands still becomes
+        background.
 
-        Args:
-            frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample (some 50 over the recording).
-            settings: thresholds; None for the defaults.
+        Args: frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample (some 50
+            over the recording). settings: thresholds; None for the defaults.
 
         Raises:
             ValueError: no frame, or frames of different size.
@@ -120,11 +142,16 @@ class BackgroundModel:
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
-        median, spread = np.empty(stack[0].shape, np.float32), np.empty(stack[0].shape, np.float32)
-        kernels.median_and_spread(np.stack(stack), median, spread)
+        median, deviation = (
+            np.empty(stack[0].shape, np.float32),
+            np.empty(stack[0].shape, np.float32),
+        )
+        kernels.median_and_deviation(np.stack(stack), median, deviation)
         mean = median.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
-        variance = np.square(1.4826 * spread, dtype=np.float64)  # a Gaussian's median distance is 0.6745 standard deviations
+        variance = np.square(
+            1.4826 * deviation, dtype=np.float64
+        )  # a Gaussian's median distance is 0.6745 standard deviations
         return cls(_Learnt(mean, variance, mean / length, variance / length**2), settings)
 
     def silhouette(self, frame: np.ndarray, region: np.ndarray | None = None) -> np.ndarray:
@@ -147,7 +174,9 @@ class BackgroundModel:
             return refined_mask(frame, self._background, self.settings.refined, region)
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(self.settings.log_likelihood), np.float32(self.settings.raw_difference)
-        kernels.paper_mask(frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask)
+        kernels.paper_mask(
+            frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask
+        )
         return mask if region is None else mask & region
 
 

@@ -7,19 +7,22 @@ from silhouette_core.image.kernels import cleanup as kernels
 
 
 def clean(
-    mask: np.ndarray, *, min_area_px: int = 0, min_share: float = 0.0, max_hole_px: int = 0, region: np.ndarray | None = None
+    mask: np.ndarray,
+    *,
+    min_area_px: int = 0,
+    min_share: float = 0.0,
+    max_hole_px: int = 0,
+    region: np.ndarray | None = None,
 ) -> np.ndarray:
     """Removes small components, fills small holes and keeps to a region.
 
-    A hole is a background component that does not touch the image's edge. Large ones stay: the gap between an arm and the
-    trunk is background too.
+    A hole is a background component that does not touch the image's edge. Large ones stay: the gap
+    between an arm and the trunk is background too.
 
-    Args:
-        mask: silhouette, (H, W) bool.
-        min_area_px: components (8-connected) with fewer pixels are removed.
-        min_share: components with a smaller share of the largest one's pixels are removed.
-        max_hole_px: holes (4-connected) with at most so many pixels are filled.
-        region: region of interest, (H, W) bool; nothing outside it is kept. None means the whole image.
+    Args: mask: silhouette, (H, W) bool. min_area_px: components (8-connected) with fewer pixels are
+        removed. min_share: components with a smaller share of the largest one's pixels are removed.
+        max_hole_px: holes (4-connected) with at most so many pixels are filled. region: region of
+        interest, (H, W) bool; nothing outside it is kept. None means the whole image.
 
     Returns:
         A new mask, (H, W) bool.
@@ -30,7 +33,9 @@ def clean(
     if mask.ndim != 2 or mask.dtype != np.bool_:
         raise TypeError(f"mask must be (H, W) bool, got {mask.shape} {mask.dtype}")
     if region is not None and (region.shape != mask.shape or region.dtype != np.bool_):
-        raise TypeError(f"region must be {mask.shape} bool like the mask, got {region.shape} {region.dtype}")
+        raise TypeError(
+            f"region must be {mask.shape} bool like the mask, got {region.shape} {region.dtype}"
+        )
     kept = mask.copy() if region is None else mask & region
     if min_area_px > 1 or min_share > 0:
         kept = _large_components(kept, min_area_px, min_share)
@@ -45,7 +50,9 @@ def _large_components(mask: np.ndarray, min_area_px: int, min_share: float) -> n
     area = np.zeros(count, np.int64)
     kernels.count_labels(labels, area)
     kept = np.empty_like(mask)
-    kernels.select_labels(labels, area >= max(1, min_area_px, min_share * area[1:].max(initial=0)), kept)
+    kernels.select_labels(
+        labels, area >= max(1, min_area_px, min_share * area[1:].max(initial=0)), kept
+    )
     return kept
 
 
@@ -53,9 +60,12 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return
-    # One pixel around the silhouette is enough to tell a hole, which does not reach it, from the surroundings, which do.
+    # One pixel around the silhouette is enough to tell a hole, which does not reach it, from the
+    # surroundings, which do.
     inner = mask[max(rows[0] - 1, 0) : rows[-1] + 2, max(columns[0] - 1, 0) : columns[-1] + 2]
-    count, labels = cv2.connectedComponents((~inner).view(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    count, labels = cv2.connectedComponents(
+        (~inner).view(np.uint8), connectivity=4, ltype=cv2.CV_32S
+    )
     area = np.zeros(count, np.int64)
     kernels.count_labels(labels, area)
     small = area <= max_hole_px

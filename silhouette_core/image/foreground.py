@@ -3,14 +3,15 @@
 The paper's two tests stay (direction of colour, clear difference), with these additions:
 
 1. Exposure: each channel's gain between background and frame is the median ratio over the image.
-2. The direction test is made on the part of a colour that no change of brightness explains, over the noise, averaged over a small
-   window before it is compared: a cast shadow keeps its tint, a grey shirt before a tinted wall does not. The noise is rescaled
-   for every frame by what most of the image shows, since a still knows nothing of it and lossy video adds its own.
+2. The direction test is made on the part of a colour that no change of brightness explains, over
+   the noise, averaged over a small window before it is compared: a cast shadow keeps its tint, a
+   grey shirt before a tinted wall does not. The noise is rescaled for every frame by what most of
+   the image shows, since a still knows nothing of it and lossy video adds its own.
 3. The clear difference is a brightness that neither shadow nor highlight explains.
-4. Where the background alone does not tell (clothes that look like its shadow or itself, narrow gaps), the colours of the person
-   found so far are weighed against the colours around.
-5. Edges are put where half of a pixel's colour is the person's and half the (shadowed) background's, which undoes the averaging
-   and the coarse colour of video.
+4. Where the background alone does not tell (clothes that look like its shadow or itself, narrow
+   gaps), the colours of the person found so far are weighed against the colours around.
+5. Edges are put where half of a pixel's colour is the person's and half the (shadowed)
+   background's, which undoes the averaging and the coarse colour of video.
 """
 
 from dataclasses import dataclass, replace
@@ -30,20 +31,18 @@ _USUAL_CHROMA = 0.7  # pooled chromatic rest of an empty scene whose noise is kn
 
 @dataclass(frozen=True)
 class RefinedSettings:
-    """What decides in the refined method; "noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
+    """What decides in the refined method; "noise" is a channel's standard deviation at the pixel,
+    as rescaled for the frame.
 
-    Attributes:
-        chroma: limit of the pooled chromatic rest, in noise.
-        chroma_pixel: the same of a single pixel.
-        brightness: how far in noise a brightness must lie beyond shadow and highlight.
-        shadow: darkest cast shadow, as a share of the background's brightness.
-        highlight: brightest reflection, likewise.
-        colours: least mean logarithm of the odds that a colour is the person's (or is not), where the background does not tell.
-        colours_gap: the same in narrow gaps of the silhouette.
-        contrast: edges between colours closer than this (of 255) stay where they are.
-        min_area_share: components smaller than this share of the image are dropped.
-        min_body_share: components smaller than this share of the largest one are dropped.
-        max_hole_share: holes up to this share of the image are filled.
+    Attributes: chroma: limit of the pooled chromatic rest, in noise. chroma_pixel: the same of a
+        single pixel. brightness: how far in noise a brightness must lie beyond shadow and
+        highlight. shadow: darkest cast shadow, as a share of the background's brightness.
+        highlight: brightest reflection, likewise. colours: least mean logarithm of the odds that a
+        colour is the person's (or is not), where the background does not tell. colours_gap: the
+        same in narrow gaps of the silhouette. contrast: edges between colours closer than this (of
+        255) stay where they are. min_area_share: components smaller than this share of the image
+        are dropped. min_body_share: components smaller than this share of the largest one are
+        dropped. max_hole_share: holes up to this share of the image are filled.
     """
 
     chroma: float = 3.0
@@ -73,7 +72,9 @@ class Background:
 
     @classmethod
     def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":
-        """Prepares what every frame needs from the mean and each pixel's standard deviation, (H, W), of 255."""
+        """Prepares what every frame needs from the mean and each pixel's standard deviation, (H,
+        W), of 255.
+        """
         square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
         tools = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise], axis=2)
         return cls(mean, np.ascontiguousarray(tools, np.float32))
@@ -94,16 +95,26 @@ class _View:
     settings: RefinedSettings
 
     @property
-    def arrays(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    def arrays(
+        self,
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """What every kernel takes first: the gain is undone on the frame's side."""
-        return self.frame, self.background.mean, self.background.tools, np.asarray(1 / self.gain, np.float32)
+        return (
+            self.frame,
+            self.background.mean,
+            self.background.tools,
+            np.asarray(1 / self.gain, np.float32),
+        )
 
     def part(self, window: tuple[slice, slice]) -> "_View":
         return replace(self, frame=self.frame[window], background=self.background.part(window))
 
 
 def refined_mask(
-    frame: NDArray[np.uint8], background: Background, settings: RefinedSettings, region: NDArray[np.bool_] | None = None
+    frame: NDArray[np.uint8],
+    background: Background,
+    settings: RefinedSettings,
+    region: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """Returns the silhouette (H, W) bool of a frame (H, W, 3) uint8; see the module's text."""
     radius = max(1, round(min(frame.shape[:2]) / 240))
@@ -123,7 +134,9 @@ def refined_mask(
 
 
 def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Each channel's median ratio of frame to background, (3,) float32, over pixels neither black nor saturated."""
+    """Each channel's median ratio of frame to background, (3,) float32, over pixels neither black
+    nor saturated.
+    """
     seen, empty = frame[::_GRID, ::_GRID].reshape(-1, 3), mean[::_GRID, ::_GRID].reshape(-1, 3)
     gain = np.ones(3, np.float32)
     for channel in range(3):
@@ -134,72 +147,127 @@ def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.flo
 
 
 def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
-    """Returns mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and that noise over the model's, at least 1."""
+    """Returns mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and that
+    noise over the model's, at least 1.
+    """
     settings, radius = view.settings, view.radius
     height, width = view.frame.shape[:2]
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
     kernels.sampled_chroma(*view.arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
     scale = max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
     parts, strong = np.empty((height, width, 4), np.int16), np.empty((height, width), np.bool_)
-    unit, clip, beyond = (np.float32(value) for value in (_UNIT / scale, settings.chroma_pixel * scale, settings.brightness * scale))
-    kernels.evidence(*view.arrays, unit, clip, np.float32(settings.shadow), np.float32(settings.highlight), beyond, parts, strong)
+    unit, clip, beyond = (
+        np.float32(value)
+        for value in (_UNIT / scale, settings.chroma_pixel * scale, settings.brightness * scale)
+    )
+    kernels.evidence(
+        *view.arrays,
+        unit,
+        clip,
+        np.float32(settings.shadow),
+        np.float32(settings.highlight),
+        beyond,
+        parts,
+        strong,
+    )
     pooled = np.asarray(cv2.blur(parts, (2 * radius + 1, 2 * radius + 1)), np.int16)
     mask = np.empty((height, width), np.bool_)
-    kernels.decide(pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask)
+    kernels.decide(
+        pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask
+    )
     return mask, pooled, scale
 
 
-def _settle_by_colours(view: _View, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float) -> NDArray[np.bool_]:
-    """Settles doubtful pixels by whether their colours are commoner in the silhouette or around it; returns the new mask."""
+def _settle_by_colours(
+    view: _View, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float
+) -> NDArray[np.bool_]:
+    """Settles doubtful pixels by whether their colours are commoner in the silhouette or around it;
+    returns the new mask.
+    """
     settings, radius = view.settings, view.radius
     near = _grown(mask, 7 * radius, cv2.MORPH_RECT)
-    odds = _log_shares(view.frame, ~_grown(~mask, 1)) - _log_shares(view.frame, near & ~_grown(mask, 2))
+    odds = _log_shares(view.frame, ~_grown(~mask, 1)) - _log_shares(
+        view.frame, near & ~_grown(mask, 2)
+    )
     score, bright = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.float32)
     kernels.look_up(view.frame, np.clip(odds, -4, 4), _COLOUR_SHIFT, score)
     kernels.brightness(*view.arrays, bright)
     # Background of the usual brightness, taken in because coarse colour had spread over it.
-    spread = (cv2.blur(score, (3, 3)) < -settings.colours) & (np.abs(cv2.blur(bright, (3, 3))) < 3 * scale)
+    spread = (cv2.blur(score, (3, 3)) < -settings.colours) & (
+        np.abs(cv2.blur(bright, (3, 3))) < 3 * scale
+    )
     window = (2 * radius + 1, 2 * radius + 1)
     score, bright = cv2.blur(score, window), cv2.blur(bright, window)
     # The person where there is little difference, as a shadow would make ...
     doubtful = np.empty(mask.shape, np.bool_)
-    kernels.doubt(pooled, bright, round(0.5 * settings.chroma * _UNIT), np.float32(3 * scale), doubtful)
+    kernels.doubt(
+        pooled, bright, round(0.5 * settings.chroma * _UNIT), np.float32(3 * scale), doubtful
+    )
     # ... or in a narrow gap of the silhouette, where clothes and background may be of one colour.
     gap = ~_grown(~_grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)
-    added = near & ((doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap)))
+    added = near & (
+        (doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap))
+    )
     return (mask & ~spread) | added
 
 
 def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Logarithm of each colour's share among the pixels of a mask, (16, 16, 16)."""
     bins = 256 >> _COLOUR_SHIFT
-    counts, shares = np.zeros((bins, bins, bins), np.float32), np.empty((bins, bins, bins), np.float32)
+    counts, shares = (
+        np.zeros((bins, bins, bins), np.float32),
+        np.empty((bins, bins, bins), np.float32),
+    )
     kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
     kernels.log_shares(counts, shares)
     return shares
 
 
 def _sharpen(view: _View, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Moves the edges, at most `radius` pixels, to where person and background share a pixel half and half."""
+    """Moves the edges, at most `radius` pixels, to where person and background share a pixel half
+    and half.
+    """
     radius = view.radius
     grown, shrunk = _grown(mask, radius), ~_grown(~mask, radius)
     gap = max(1, radius // 2)  # pixels at the edge that are mixed and teach neither colour
     inside, outside = ~_grown(~mask, gap), ~_grown(mask, gap)
     moved = mask.copy()
-    light = 0.2 * view.gain, 2 * view.gain  # what shadows and reflections may make of the background, at most
+    light = (
+        0.2 * view.gain,
+        2 * view.gain,
+    )  # what shadows and reflections may make of the background, at most
     contrast = np.float32(view.settings.contrast)
-    kernels.sharpen(view.frame, view.background.mean, *light, grown & ~shrunk, inside, outside, 2 * radius, contrast, moved)
+    kernels.sharpen(
+        view.frame,
+        view.background.mean,
+        *light,
+        grown & ~shrunk,
+        inside,
+        outside,
+        2 * radius,
+        contrast,
+        moved,
+    )
     return moved
 
 
-def _grown(mask: NDArray[np.bool_], pixels: int, shape: int = cv2.MORPH_ELLIPSE) -> NDArray[np.bool_]:
+def _grown(
+    mask: NDArray[np.bool_], pixels: int, shape: int = cv2.MORPH_ELLIPSE
+) -> NDArray[np.bool_]:
     disc = cv2.getStructuringElement(shape, (2 * pixels + 1, 2 * pixels + 1))
     return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
 
 
-def _tidy(mask: NDArray[np.bool_], settings: RefinedSettings, region: NDArray[np.bool_] | None, pixels: int) -> NDArray[np.bool_]:
+def _tidy(
+    mask: NDArray[np.bool_],
+    settings: RefinedSettings,
+    region: NDArray[np.bool_] | None,
+    pixels: int,
+) -> NDArray[np.bool_]:
     area, hole = round(settings.min_area_share * pixels), round(settings.max_hole_share * pixels)
-    return clean(mask, min_area_px=area, min_share=settings.min_body_share, max_hole_px=hole, region=region)
+    return clean(
+        mask, min_area_px=area, min_share=settings.min_body_share, max_hole_px=hole, region=region
+    )
 
 
 def _window(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:

@@ -1,14 +1,16 @@
 """Part-number raster: which body part does each pixel see?
 
-The posed mesh is projected with hidden surfaces removed and every pixel holds its part's number (Okada and Stenger, 3.1). What counts:
+The posed mesh is projected with hidden surfaces removed and every pixel holds its part's number
+(Okada and Stenger, 3.1). What counts:
 
 - A pixel is sampled at its centre, and pixel centres are at integer coordinates.
-- A centre that lies exactly on an edge belongs to the triangle that has it as a left or a flat top edge, so that triangles sharing
-  an edge neither both draw it nor both leave it out. Projected corners are first rounded to 1/256 pixel.
-- Triangles that cross the near plane (`NEAR_M` in front of the camera) are clipped there; those behind it, and those with a corner
-  that is not finite, are left out.
-- Back faces are drawn like front faces unless `cull_back` is set. For a closed mesh, oriented outwards and seen from outside, both give
-  the same image; culling is faster.
+- A centre that lies exactly on an edge belongs to the triangle that has it as a left or a flat top
+  edge, so that triangles sharing an edge neither both draw it nor both leave it out. Projected
+  corners are first rounded to 1/256 pixel.
+- Triangles that cross the near plane (`NEAR_M` in front of the camera) are clipped there; those
+  behind it, and those with a corner that is not finite, are left out.
+- Back faces are drawn like front faces unless `cull_back` is set. For a closed mesh, oriented
+  outwards and seen from outside, both give the same image; culling is faster.
 - Of several surfaces in one pixel the nearest is kept, of equally near ones that of the first face.
 """
 
@@ -38,9 +40,8 @@ def render_parts(
         size: width and height in pixels.
         cull_back: leaves out faces seen from behind.
 
-    Returns:
-        The part image (h, w) uint8, 0 for background and part index + 1 elsewhere, and the depth (h, w) float32 in metres along the
-        optical axis, infinite for background.
+    Returns: The part image (h, w) uint8, 0 for background and part index + 1 elsewhere, and the
+        depth (h, w) float32 in metres along the optical axis, infinite for background.
 
     Raises:
         ValueError: a wrong shape, an index out of range, a size below 1.
@@ -48,10 +49,21 @@ def render_parts(
     Source: Okada and Stenger, 3.1.
     """
     _check_shape("vertices_cam", vertices_cam, 2)
-    faces, face_part, matrix, (width, height) = _checked(faces, face_part, matrix, size, len(vertices_cam))
+    faces, face_part, matrix, (width, height) = _checked(
+        faces, face_part, matrix, size, len(vertices_cam)
+    )
     parts = np.zeros((height, width), np.uint8)
     depth = np.full((height, width), np.inf, np.float32)
-    kernels.draw(np.ascontiguousarray(vertices_cam), faces, face_part, matrix, NEAR_M, cull_back, parts, depth)
+    kernels.draw(
+        np.ascontiguousarray(vertices_cam),
+        faces,
+        face_part,
+        matrix,
+        NEAR_M,
+        cull_back,
+        parts,
+        depth,
+    )
     return parts, depth
 
 
@@ -82,34 +94,57 @@ def render_many(
     Source: Okada and Stenger, 3.1.
     """
     _check_shape("vertices_cam", vertices_cam, 3)
-    faces, face_part, matrix, (width, height) = _checked(faces, face_part, matrix, size, vertices_cam.shape[1])
+    faces, face_part, matrix, (width, height) = _checked(
+        faces, face_part, matrix, size, vertices_cam.shape[1]
+    )
     parts = np.zeros((len(vertices_cam), height, width), np.uint8)
-    kernels.draw_many(np.ascontiguousarray(vertices_cam), faces, face_part, matrix, NEAR_M, cull_back, parts)
+    kernels.draw_many(
+        np.ascontiguousarray(vertices_cam), faces, face_part, matrix, NEAR_M, cull_back, parts
+    )
     return parts
 
 
 def _check_shape(name: str, points: NDArray[np.floating], dimensions: int) -> None:
     """Refuses anything but floating-point rows of three."""
-    if points.ndim != dimensions or points.shape[-1] != 3 or points.dtype not in (np.float32, np.float64):
+    if (
+        points.ndim != dimensions
+        or points.shape[-1] != 3
+        or points.dtype not in (np.float32, np.float64)
+    ):
         wanted = "(V, 3)" if dimensions == 2 else "(N, V, 3)"
-        raise ValueError(f"{name} must be {wanted} float32 or float64, got {points.shape} {points.dtype}")
+        raise ValueError(
+            f"{name} must be {wanted} float32 or float64, got {points.shape} {points.dtype}"
+        )
 
 
 def _checked(
-    faces: NDArray[np.integer], face_part: NDArray[np.integer], matrix: NDArray[np.floating], size: tuple[int, int], vertices: int
+    faces: NDArray[np.integer],
+    face_part: NDArray[np.integer],
+    matrix: NDArray[np.floating],
+    size: tuple[int, int],
+    vertices: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], tuple[int, int]]:
     """Checks what both renderers share and brings it into the kernels' types."""
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise ValueError(f"faces must be (F, 3) integers, got {faces.shape} {faces.dtype}")
     if face_part.shape != (len(faces),) or face_part.dtype.kind not in "iu":
-        raise ValueError(f"face_part must be ({len(faces)},) integers, got {face_part.shape} {face_part.dtype}")
+        raise ValueError(
+            f"face_part must be ({len(faces)},) integers, got {face_part.shape} {face_part.dtype}"
+        )
     if np.shape(matrix) != (3, 3):
         raise ValueError(f"matrix must be (3, 3), got {np.shape(matrix)}")
     if len(size) != 2 or min(size) < 1:
         raise ValueError(f"size must be (width, height) of at least 1 pixel, got {size}")
     if len(faces) and (faces.min() < 0 or faces.max() >= vertices):
-        raise ValueError(f"faces must index {vertices} vertices, got {faces.min()} to {faces.max()}")
+        raise ValueError(
+            f"faces must index {vertices} vertices, got {faces.min()} to {faces.max()}"
+        )
     if len(faces) and (face_part.min() < 0 or face_part.max() > 254):
         raise ValueError(f"face_part must be 0 to 254, got {face_part.min()} to {face_part.max()}")
     wide = np.ascontiguousarray(matrix, np.float64)
-    return np.ascontiguousarray(faces, np.int32), np.ascontiguousarray(face_part, np.int32), wide, (int(size[0]), int(size[1]))
+    return (
+        np.ascontiguousarray(faces, np.int32),
+        np.ascontiguousarray(face_part, np.int32),
+        wide,
+        (int(size[0]), int(size[1])),
+    )

@@ -22,33 +22,43 @@ _MEDIAN_FRAMES = 40
 class Silhouettes:
     """What differs from the background, camera by camera.
 
-    Attributes:
-        without_background: Cameras whose background is the temporal median of the recording, for want of an empty view.
+    Attributes: without_background: Cameras whose background is the temporal median of the
+        recording, for want of an empty view.
     """
 
-    def __init__(self, source: FrameSource, method: Literal["paper", "refined"] = "refined", long_side_px: int | None = None) -> None:
+    def __init__(
+        self,
+        source: FrameSource,
+        method: Literal["paper", "refined"] = "refined",
+        long_side_px: int | None = None,
+    ) -> None:
         """Learns the backgrounds of a recording.
 
-        Args:
-            source: The recording.
-            method: See `BackgroundSettings`.
-            long_side_px: Larger pictures are scaled down to this before anything else, and their silhouettes are of that size.
+        Args: source: The recording. method: See `BackgroundSettings`. long_side_px: Larger pictures
+            are scaled down to this before anything else, and their silhouettes are of that size.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image.
         """
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
         self._given = source.silhouettes_given
-        self._regions = {name: self._scaled(name, region.astype(np.uint8)) > 0 for name, region in source.regions().items()}
+        self._regions = {
+            name: self._scaled(name, region.astype(np.uint8)) > 0
+            for name, region in source.regions().items()
+        }
         self._models: dict[str, BackgroundModel] = {}
         self.without_background: tuple[str, ...] = ()
         if self._given:
             return
         backgrounds = source.backgrounds()
         settings = BackgroundSettings(method=method)
-        self.without_background = tuple(name for name in source.rig.names if name not in backgrounds)
+        self.without_background = tuple(
+            name for name in source.rig.names if name not in backgrounds
+        )
         for name, frames in backgrounds.items():
-            self._models[name] = BackgroundModel.from_frames(self._all_scaled(name, islice(frames, _BACKGROUND_FRAMES)), settings)
+            self._models[name] = BackgroundModel.from_frames(
+                self._all_scaled(name, islice(frames, _BACKGROUND_FRAMES)), settings
+            )
         if self.without_background:
             for name, frames in self._samples(source).items():
                 self._models[name] = BackgroundModel.from_median(frames, settings)
@@ -85,7 +95,9 @@ class Silhouettes:
 
 
 def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:
-    """Returns the (width, height) in px of a camera's pictures once they are at most `long_side_px` long."""
+    """Returns the (width, height) in px of a camera's pictures once they are at most `long_side_px`
+    long.
+    """
     return camera.pinhole(working_scale(camera, long_side_px)).size
 
 
@@ -95,27 +107,29 @@ def working_scale(camera: Camera, long_side_px: int | None) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class StraightLens:
+class UndistortedView:
     """From a camera's silhouette to that of the ideal camera that is fitted.
 
-    Attributes:
-        pinhole: camera without distortion, of the size that `Silhouettes` gives.
-        maps: for cv2.remap, from the silhouette at that size; None where that is the pinhole's already.
+    Attributes: pinhole: camera without distortion, of the size that `Silhouettes` gives. maps: for
+        cv2.remap, from the silhouette at that size; None where that is the pinhole's already.
     """
 
     pinhole: Camera
     maps: tuple[np.ndarray, np.ndarray] | None
 
     @classmethod
-    def of(cls, camera: Camera, long_side_px: int | None) -> StraightLens:
+    def of(cls, camera: Camera, long_side_px: int | None) -> UndistortedView:
         """Prepares a camera whose silhouettes are at most `long_side_px` long."""
         scale = working_scale(camera, long_side_px)
         if camera.is_pinhole:
             return cls(camera.pinhole(scale), None)
-        map_x, map_y = ((m + np.float32(0.5)) * np.float32(scale) - np.float32(0.5) for m in camera.pinhole_maps(scale))
+        map_x, map_y = (
+            (m + np.float32(0.5)) * np.float32(scale) - np.float32(0.5)
+            for m in camera.pinhole_maps(scale)
+        )
         return cls(camera.pinhole(scale), (map_x, map_y))
 
-    def straighten(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def undistort(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Returns the silhouette (h, w) bool as the pinhole sees it."""
         if self.maps is None:
             return mask

@@ -11,16 +11,19 @@ from platformdirs import user_cache_path
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Reporter, Silent
-from silhouette_core.library.library import LibrarySettings, PoseLibrary
-from silhouette_core.library.make import make_library
+from silhouette_core.library.from_motion import make_library
+from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import VERSION, read_library
+from silhouette_core.progress import Reporter, SilentReporter
 
-# Thresholds as `silhouette_core.library.thresholds` chose them once for this set of motions, which saves a quarter of the time.
+# Thresholds as `silhouette_core.library.thresholds` chose them once for this set of motions, which
+# saves a quarter of the time.
 SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
 
 
-def default_library(sizes: BodySizes, reporter: Reporter | None = None, folder: Path | None = None) -> PoseLibrary:
+def default_library(
+    sizes: BodySizes, reporter: Reporter | None = None, folder: Path | None = None
+) -> PoseLibrary:
     """Opens the default library of a body; makes it if it is not there yet.
 
     Args:
@@ -29,12 +32,12 @@ def default_library(sizes: BodySizes, reporter: Reporter | None = None, folder: 
         folder: where it is kept; None: the user's cache.
 
     Returns:
-        About 24,000 samples of `silhouette_core.motion.repertoire`.
+        About 24,000 samples of `silhouette_core.motion.keyposes`.
 
     Raises:
         InputError: it cannot be written.
     """
-    reporter = reporter or Silent()
+    reporter = reporter or SilentReporter()
     chest = None if sizes.chest_girth_m is None else round(sizes.chest_girth_m / 0.02) * 0.02
     body = BodySizes(round(sizes.stature_m, 2), chest, sizes.sex)
     path = (folder or user_cache_path("voxelpose") / "libraries") / _name(body)
@@ -49,13 +52,13 @@ def default_library(sizes: BodySizes, reporter: Reporter | None = None, folder: 
     except OSError as error:
         raise InputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
     reporter.note(
-        "first use with this body: a pose library is made from the program's own motions and kept (about a minute, once); "
-        "voxelpose library build makes one from recorded motion"
+        "first use with this body: a pose library is made from the program's own motions and kept"
+        " (about a minute, once); voxelpose library build makes one from recorded motion"
     )
-    from silhouette_core.motion.repertoire import repertoire
+    from silhouette_core.motion.keyposes import keypose_motions
 
     model = BodyModel.from_sizes(body)
-    return make_library(repertoire(model), model, path, SETTINGS, reporter)
+    return make_library(keypose_motions(model), model, path, SETTINGS, reporter)
 
 
 def _name(body: BodySizes) -> str:

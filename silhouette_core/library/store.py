@@ -1,7 +1,8 @@
-"""A pose library in one file: a safetensors container, which many languages read and nothing in which is executed.
+"""A pose library in one file: a safetensors container, which many languages read and nothing in
+which is executed.
 
-Its arrays are read through a memory map: a library of any size opens at once and takes no more memory than the parts that are used.
-The metadata hold a checksum of every array and of themselves.
+Its arrays are read through a memory map: a library of any size opens at once and takes no more
+memory than the parts that are used. The metadata hold a checksum of every array and of themselves.
 """
 
 from __future__ import annotations
@@ -22,19 +23,38 @@ from safetensors.numpy import save
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.library.library import Level, LibrarySettings, PoseLibrary
-from silhouette_core.scoring.backend import Spans
+from silhouette_core.image.spans import Spans
+from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 
 VERSION = 1
 _FORMAT = "voxelpose pose library"
 _TYPES = {
-    "BOOL": np.bool_, "U8": np.uint8, "I16": np.int16, "U16": np.uint16, "I32": np.int32, "I64": np.int64,
-    "F32": np.float32, "F64": np.float64,
-}  # fmt: skip
+    "BOOL": np.bool_,
+    "U8": np.uint8,
+    "I16": np.int16,
+    "U16": np.uint16,
+    "I32": np.int32,
+    "I64": np.int64,
+    "F32": np.float32,
+    "F64": np.float64,
+}
 _PLAIN = (
-    "base_angles", "base_quaternion", "base_height_m", "base_source", "base_mirrored", "views", "sample_base", "sample_view", "pelvis_px",
-    "areas", "occluded", "cut", "leaf_offsets", "leaf_samples", "sigma_rad",
-)  # fmt: skip
+    "base_angles",
+    "base_quaternion",
+    "base_height_m",
+    "base_source",
+    "base_mirrored",
+    "views",
+    "sample_base",
+    "sample_view",
+    "pelvis_px",
+    "areas",
+    "occluded",
+    "cut",
+    "leaf_offsets",
+    "leaf_samples",
+    "sigma_rad",
+)
 _LARGEST_HEADER = 10_000_000
 _MARKED = 100_000  # the format's name stands within so many bytes
 
@@ -49,7 +69,10 @@ def write_library(library: PoseLibrary, path: Path) -> None:
     arrays = {name: getattr(library, name) for name in _PLAIN}
     arrays["body_shape"] = library.model.shape
     for number, level in enumerate(library.levels):
-        arrays[f"level{number}.representative"], arrays[f"level{number}.parent"] = level.representative, level.parent
+        arrays[f"level{number}.representative"], arrays[f"level{number}.parent"] = (
+            level.representative,
+            level.parent,
+        )
         for name in ("rows", "starts", "ends", "offsets"):
             arrays[f"level{number}.{name}"] = getattr(level.spans, name)
     arrays |= {f"neighbours.{name}": array for name, array in library.neighbours.items()}
@@ -60,12 +83,22 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         "parts": list(library.model.names),
         "settings": asdict(library.settings),
         "clips": list(library.clips),
-        "levels": [{"size_px": level.size_px, "threshold": level.threshold} for level in library.levels],
+        "levels": [
+            {"size_px": level.size_px, "threshold": level.threshold} for level in library.levels
+        ],
         "root_sigma_rad": library.root_sigma_rad,
-        "checksums": {name: zlib.crc32(array.data.cast("B") if array.size else b"") for name, array in arrays.items()},
+        "checksums": {
+            name: zlib.crc32(array.data.cast("B") if array.size else b"")
+            for name, array in arrays.items()
+        },
     }
     text = json.dumps(about)
-    metadata = {"format": _FORMAT, "version": str(VERSION), "about": text, "about_checksum": str(zlib.crc32(text.encode()))}
+    metadata = {
+        "format": _FORMAT,
+        "version": str(VERSION),
+        "about": text,
+        "about_checksum": str(zlib.crc32(text.encode())),
+    }
     beside = path.with_name(f"{path.name}.partial-{uuid.uuid4().hex[:8]}")
     try:
         beside.write_bytes(save(arrays, metadata))
@@ -94,8 +127,8 @@ def read_library(path: Path) -> PoseLibrary:
     Returns:
         The library; its arrays are views into the file and cannot be written to.
 
-    Raises:
-        InputError: there is none, it is damaged or truncated, of another version, or holds no poses.
+    Raises: InputError: there is none, it is damaged or truncated, of another version, or holds no
+        poses.
     """
     arrays, about = _read(path)
     try:
@@ -109,24 +142,40 @@ def read_library(path: Path) -> PoseLibrary:
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     """Puts a library together from its file's arrays and facts."""
-    settings: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in about["settings"].items()}
+    settings: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in about["settings"].items()
+    }
     model = BodyModel.from_sizes(BodySizes(**about["sizes"])).reshaped(arrays["body_shape"])
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
         raise ValueError("made with a body that has other joints")
     levels = []
     for number, facts in enumerate(about["levels"]):
-        spans = Spans(*(arrays[f"level{number}.{name}"] for name in ("rows", "starts", "ends", "offsets")))
-        representative, parent = arrays[f"level{number}.representative"], arrays[f"level{number}.parent"]
+        spans = Spans(
+            *(arrays[f"level{number}.{name}"] for name in ("rows", "starts", "ends", "offsets"))
+        )
+        representative, parent = (
+            arrays[f"level{number}.representative"],
+            arrays[f"level{number}.parent"],
+        )
         if len(spans) != len(representative):
-            raise ValueError(f"level {number + 1} has {len(representative)} nodes and {len(spans)} silhouettes")
-        levels.append(Level(representative, parent, spans, tuple(facts["size_px"]), facts["threshold"]))
+            raise ValueError(
+                f"level {number + 1} has {len(representative)} nodes and {len(spans)} silhouettes"
+            )
+        levels.append(
+            Level(representative, parent, spans, tuple(facts["size_px"]), facts["threshold"])
+        )
     return PoseLibrary(
         model=model,
         settings=LibrarySettings(**settings),
         clips=tuple(about["clips"]),
         levels=tuple(levels),
         root_sigma_rad=about["root_sigma_rad"],
-        neighbours={name.removeprefix("neighbours."): array for name, array in arrays.items() if name.startswith("neighbours.")},
+        neighbours={
+            name.removeprefix("neighbours."): array
+            for name, array in arrays.items()
+            if name.startswith("neighbours.")
+        },
         **{name: arrays[name] for name in _PLAIN},
     )
 
@@ -138,7 +187,11 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
         with path.open("rb") as file:
             content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
     except (OSError, ValueError) as error:
-        reason = "the file is empty" if isinstance(error, ValueError) else getattr(error, "strerror", None) or error
+        reason = (
+            "the file is empty"
+            if isinstance(error, ValueError)
+            else getattr(error, "strerror", None) or error
+        )
         raise InputError(f"the library {path} cannot be read: {reason}") from error
     length = int.from_bytes(content[:8], "little")
     try:
@@ -149,9 +202,14 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
         if metadata["format"] != _FORMAT:
             raise ValueError("another format")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} is not a pose library, or is damaged: {again} (voxelpose library build)") from error
+        raise InputError(
+            f"{path} is not a pose library, or is damaged: {again} (voxelpose library build)"
+        ) from error
     if metadata.get("version") != str(VERSION):
-        raise InputError(f"{path} is a library of version {metadata.get('version')}, and this program reads version {VERSION}: {again}")
+        raise InputError(
+            f"{path} is a library of version {metadata.get('version')}, and this program reads"
+            f" version {VERSION}: {again}"
+        )
     try:
         if str(zlib.crc32(metadata["about"].encode())) != metadata["about_checksum"]:
             raise ValueError("its description changed")
@@ -163,7 +221,9 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
                 raise ValueError("it is truncated")
             if zlib.crc32(body[first:last]) != about["checksums"][name]:
                 raise ValueError(f"its array {name} changed")
-            arrays[name] = np.frombuffer(body[first:last], _TYPES[found["dtype"]]).reshape(found["shape"])
+            arrays[name] = np.frombuffer(body[first:last], _TYPES[found["dtype"]]).reshape(
+                found["shape"]
+            )
         if arrays.keys() != about["checksums"].keys():
             raise ValueError("an array is missing")
     except (ValueError, KeyError, TypeError, SafetensorError) as error:

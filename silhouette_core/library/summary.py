@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silhouette_core.library.library import PoseLibrary, describe
+from silhouette_core.library.pose_library import PoseLibrary, describe
 
 
 def summary(library: PoseLibrary, path: Path) -> str:
@@ -21,16 +21,31 @@ def summary(library: PoseLibrary, path: Path) -> str:
     nodes = " / ".join(f"{len(level):,}" for level in library.levels)
     thresholds = " / ".join(f"{level.threshold:.4f}" for level in library.levels)
     clips = np.bincount(library.base_source[:, 0], minlength=len(library.clips))
-    hidden = library.occluded.mean(axis=0)
+    occluded = library.occluded.mean(axis=0)
     lines = [
         f"{path}: {path.stat().st_size / 1e6:,.1f} MB",
         f"body      {describe(library.model.sizes)}",
-        f"poses     {len(library):,} = {len(library.base_angles):,} ({mirrored:,} of them mirror images) x {len(library.views)} views",
-        f"views     every {library.settings.yaw_step_deg:g} degrees around, camera {', '.join(f'{p:g}' for p in pitches)} degrees down",
+        (
+            f"poses     {len(library):,} = {len(library.base_angles):,} ({mirrored:,} of them"
+            f" mirror images) x {len(library.views)} views"
+        ),
+        (
+            f"views     every {library.settings.yaw_step_deg:g} degrees around, camera"
+            f" {', '.join(f'{p:g}' for p in pitches)} degrees down"
+        ),
         f"tree      {nodes} nodes, thresholds {thresholds} ({library.settings.weighting})",
-        f"leaves    {len(library) / len(library.levels[-1]):.2f} poses each, at most {int(np.diff(library.leaf_offsets).max()):,}",
+        (
+            f"leaves    {len(library) / len(library.levels[-1]):.2f} poses each, at most"
+            f" {int(np.diff(library.leaf_offsets).max()):,}"
+        ),
         f"window    {int(library.cut.sum()):,} poses stick out of it",
-        f"hidden    {hidden.mean():.0%} of all parts; most often {library.model.names[int(hidden.argmax())]}, {hidden.max():.0%}",
-        f"clips     {int((clips > 0).sum())} of {len(library.clips)} gave poses: {', '.join(library.clips)}",
+        (
+            f"hidden    {occluded.mean():.0%} of all parts; most often"
+            f" {library.model.names[int(occluded.argmax())]}, {occluded.max():.0%}"
+        ),
+        (
+            f"clips     {int((clips > 0).sum())} of {len(library.clips)} gave poses:"
+            f" {', '.join(library.clips)}"
+        ),
     ]
     return "\n".join(lines)

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.library.kernels.thinning import thin_rows
+from silhouette_core.motion.heading import split_heading
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.turning import split_heading
 
 _GRID_COLUMNS = 6
 
@@ -16,9 +16,9 @@ def pose_features(motion: Motion) -> NDArray[np.float64]:
     Args:
         motion: the take.
 
-    Returns:
-        (T, D + 2) float64, radians: the joint angles, then how far the pelvis leans from the vertical, as a rotation vector about the
-        body's x and y (its z is 0, the heading about the vertical being taken out).
+    Returns: (T, D + 2) float64, radians: the joint angles, then how far the pelvis leans from the
+        vertical, as a rotation vector about the body's x and y (its z is 0, the heading about the
+        vertical being taken out).
     """
     _, tilt = split_heading(motion.root_quaternion)
     sine = np.linalg.norm(tilt[:, 1:], axis=1, keepdims=True)
@@ -27,17 +27,21 @@ def pose_features(motion: Motion) -> NDArray[np.float64]:
     return np.hstack([motion.angles_rad, lean])
 
 
-def thin(features_rad: NDArray[np.float64], tolerance_rad: float, already_kept: NDArray[np.float64] | None = None) -> NDArray[np.int64]:
+def thin_poses(
+    features_rad: NDArray[np.float64],
+    tolerance_rad: float,
+    already_kept: NDArray[np.float64] | None = None,
+) -> NDArray[np.int64]:
     """Removes poses until no two remain whose differences are all the tolerance or less.
 
-    Greedy in the given order: a pose goes if one that stays is within the tolerance in every coordinate, and stays otherwise. Exact.
-    Time is that of N lookups in a hash grid over the six coordinates that spread most, each of at most 64 cells; it grows with N and
-    with how many kept poses share a cell, not with N².
+    Greedy in the given order: a pose goes if one that stays is within the tolerance in every
+    coordinate, and stays otherwise. Exact. Time is that of N lookups in a hash grid over the six
+    coordinates that spread most, each of at most 64 cells; it grows with N and with how many kept
+    poses share a cell, not with N².
 
-    Args:
-        features_rad: (N, K) float64, finite.
-        tolerance_rad: greater than 0.
-        already_kept: (M, K) float64, poses that are kept whatever is near to them, such as those of a library that grows.
+    Args: features_rad: (N, K) float64, finite. tolerance_rad: greater than 0. already_kept: (M, K)
+        float64, poses that are kept whatever is near to them, such as those of a library that
+        grows.
 
     Returns:
         (L,) int64, increasing: the rows that stay.
@@ -50,7 +54,11 @@ def thin(features_rad: NDArray[np.float64], tolerance_rad: float, already_kept: 
     features = np.ascontiguousarray(features_rad, float)
     if features.ndim != 2:
         raise ValueError(f"features_rad must be (N, K), got {features.shape}")
-    kept_before = np.empty((0, features.shape[1])) if already_kept is None else np.asarray(already_kept, float)
+    kept_before = (
+        np.empty((0, features.shape[1]))
+        if already_kept is None
+        else np.asarray(already_kept, float)
+    )
     if kept_before.ndim != 2 or kept_before.shape[1] != features.shape[1]:
         raise ValueError(f"already_kept must be (M, {features.shape[1]}), got {kept_before.shape}")
     if not tolerance_rad > 0:

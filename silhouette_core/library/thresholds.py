@@ -1,8 +1,9 @@
 """Choosing the tree's thresholds so that its levels have about as many nodes as wanted.
 
-The first level is tried on samples drawn at random, of several sizes, and what their numbers of nodes do is carried on to the whole
-library; the other levels are tried on some of the nodes above, whose children are counted exactly. All distances among the samples of a
-small draw are measured once, so that trying a threshold is quick.
+The first level is tried on samples drawn at random, of several sizes, and what their numbers of
+nodes do is carried on to the whole library; the other levels are tried on some of the nodes above,
+whose children are counted exactly. All distances among the samples of a small draw are measured
+once, so that trying a threshold is quick.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.estimator import Reporter
 from silhouette_core.library.tree import Poses, Scorer, Split
+from silhouette_core.progress import Reporter
 
 _DRAWN = 3200
 _LARGER = 12_800
@@ -39,7 +40,9 @@ class Table:
     distances: NDArray[np.float64]
 
     @classmethod
-    def of(cls, samples: NDArray[np.int64], score: Scorer, reporter: Reporter | None = None) -> Table:
+    def of(
+        cls, samples: NDArray[np.int64], score: Scorer, reporter: Reporter | None = None
+    ) -> Table:
         """Measures all of them."""
         distances = np.empty((len(samples), len(samples)))
         for row, representative in zip(distances, samples, strict=True):
@@ -48,10 +51,16 @@ class Table:
                 reporter.advance()
         return cls(samples, distances)
 
-    def __call__(self, representative: int, samples: NDArray[np.int64], threads: bool) -> NDArray[np.float64]:
+    def __call__(
+        self, representative: int, samples: NDArray[np.int64], threads: bool
+    ) -> NDArray[np.float64]:
         """Looks distances up, as `Scorer` measures them."""
         row = self.distances[np.searchsorted(self.samples, representative)]
-        return row if len(samples) == len(self.samples) else row[np.searchsorted(self.samples, samples)]
+        return (
+            row
+            if len(samples) == len(self.samples)
+            else row[np.searchsorted(self.samples, samples)]
+        )
 
     def nodes(self, samples: NDArray[np.int64], poses: Poses, threshold: float) -> int:
         """Counts the nodes into which `samples` (some of them, rising) would be divided."""
@@ -60,7 +69,9 @@ class Table:
         return len(split.chosen)
 
 
-def first_threshold(count: int, wanted: int, poses: Poses, score: Scorer, reporter: Reporter) -> float:
+def first_threshold(
+    count: int, wanted: int, poses: Poses, score: Scorer, reporter: Reporter
+) -> float:
     """Chooses T_1.
 
     Args:
@@ -79,7 +90,11 @@ def first_threshold(count: int, wanted: int, poses: Poses, score: Scorer, report
         return _bisect(nodes, wanted, highest)
     half = np.sort(shuffled[: _DRAWN // 2])
     threshold = _bisect(
-        lambda threshold: _carried_on(table.nodes(half, poses, threshold), nodes(threshold), count / _DRAWN), wanted, highest
+        lambda threshold: _carried_on(
+            table.nodes(half, poses, threshold), nodes(threshold), count / _DRAWN
+        ),
+        wanted,
+        highest,
     )
     larger = min(count, _LARGER)
     for _ in range(_CORRECTIONS):
@@ -89,21 +104,28 @@ def first_threshold(count: int, wanted: int, poses: Poses, score: Scorer, report
             split.run(score, threshold, lambda _: reporter.advance(), threads=True)
             found.append(len(split.chosen))
         # How steeply the number of nodes falls is taken from the small draw.
-        steepness = np.log(nodes(threshold / _NEARBY) / nodes(threshold * _NEARBY)) / np.log(_NEARBY**2)
-        threshold *= (_carried_on(found[0], found[1], count / larger) / wanted) ** (1 / max(float(steepness), 0.2))
+        steepness = np.log(nodes(threshold / _NEARBY) / nodes(threshold * _NEARBY)) / np.log(
+            _NEARBY**2
+        )
+        threshold *= (_carried_on(found[0], found[1], count / larger) / wanted) ** (
+            1 / max(float(steepness), 0.2)
+        )
     return threshold
 
 
 def _carried_on(before: int, now: int, times: float) -> float:
     """Returns how many nodes `times` as many samples make, if half as many as now made `before`.
 
-    Nodes grow by ever less with every doubling of the samples; on recorded motion the exponent fell by an eighth each time.
+    Nodes grow by ever less with every doubling of the samples; on recorded motion the exponent fell
+    by an eighth each time.
     """
     doublings = np.log2(times)
     return float(now * (now / before) ** (_FALL * (1 - _FALL**doublings) / (1 - _FALL)))
 
 
-def next_threshold(sets: list[NDArray[np.int64]], wanted: int, poses: Poses, score: Scorer) -> float:
+def next_threshold(
+    sets: list[NDArray[np.int64]], wanted: int, poses: Poses, score: Scorer
+) -> float:
     """Chooses T_l of a level below the first.
 
     Args:
@@ -129,11 +151,19 @@ def next_threshold(sets: list[NDArray[np.int64]], wanted: int, poses: Poses, sco
     per_sample = (wanted - len(sets) + len(larger)) / sum(len(samples) for samples in larger)
     target = per_sample * sum(len(table.samples) for table in tables)
     highest = max(float(table.distances.max()) for table in tables)
-    return _bisect(lambda threshold: float(sum(table.nodes(table.samples, poses, threshold) for table in tables)), target, highest)
+    return _bisect(
+        lambda threshold: float(
+            sum(table.nodes(table.samples, poses, threshold) for table in tables)
+        ),
+        target,
+        highest,
+    )
 
 
 def _bisect(nodes: Callable[[float], float], wanted: float, highest: float) -> float:
-    """Returns the threshold, from 0 to `highest`, at which a falling number of nodes comes to `wanted`."""
+    """Returns the threshold, from 0 to `highest`, at which a falling number of nodes comes to
+    `wanted`.
+    """
     low, high = 0.0, highest
     for _ in range(_STEPS):
         middle = (low + high) / 2

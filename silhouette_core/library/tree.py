@@ -1,4 +1,6 @@
-"""The silhouette tree: a library's samples divided again and again by how much their silhouettes differ."""
+"""The silhouette tree: a library's samples divided again and again by how much their silhouettes
+differ.
+"""
 
 from __future__ import annotations
 
@@ -11,23 +13,25 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.estimator import Reporter
 from silhouette_core.image.distance import Target, Weighting
-from silhouette_core.library.pictures import masks_of
-from silhouette_core.scoring.backend import Spans
+from silhouette_core.image.spans import Spans
+from silhouette_core.library.rendering import masks_of
+from silhouette_core.progress import Reporter
 
-_ALONE = 2048  # sets of at least this many samples are scored by all threads together, smaller ones by one thread each
+# sets of at least this many samples are scored by all threads together, smaller ones by one thread
+# each
+_ALONE = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class Poses:
     """Where samples are in pose space.
 
-    Attributes:
-        angles: (B, D) joint angles of the base poses, radians.
-        base: (N,) base pose of each sample.
-        orientation: (N, 9) float64, the pelvis's, see `silhouette_core.library.transitions.turned_orientations`: its Euclidean distance
-            is an angle in radians, so that turning the body by some degrees counts as turning one joint by as much.
+    Attributes: angles: (B, D) joint angles of the base poses, radians. base: (N,) base pose of each
+        sample. orientation: (N, 9) float64, the pelvis's, see
+        `silhouette_core.library.transitions.turned_orientations`: its Euclidean distance
+            is an angle in radians, so that turning the body by some degrees counts as turning one
+            joint by as much.
     """
 
     angles: NDArray[np.float32]
@@ -35,7 +39,9 @@ class Poses:
     orientation: NDArray[np.float64]
 
     def nearest_to_mean(self, samples: NDArray[np.integer]) -> int:
-        """Returns the sample nearest to the mean of `samples` (n,), over joint angles and orientation; of equally near ones the first."""
+        """Returns the sample nearest to the mean of `samples` (n,), over joint angles and
+        orientation; of equally near ones the first.
+        """
         if len(samples) < 2:
             return int(samples[0])
         found = np.zeros(len(samples))
@@ -48,7 +54,9 @@ class Poses:
 class Distances(Protocol):
     """Something that knows how far a representative is from samples."""
 
-    def __call__(self, representative: int, samples: NDArray[np.int64], threads: bool) -> NDArray[np.float64]:
+    def __call__(
+        self, representative: int, samples: NDArray[np.int64], threads: bool
+    ) -> NDArray[np.float64]:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         ...
 
@@ -67,7 +75,9 @@ class Scorer:
     size_px: tuple[int, int]
     weighting: Weighting
 
-    def __call__(self, representative: int, samples: NDArray[np.int64], threads: bool) -> NDArray[np.float64]:
+    def __call__(
+        self, representative: int, samples: NDArray[np.int64], threads: bool
+    ) -> NDArray[np.float64]:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
         return Target.of(mask, self.weighting).distances(self.spans, samples, threads=threads)
@@ -95,13 +105,22 @@ class Split:
         """Step 1: the first representative is the sample nearest the mean."""
         first = int(np.searchsorted(samples, poses.nearest_to_mean(samples)))
         count = len(samples)
-        return cls(samples, [first], np.zeros(count), np.full(count, np.inf), np.zeros(count, np.int32))
+        return cls(
+            samples, [first], np.zeros(count), np.full(count, np.inf), np.zeros(count, np.int32)
+        )
 
-    def run(self, score: Distances, threshold: float, after: Callable[[Split], None] = lambda split: None, threads: bool = False) -> None:
-        """Steps 2 and 3: takes the newest representative's distances, then chooses the next, until all samples are near one.
+    def run(
+        self,
+        score: Distances,
+        threshold: float,
+        after: Callable[[Split], None] = lambda split: None,
+        threads: bool = False,
+    ) -> None:
+        """Steps 2 and 3: takes the newest representative's distances, then chooses the next, until
+        all samples are near one.
 
-        A representative is scored against all samples and not only those still far from the others: a sample belongs to the nearest of
-        all representatives, and that may be a later one.
+        A representative is scored against all samples and not only those still far from the others:
+        a sample belongs to the nearest of all representatives, and that may be a later one.
         """
         while len(self.chosen) < len(self.samples):
             distance = score(int(self.samples[self.chosen[-1]]), self.samples, threads)
@@ -119,17 +138,18 @@ class Split:
     def groups(self) -> list[NDArray[np.int64]]:
         """Returns the samples of each new node, rising, in the order in which the nodes came up."""
         order = np.argsort(self.nearest_node, kind="stable")
-        return np.split(self.samples[order], np.cumsum(np.bincount(self.nearest_node, minlength=len(self.chosen)))[:-1])
+        return np.split(
+            self.samples[order],
+            np.cumsum(np.bincount(self.nearest_node, minlength=len(self.chosen)))[:-1],
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
     """The nodes of one level.
 
-    Attributes:
-        representative: (K,) int32, samples.
-        parent: (K,) int32.
-        offsets: (K + 1,) int64 and members (N,) int32: the samples of node k are members[offsets[k] : offsets[k + 1]], rising.
+    Attributes: representative: (K,) int32, samples. parent: (K,) int32. offsets: (K + 1,) int64 and
+        members (N,) int32: the samples of node k are members[offsets[k] : offsets[k + 1]], rising.
     """
 
     representative: NDArray[np.int32]
@@ -150,14 +170,20 @@ class Nodes:
             poses: the pose space.
         """
         flat = [group for children in groups for group in children]
-        parent = np.repeat(np.arange(len(groups), dtype=np.int32), [len(children) for children in groups])
+        parent = np.repeat(
+            np.arange(len(groups), dtype=np.int32), [len(children) for children in groups]
+        )
         offsets = np.cumsum([0] + [len(group) for group in flat]).astype(np.int64)
         representative = np.array([poses.nearest_to_mean(group) for group in flat], np.int32)
         return cls(representative, parent, offsets, np.concatenate(flat).astype(np.int32))
 
 
 def divide(
-    sets: list[NDArray[np.int64]], poses: Poses, score: Scorer, threshold: float, reporter: Reporter | None = None
+    sets: list[NDArray[np.int64]],
+    poses: Poses,
+    score: Scorer,
+    threshold: float,
+    reporter: Reporter | None = None,
 ) -> list[list[NDArray[np.int64]]]:
     """Divides sets of samples, each by steps 1 to 3.
 

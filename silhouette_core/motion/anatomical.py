@@ -1,24 +1,31 @@
 """Joint angles as biomechanists state them, from the rotations of a motion's parts.
 
-Segments carry the axes that the International Society of Biomechanics recommends, as far as a body of joint centres has them: x forward,
-y up (from the far joint to the near one), z to the person's right. Pelvis, thorax and head stand along the body at rest, the foot along
-its sole; z of thigh and shin is the body's right and of arm, forearm and hand the axis of the elbow, made square to y. A joint's
-rotation is near_from_far; on the left it is mirrored in the body's plane of symmetry, so that a sign means the same movement on both
-sides. Zero is the anatomical position (upright, arms down, palms forward) with all bones in line. It is not this body's rest pose,
-whose knees are bent by a few degrees and whose arms stand 45 degrees out.
+Segments carry the axes that the International Society of Biomechanics recommends, as far as a body
+of joint centres has them: x forward, y up (from the far joint to the near one), z to the person's
+right. Pelvis, thorax and head stand along the body at rest, the foot along its sole; z of thigh and
+shin is the body's right and of arm, forearm and hand the axis of the elbow, made square to y. A
+joint's rotation is near_from_far; on the left it is mirrored in the body's plane of symmetry, so
+that a sign means the same movement on both sides. Zero is the anatomical position (upright, arms
+down, palms forward) with all bones in line. It is not this body's rest pose, whose knees are bent
+by a few degrees and whose arms stand 45 degrees out.
 
-R = Rz(flexion) Rx(adduction) Ry(internal rotation) at every joint but two. The shoulder has it too (flexion, adduction, internal
-rotation: useless near 90 degrees of adduction or abduction) beside the ISB's Ry(plane) Rx(-elevation) Ry(axial) (plane 0: to the side,
-90: forward; plane and axial rotation are useless while the arm hangs, only their sum counts then). The pelvis has
-Ry(rotation) Rx(-obliquity) Rz(-tilt) in the world, which means the same whichever way the person faces; rotation is zero for a person
-who faces the world's +y and grows counter-clockwise seen from above.
+R = Rz(flexion) Rx(adduction) Ry(internal rotation) at every joint but two. The shoulder has it too
+(flexion, adduction, internal
+rotation: useless near 90 degrees of adduction or abduction) beside the ISB's Ry(plane)
+    Rx(-elevation) Ry(axial) (plane 0: to the side,
+90: forward; plane and axial rotation are useless while the arm hangs, only their sum counts then).
+The pelvis has Ry(rotation) Rx(-obliquity) Rz(-tilt) in the world, which means the same whichever
+way the person faces; rotation is zero for a person who faces the world's +y and grows
+counter-clockwise seen from above.
 
-Silhouettes say little about turns of a limb about its own length: take rotations of straight limbs, and pronation, which the estimators
-hold at rest, for what they are.
+Silhouettes say little about turns of a limb about its own length: take rotations of straight limbs,
+and pronation, which the estimators hold at rest, for what they are.
 
-Source: Grood and Suntay, "A joint coordinate system for the clinical description of three-dimensional motions" (J. Biomech. Eng. 1983),
-hip, knee, ankle; Wu et al., ISB recommendation, parts I and II (J. Biomech. 2002 and 2005); Baker, "Pelvic angles" (Gait and Posture
-2001). They take epicondyles, malleoli and the pelvis's spines for their axes; a body fitted to silhouettes has joint centres only.
+Source: Grood and Suntay, "A joint coordinate system for the clinical description of
+three-dimensional motions" (J. Biomech. Eng. 1983), hip, knee, ankle; Wu et al., ISB recommendation,
+parts I and II (J. Biomech. 2002 and 2005); Baker, "Pelvic angles" (Gait and Posture 2001). They
+take epicondyles, malleoli and the pelvis's spines for their axes; a body fitted to silhouettes has
+joint centres only.
 """
 
 from __future__ import annotations
@@ -40,7 +47,9 @@ LAB_FROM_WORLD = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Laboratory axes with y up: (x, y, z) of the world becomes (y, z, x)."""
 
 _RIGHT = np.array([-1.0, 0.0, 0.0])
-_UPRIGHT = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # columns: forward, up, right, in the body frame at rest
+_UPRIGHT = np.array(
+    [[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+)  # columns: forward, up, right, in the body frame at rest
 _MIRROR = np.diag([1.0, 1.0, -1.0])
 _SIDES = ("left", "right")
 
@@ -72,8 +81,8 @@ _ANGLES = {
 class AnatomicalAngles:
     """Angles of a motion.
 
-    Attributes:
-        names: A names, such as `left_knee_flexion`. Positive means the movement named; `trunk` and `neck` bend laterally and `pelvis`
+    Attributes: names: A names, such as `left_knee_flexion`. Positive means the movement named;
+        `trunk` and `neck` bend laterally and `pelvis`
             is oblique (raised) toward the right when positive, and turn to the left.
         degrees: (T, A) float64, -180 to 180; a row per pose of the motion.
     """
@@ -101,7 +110,8 @@ def anatomical_angles(motion: Motion) -> AnatomicalAngles:
             continue
         if kind == "shoulder":
             plane, elevation, axial = euler_degrees(matrices, "YXY").T
-            # scipy turns about +x by 0 to 180, the arm rises about -x: the same rotation with the outer angles half a turn on.
+            # scipy turns about +x by 0 to 180, the arm rises about -x: the same rotation with the
+            # outer angles half a turn on.
             columns[f"{joint}_plane_of_elevation"] = _wrapped(plane + 180)
             columns[f"{joint}_elevation"] = elevation
             columns[f"{joint}_axial_rotation"] = _wrapped(axial + 180)
@@ -119,9 +129,8 @@ def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
     Args:
         motion: T poses.
 
-    Returns:
-        (T, 3, 3) each: `pelvis` (laboratory from pelvis), `trunk`, `neck`, and `left_` and `right_` of hip, knee, ankle, shoulder, elbow
-        and wrist, the left ones mirrored.
+    Returns: (T, 3, 3) each: `pelvis` (laboratory from pelvis), `trunk`, `neck`, and `left_` and
+        `right_` of hip, knee, ankle, shoulder, elbow and wrist, the left ones mirrored.
     """
     model = motion.model
     rotation, _ = motion.parts()
@@ -141,7 +150,9 @@ def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
 
 
 def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
-    """Returns the axes of the segments at rest, by part: (3, 3), columns forward, up, right in the body frame."""
+    """Returns the axes of the segments at rest, by part: (3, 3), columns forward, up, right in the
+    body frame.
+    """
     joint = dict(zip(model.names, model.joints_m, strict=True))
     axes = {name: _UPRIGHT for name in ("pelvis", "upper_thorax", "head")}
     for side in _SIDES:
@@ -156,12 +167,15 @@ def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
             axes[f"{side}_{part}"] = _along(joint[f"{side}_{part}"] - joint[f"{side}_{far}"], right)
         forward = joint[f"{side}_toes"] - joint[f"{side}_foot"]
         sole = np.array([forward[0], forward[1], 0.0]) / np.hypot(forward[0], forward[1])
-        axes[f"{side}_foot"] = np.column_stack([sole, _UPRIGHT[:, 1], np.cross(sole, _UPRIGHT[:, 1])])
+        axes[f"{side}_foot"] = np.column_stack(
+            [sole, _UPRIGHT[:, 1], np.cross(sole, _UPRIGHT[:, 1])]
+        )
     return axes
 
 
 def euler_degrees(matrices: NDArray[np.float64], order: str) -> NDArray[np.float64]:
-    """Returns (T, 3) angles in degrees, so that (T, 3, 3) `matrices` are the product of turns about the axes of `order`, from the left.
+    """Returns (T, 3) angles in degrees, so that (T, 3, 3) `matrices` are the product of turns about
+    the axes of `order`, from the left.
 
     Where two of the axes fall together the last angle is zero, silently.
     """

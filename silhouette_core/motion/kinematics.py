@@ -10,16 +10,24 @@ from silhouette_core.motion.kernels.kinematics import place_parts, skin_vertices
 def rotation_matrices(quaternion_wxyz: np.ndarray) -> np.ndarray:
     """Returns the (…, 3, 3) rotation matrices of (…, 4) quaternions w, x, y, z."""
     q = np.asarray(quaternion_wxyz, float)
-    return Rotation.from_quat(q.reshape(-1, 4), scalar_first=True).as_matrix().reshape(*q.shape[:-1], 3, 3)
+    return (
+        Rotation.from_quat(q.reshape(-1, 4), scalar_first=True)
+        .as_matrix()
+        .reshape(*q.shape[:-1], 3, 3)
+    )
 
 
 def quaternions(matrices: np.ndarray) -> np.ndarray:
     """Returns the (…, 4) quaternions w, x, y, z (w >= 0) of (…, 3, 3) rotation matrices."""
-    flat = Rotation.from_matrix(np.asarray(matrices, float).reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    flat = Rotation.from_matrix(np.asarray(matrices, float).reshape(-1, 3, 3)).as_quat(
+        canonical=True, scalar_first=True
+    )
     return flat.reshape(*np.shape(matrices)[:-2], 4)
 
 
-def forward(model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, angles_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def forward(
+    model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, angles_rad: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Places every part of a take.
 
     Args:
@@ -28,8 +36,8 @@ def forward(model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, a
         root_quaternion: (T, 4) w, x, y, z, world from body.
         angles_rad: (T, D) joint angles in the order of `model.dof_names`.
 
-    Returns:
-        part rotations (T, 27, 3, 3), world from body, and part origins (T, 27, 3), the world positions of the joints.
+    Returns: part rotations (T, 27, 3, 3), world from body, and part origins (T, 27, 3), the world
+        positions of the joints.
     """
     rotations = rotation_matrices(np.atleast_2d(root_quaternion))
     count = len(rotations)
@@ -37,21 +45,40 @@ def forward(model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, a
     part_origin = np.empty((count, len(model.names), 3))
     for t in range(count):
         place_parts(
-            model.parents, model.joints_m, model.dof_part, model.dof_axis, rotations[t], np.atleast_2d(root_m)[t],
-            np.atleast_2d(angles_rad)[t], part_rotation[t], part_origin[t],
-        )  # fmt: skip
+            model.parents,
+            model.joints_m,
+            model.dof_part,
+            model.dof_axis,
+            rotations[t],
+            np.atleast_2d(root_m)[t],
+            np.atleast_2d(angles_rad)[t],
+            part_rotation[t],
+            part_origin[t],
+        )
     return part_rotation, part_origin
 
 
 def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
-    """Returns the world positions (T, 15, 3) of the HumanEva joints, in the order of `joints.LANDMARK_NAMES`."""
+    """Returns the world positions (T, 15, 3) of the HumanEva joints, in the order of
+    `joints.LANDMARK_NAMES`.
+    """
     part = model.landmark_part
     local = model.landmarks_m - model.joints_m[part]
     return part_origin[:, part] + np.einsum("tlij,lj->tli", part_rotation[:, part], local)
 
 
 def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
-    """Returns the posed surface (V, 3) for one frame's parts (27, 3, 3) and (27, 3), by linear blend skinning."""
+    """Returns the posed surface (V, 3) for one frame's parts (27, 3, 3) and (27, 3), by linear
+    blend skinning.
+    """
     posed = np.empty_like(model.vertices_m)
-    skin_vertices(model.vertices_m, model.joints_m, model.skin_parts, model.skin_weights, part_rotation, part_origin, posed)
+    skin_vertices(
+        model.vertices_m,
+        model.joints_m,
+        model.skin_parts,
+        model.skin_weights,
+        part_rotation,
+        part_origin,
+        posed,
+    )
     return posed

@@ -20,17 +20,16 @@ if TYPE_CHECKING:
 class Motion:
     """Poses of one body over time.
 
-    Attributes:
-        fps: frames per second of the recording.
-        model: the body; its part and joint-angle order is the order of the arrays below.
-        root_m: (T, 3) float64, position of the root part's joint in the world, metres.
-        root_quaternion: (T, 4) float64, unit, w x y z: world_from_body of the root part.
-        angles_rad: (T, D) float64, joint angles, radians.
-        frames: (T,) int64, increasing: the frame of the recording that each pose belongs to. A frame that is left out is lost.
-        time_s: (T,) float64, increasing, seconds.
-        quality: arrays with T in front. Known names, all optional: `part_overlap` (T, P) share of the part's volume that lies in the
-            hull, `part_unsupported` (T, P) bool, no voxel speaks for the part, `unexplained` (T,) share of the hull's voxels that
-            no part covers, `confidence` (T,) from 0 to 1, `landmark_confidence` (T, 15) from 0 to 1.
+    Attributes: fps: frames per second of the recording. model: the body; its part and joint-angle
+        order is the order of the arrays below. root_m: (T, 3) float64, position of the root part's
+        joint in the world, metres. root_quaternion: (T, 4) float64, unit, w x y z: world_from_body
+        of the root part. angles_rad: (T, D) float64, joint angles, radians. frames: (T,) int64,
+        increasing: the frame of the recording that each pose belongs to. A frame that is left out
+        is lost. time_s: (T,) float64, increasing, seconds. quality: arrays with T in front. Known
+        names, all optional: `part_overlap` (T, P) share of the part's volume that lies in the
+            hull, `part_unsupported` (T, P) bool, no voxel speaks for the part, `unexplained` (T,)
+            share of the hull's voxels that no part covers, `confidence` (T,) from 0 to 1,
+            `landmark_confidence` (T, 15) from 0 to 1.
     """
 
     fps: float
@@ -79,26 +78,32 @@ class Motion:
     def parts(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Places every part.
 
-        Returns:
-            (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins (the joints at the parts' near ends) in the world, metres.
+        Returns: (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins (the joints at the
+            parts' near ends) in the world, metres.
         """
         from silhouette_core.motion import kinematics
 
         return kinematics.forward(self.model, self.root_m, self.root_quaternion, self.angles_rad)
 
     def landmarks(self) -> NDArray[np.float64]:
-        """Returns the joints of joints.csv: (T, 15, 3), world, metres, in the order of LANDMARK_NAMES."""
+        """Returns the joints of joints.csv: (T, 15, 3), world, metres, in the order of
+        LANDMARK_NAMES.
+        """
         from silhouette_core.motion import kinematics
 
         return kinematics.landmarks(self.model, *self.parts())
 
     def landmark_confidence(self) -> NDArray[np.float64]:
-        """Returns (T, 15) from 0 to 1: as the estimator gave it, else the overlap of the landmark's part, else the frame's confidence."""
+        """Returns (T, 15) from 0 to 1: as the estimator gave it, else the overlap of the landmark's
+        part, else the frame's confidence.
+        """
         if "landmark_confidence" in self.quality:
             return np.asarray(self.quality["landmark_confidence"], float)
         if "part_overlap" in self.quality:
             overlap = np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part]
-            return np.clip(np.nan_to_num(overlap), 0.0, 1.0)  # where nothing was measured, nothing is known
+            return np.clip(
+                np.nan_to_num(overlap), 0.0, 1.0
+            )  # where nothing was measured, nothing is known
         frame = np.asarray(self.quality.get("confidence", np.ones(len(self))), float)
         return np.repeat(frame[:, None], len(LANDMARK_NAMES), axis=1)
 

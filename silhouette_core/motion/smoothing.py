@@ -1,11 +1,14 @@
-"""Poses without the jitter: a low-pass filter over the finished take, forward and backward, so that nothing lags."""
+"""Poses without the jitter: a low-pass filter over the finished take, forward and backward, so that
+nothing lags.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-_CUTOFF_HZ = 7.0  # voluntary human movement holds little power above 6 Hz (Winter, Biomechanics and Motor Control)
+# voluntary human movement holds little power above 6 Hz (Winter, Biomechanics and Motor Control)
+_CUTOFF_HZ = 7.0
 _ORDER = 2
 _SHORTEST = 16
 
@@ -13,9 +16,8 @@ _SHORTEST = 16
 def smooth(values: np.ndarray, fps: float) -> np.ndarray:
     """Smooths evenly sampled signals without lag (Butterworth, run both ways).
 
-    Args:
-        values: (T, n) float64.
-        fps: samples per second. Slow recordings, which hold nothing above the cut-off, are given back as they are.
+    Args: values: (T, n) float64. fps: samples per second. Slow recordings, which hold nothing above
+        the cut-off, are given back as they are.
 
     Returns:
         (T, n) float64.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from silhouette_core.image.spans import Spans
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +34,10 @@ class Voxels:
     def __post_init__(self) -> None:
         """Checks every value once."""
         if self.occupancy.dtype != np.bool_:
-            raise TypeError(f"occupancy must be (nx, ny, nz) bool, got {self.occupancy.shape} {self.occupancy.dtype}")
+            raise TypeError(
+                f"occupancy must be (nx, ny, nz) bool, got {self.occupancy.shape}"
+                f" {self.occupancy.dtype}"
+            )
         if self.occupancy.ndim != 3:
             raise ValueError(f"occupancy must be (nx, ny, nz) bool, got {self.occupancy.shape}")
         if np.shape(self.origin_m) != (3,):
@@ -42,59 +46,21 @@ class Voxels:
             raise ValueError(f"voxel_size_m must be positive, got {self.voxel_size_m}")
 
 
-@dataclass(frozen=True, eq=False)
-class Spans:
-    """Silhouettes as runs of foreground in image rows; those of silhouette k are number offsets[k] to offsets[k + 1].
-
-    Attributes:
-        rows: (S,) int32, image row of each run.
-        starts: (S,) int32, its first column.
-        ends: (S,) int32, the column after its last.
-        offsets: (K + 1,) int64.
-
-    Raises:
-        ValueError: The arrays do not belong together.
+class Backend(Protocol):
+    """Scores many candidates against one observation. All backends give the same numbers, for any
+    number of threads.
     """
 
-    rows: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    ends: NDArray[np.int32]
-    offsets: NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        """Checks every value once."""
-        count = len(self.rows)
-        if len(self.starts) != count or len(self.ends) != count:
-            raise ValueError(f"rows, starts and ends must be of one length, got {count}, {len(self.starts)}, {len(self.ends)}")
-        offsets = self.offsets
-        if not len(offsets) or offsets[0] != 0 or offsets[-1] != count or (np.diff(offsets) < 0).any():
-            raise ValueError(f"offsets must rise from 0 to the number of runs, {count}, got {offsets}")
-
-    def __len__(self) -> int:
-        """Counts the silhouettes."""
-        return len(self.offsets) - 1
-
-    @classmethod
-    def from_masks(cls, masks: Iterable[NDArray[np.bool_]]) -> Spans:
-        """Takes the runs of silhouettes (h, w) bool, row by row from the top."""
-        found = []
-        for mask in masks:
-            steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-            rows, starts = np.nonzero(steps > 0)
-            found.append((rows, starts, np.nonzero(steps < 0)[1]))
-        offsets = np.cumsum([0] + [len(rows) for rows, _, _ in found], dtype=np.int64)
-        columns = (np.concatenate([np.zeros(0, np.int32), *column]).astype(np.int32) for column in zip(*found, strict=True))
-        rows, starts, ends = columns if found else (np.zeros(0, np.int32),) * 3
-        return cls(rows, starts, ends, offsets)
-
-
-class Backend(Protocol):
-    """Scores many candidates against one observation. All backends give the same numbers, for any number of threads."""
-
     def voxel_overlap(
-        self, voxels: Voxels, points: FloatArray, weights: FloatArray, rotations: FloatArray, translations: FloatArray
+        self,
+        voxels: Voxels,
+        points: FloatArray,
+        weights: FloatArray,
+        rotations: FloatArray,
+        translations: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Says for K placements of a part how much of it lies in occupied and how much in empty voxels.
+        """Says for K placements of a part how much of it lies in occupied and how much in empty
+        voxels.
 
         Args:
             voxels: The observed volume; what lies outside of it counts as empty.
@@ -113,13 +79,12 @@ class Backend(Protocol):
     def span_distance(self, prefix: FloatArray, base: float, spans: Spans) -> FloatArray:
         """Measures K silhouettes' distance from an observed one.
 
-        With P the observation, d its pixel weights and s = d (1 - 2 P), the weighted disagreement of P with a silhouette Q is
-        sum(d P) + sum of s over Q, and the latter is a difference of two prefix sums for every run of Q in a row.
+        With P the observation, d its pixel weights and s = d (1 - 2 P), the weighted disagreement
+        of P with a silhouette Q is sum(d P) + sum of s over Q, and the latter is a difference of
+        two prefix sums for every run of Q in a row.
 
-        Args:
-            prefix: (h, w + 1) float64, sums of s along rows; the first column is zero (see `signed_prefix`).
-            base: sum(d P).
-            spans: K silhouettes of at most (h, w).
+        Args: prefix: (h, w + 1) float64, sums of s along rows; the first column is zero (see
+            `signed_prefix`). base: sum(d P). spans: K silhouettes of at most (h, w).
 
         Returns:
             (K,) float64.
@@ -130,16 +95,22 @@ class Backend(Protocol):
 
 
 def signed_prefix(observation: NDArray[np.bool_], weights: FloatArray) -> tuple[FloatArray, float]:
-    """Prepares an observed silhouette (h, w) bool with pixel weights (h, w) for `span_distance`; returns prefix and base."""
+    """Prepares an observed silhouette (h, w) bool with pixel weights (h, w) for `span_distance`;
+    returns prefix and base.
+    """
     if observation.shape != weights.shape:
-        raise ValueError(f"weights must be {observation.shape} as the observation, got {weights.shape}")
+        raise ValueError(
+            f"weights must be {observation.shape} as the observation, got {weights.shape}"
+        )
     signed = np.where(observation, -weights, weights).astype(np.float64)
     prefix = np.zeros((signed.shape[0], signed.shape[1] + 1))
     np.cumsum(signed, axis=1, out=prefix[:, 1:])
     return prefix, float(weights[observation].sum())
 
 
-def check_placements(points: FloatArray, weights: FloatArray, rotations: FloatArray, translations: FloatArray) -> None:
+def check_placements(
+    points: FloatArray, weights: FloatArray, rotations: FloatArray, translations: FloatArray
+) -> None:
     """Raises ValueError where the arguments of `voxel_overlap` do not belong together."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points must be (P, 3), got {points.shape}")
@@ -148,7 +119,9 @@ def check_placements(points: FloatArray, weights: FloatArray, rotations: FloatAr
     if rotations.ndim != 3 or rotations.shape[1:] != (3, 3):
         raise ValueError(f"rotations must be (K, 3, 3), got {rotations.shape}")
     if translations.shape != (len(rotations), 3):
-        raise ValueError(f"translations must be ({len(rotations)}, 3) as the rotations, got {translations.shape}")
+        raise ValueError(
+            f"translations must be ({len(rotations)}, 3) as the rotations, got {translations.shape}"
+        )
 
 
 def check_spans(prefix: FloatArray, spans: Spans) -> None:
@@ -156,6 +129,12 @@ def check_spans(prefix: FloatArray, spans: Spans) -> None:
     if prefix.ndim != 2:
         raise ValueError(f"prefix must be (h, w + 1), got {prefix.shape}")
     if len(spans.rows) and (
-        spans.rows.min() < 0 or spans.rows.max() >= prefix.shape[0] or spans.starts.min() < 0 or spans.ends.max() >= prefix.shape[1]
+        spans.rows.min() < 0
+        or spans.rows.max() >= prefix.shape[0]
+        or spans.starts.min() < 0
+        or spans.ends.max() >= prefix.shape[1]
     ):
-        raise ValueError(f"a silhouette reaches out of the image of {prefix.shape[0]} rows and {prefix.shape[1] - 1} columns")
+        raise ValueError(
+            f"a silhouette reaches out of the image of {prefix.shape[0]} rows and"
+            f" {prefix.shape[1] - 1} columns"
+        )

@@ -3,10 +3,29 @@
 import cv2
 import numpy as np
 
-from benchmarks.board_scene import CHECKERBOARD, FACE_UP, board_views, lens_views, looking_at, lost, room, seen
+from benchmarks.board_scene import (
+    CHECKERBOARD,
+    FACE_UP,
+    board_views,
+    lens_views,
+    looking_at,
+    lost,
+    room,
+    seen,
+)
 from calib.board import Board
 
-__all__ = ["CHECKERBOARD", "FACE_UP", "board_views", "drawn", "lens_views", "looking_at", "lost", "room", "seen"]
+__all__ = [
+    "CHECKERBOARD",
+    "FACE_UP",
+    "board_views",
+    "drawn",
+    "lens_views",
+    "looking_at",
+    "lost",
+    "room",
+    "seen",
+]
 
 
 def drawn(board: Board, square_px: int = 60, margin_px: int = 80) -> np.ndarray:
@@ -14,6 +33,9 @@ def drawn(board: Board, square_px: int = 60, margin_px: int = 80) -> np.ndarray:
     row, column = np.indices((board.rows + 1, board.columns + 1))
     squares = np.where((row + column) % 2 == 0, 30, 220).astype(np.uint8)
     picture = cv2.copyMakeBorder(
-        np.kron(squares, np.ones((square_px, square_px), np.uint8)), *[margin_px] * 4, cv2.BORDER_CONSTANT, value=220
+        np.kron(squares, np.ones((square_px, square_px), np.uint8)),
+        *[margin_px] * 4,
+        cv2.BORDER_CONSTANT,
+        value=220,
     )
     return picture

@@ -8,7 +8,10 @@ from calib.rotation import matrix_from_rodrigues
 PINHOLE = ((), False)
 BENT = ((-0.3, 0.12, 0.001, -0.002, 0.01), False)
 RATIONAL = ((-0.3, 0.12, 0.001, -0.002, 0.01, 0.02, 0.01, 0.005), False)
-PRISM = ((-0.3, 0.12, 0.001, -0.002, 0.01, 0.02, 0.01, 0.005, 0.001, -0.001, 0.002, 0.0005, 0.01, -0.02), False)
+PRISM = (
+    (-0.3, 0.12, 0.001, -0.002, 0.01, 0.02, 0.01, 0.005, 0.001, -0.001, 0.002, 0.0005, 0.01, -0.02),
+    False,
+)
 FISHEYE = ((0.05, -0.02, 0.01, -0.005), True)
 
 
@@ -20,7 +23,9 @@ def some_rig(*lenses: tuple[tuple[float, ...], bool], seed: int = 0) -> Rig:
             Camera(
                 name=f"cam_{index + 1}",
                 size=(640 + index, 480),
-                matrix=np.array([[600.0 + rng.random(), 0, 320], [0, 610 + rng.random(), 240], [0, 0, 1]]),
+                matrix=np.array(
+                    [[600.0 + rng.random(), 0, 320], [0, 610 + rng.random(), 240], [0, 0, 1]]
+                ),
                 distortion=np.array(distortion),
                 rotation=matrix_from_rodrigues(rng.normal(size=3)),
                 translation=rng.normal(size=3) + np.array([0, 0, 4]),
@@ -38,7 +43,10 @@ def assert_same_rig(left: Rig, right: Rig, atol: float = 1e-14) -> None:
         assert a.size == b.size
         assert a.fisheye == b.fisheye
         longest = np.zeros((2, 14))
-        longest[0, : len(a.distortion)], longest[1, : len(b.distortion)] = a.distortion, b.distortion
+        longest[0, : len(a.distortion)], longest[1, : len(b.distortion)] = (
+            a.distortion,
+            b.distortion,
+        )
         np.testing.assert_allclose(longest[0], longest[1], rtol=1e-14)
         np.testing.assert_allclose(a.matrix, b.matrix, rtol=atol)
         np.testing.assert_allclose(a.rotation, b.rotation, atol=atol)

@@ -14,7 +14,7 @@ from calib.extrinsics import apart
 from calib.files import read_rig
 from calib.repair import Repair, explain
 from calib.rotation import matrix_from_rodrigues
-from calib.tangency import Outline, Track, between, body_pieces, tangency
+from calib.tangency import Outline, OutlineTrack, between, body_pieces, tangency
 
 MOMENTS = np.arange(3, 19, 2)
 FPS = 10.0
@@ -35,8 +35,13 @@ def at(film: Film, moments=MOMENTS) -> list[dict[str, np.ndarray]]:
     return [{name: masks[moment] for name, masks in film.items()} for moment in moments]
 
 
-def tracks(rig: Rig, film: Film) -> dict[str, Track]:
-    return {camera.name: Track.from_masks(camera, np.arange(len(film[camera.name])) / FPS, film[camera.name]) for camera in rig}
+def tracks(rig: Rig, film: Film) -> dict[str, OutlineTrack]:
+    return {
+        camera.name: OutlineTrack.from_masks(
+            camera, np.arange(len(film[camera.name])) / FPS, film[camera.name]
+        )
+        for camera in rig
+    }
 
 
 def told(rig: Rig, film: Film) -> Repair:
@@ -49,7 +54,15 @@ def told(rig: Rig, film: Film) -> Repair:
 def bumped(rig: Rig, name: str, degrees: float, shift_m=(0, 0, 0), axis=(0.6, 0.8, 0)) -> Rig:
     turn = matrix_from_rodrigues(np.radians(degrees) * np.array(axis))
     moved = [
-        replace(one, rotation=turn @ one.rotation, translation=turn @ one.translation + np.array(shift_m)) if one.name == name else one
+        (
+            replace(
+                one,
+                rotation=turn @ one.rotation,
+                translation=turn @ one.translation + np.array(shift_m),
+            )
+            if one.name == name
+            else one
+        )
         for one in rig
     ]
     return Rig(tuple(moved))
@@ -61,7 +74,9 @@ def boxed(masks: list[np.ndarray], height: int) -> list[np.ndarray]:
     pictures = []
     for mask in masks:
         picture = np.zeros_like(mask)
-        small = cv2.resize(mask.astype(np.uint8) * 255, (mask.shape[1], height), interpolation=cv2.INTER_AREA)
+        small = cv2.resize(
+            mask.astype(np.uint8) * 255, (mask.shape[1], height), interpolation=cv2.INTER_AREA
+        )
         picture[top : top + height] = small > 127
         pictures.append(picture)
     return pictures
@@ -78,9 +93,13 @@ def test_a_right_rig_agrees(rig, film):
 
 def test_scaled_down_silhouettes_will_do(rig, film):
     def small(mask: np.ndarray) -> np.ndarray:
-        return cv2.resize(mask.astype(np.uint8) * 255, (160, 120), interpolation=cv2.INTER_AREA) > 127
+        return (
+            cv2.resize(mask.astype(np.uint8) * 255, (160, 120), interpolation=cv2.INTER_AREA) > 127
+        )
 
-    found = check_agreement(rig, [{name: small(mask) for name, mask in moment.items()} for moment in at(film)])
+    found = check_agreement(
+        rig, [{name: small(mask) for name, mask in moment.items()} for moment in at(film)]
+    )
     assert found.agrees
     assert found.error_px < 0.5
 
@@ -93,7 +112,10 @@ def test_a_camera_bumped_by_a_degree_is_named_and_put_back(rig, film, name):
     assert f"{name} (" in found.words
     repair = told(wrong, film)
     assert repair.kind == "turned"
-    assert f"{name} was turned by about 1." in repair.words or f"{name} was turned by about 0.9" in repair.words
+    assert (
+        f"{name} was turned by about 1." in repair.words
+        or f"{name} was turned by about 0.9" in repair.words
+    )
     assert apart(repair.after, rig[name])[1] < 0.2
     assert repair.after_px < 0.3
     assert check_agreement(repair.rig(wrong), at(film)).agrees
@@ -117,7 +139,9 @@ def test_swapped_videos_are_told(rig, film):
 
 @pytest.mark.parametrize("frames", [3, -2])
 def test_a_video_out_of_step_is_told(rig, film, frames):
-    shifted = film | {"cam_2": [film["cam_2"][int(np.clip(step - frames, 0, 21))] for step in range(22)]}
+    shifted = film | {
+        "cam_2": [film["cam_2"][int(np.clip(step - frames, 0, 21))] for step in range(22)]
+    }
     repair = told(rig, shifted)
     assert repair.kind == "out of step"
     assert repair.late_s * FPS == pytest.approx(frames, abs=0.15)
@@ -155,7 +179,10 @@ def test_two_bad_cameras_of_six(film):
 
 def test_flicker_far_from_the_body_does_not_matter(rig, film):
     rng = np.random.default_rng(0)
-    noisy = [{name: mask | (rng.random(mask.shape) < 0.002) for name, mask in moment.items()} for moment in at(film)]
+    noisy = [
+        {name: mask | (rng.random(mask.shape) < 0.002) for name, mask in moment.items()}
+        for moment in at(film)
+    ]
     assert check_agreement(rig, noisy).agrees
 
 
@@ -174,14 +201,21 @@ def test_what_cannot_be_checked_is_refused(rig, film):
     empty = [moment | {"cam_2": np.zeros_like(moment["cam_2"])} for moment in at(film)]
     with pytest.raises(InputError, match="cam_2 never sees somebody whole"):
         check_agreement(rig, empty)
-    with pytest.raises(ValueError, match=r"camera cam_0: silhouette must be \(240, 320\) bool, or scaled, got \(3, 3\) float64"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"camera cam_0: silhouette must be \(240, 320\) bool, or scaled, got \(3, 3\) float64"
+        ),
+    ):
         check_agreement(rig, [at(film)[0] | {"cam_0": np.zeros((3, 3))}])
 
 
 def test_tangency_errs_to_the_side_on_which_the_outline_is(rig, film):
     seen = tracks(rig, film)
-    thicker = [cv2.dilate(mask.astype(np.uint8), np.ones((7, 7))).astype(bool) for mask in film["cam_0"]]
-    fat = Track.from_masks(rig["cam_0"], seen["cam_0"].time_s, thicker)
+    thicker = [
+        cv2.dilate(mask.astype(np.uint8), np.ones((7, 7))).astype(bool) for mask in film["cam_0"]
+    ]
+    fat = OutlineTrack.from_masks(rig["cam_0"], seen["cam_0"].time_s, thicker)
     # A square of 7 px adds 3 px along the axes and 4.2 px along the diagonals.
     assert 2.9 < np.nanmedian(tangency(fat, seen["cam_1"], MOMENTS / FPS)) < 4.3
     assert -4.3 < np.nanmedian(tangency(seen["cam_1"], fat, MOMENTS / FPS)) < -2.9
@@ -192,7 +226,7 @@ def test_a_body_that_leaves_the_picture_says_nothing_there(rig, film):
     for mask in cut:
         mask[: np.nonzero(mask)[0].max() - 60] = False
     rolled = [np.roll(mask, 239 - np.nonzero(mask)[0].max(), axis=0) for mask in cut]
-    track = Track.from_masks(rig["cam_0"], np.arange(22) / FPS, rolled)
+    track = OutlineTrack.from_masks(rig["cam_0"], np.arange(22) / FPS, rolled)
     baseline = rig["cam_1"].center_m - rig["cam_0"].center_m
     angle, _ = track.touching(baseline / np.linalg.norm(baseline), track.toward_body())
     assert np.isnan(angle).any(axis=1).mean() > 0.5
@@ -203,14 +237,20 @@ def test_the_parts_do_what_they_say(rig, film):
     outline = Outline.from_mask(rig["cam_0"], film["cam_0"][4])
     row, column = np.nonzero(film["cam_0"][4])
     assert outline is not None
-    np.testing.assert_allclose(outline.pixels.min(0), [column.min() - 0.5, row.min() - 0.5], atol=0.01)
-    np.testing.assert_allclose(outline.pixels.max(0), [column.max() + 0.5, row.max() + 0.5], atol=0.01)
+    np.testing.assert_allclose(
+        outline.pixels.min(0), [column.min() - 0.5, row.min() - 0.5], atol=0.01
+    )
+    np.testing.assert_allclose(
+        outline.pixels.max(0), [column.max() + 0.5, row.max() + 0.5], atol=0.01
+    )
     assert outline.area_px == len(row)
     assert Outline.from_mask(rig["cam_0"], np.zeros((240, 320), bool)) is None
     speckled = film["cam_0"][4].copy()
     speckled[0, 0] = True
     np.testing.assert_array_equal(body_pieces(speckled), film["cam_0"][4])
-    values = between(np.array([0.0, 1, 2]), np.array([[0.0], [10], [np.nan]]), np.array([-0.5, 0, 0.25, 1, 1.5]))
+    values = between(
+        np.array([0.0, 1, 2]), np.array([[0.0], [10], [np.nan]]), np.array([-0.5, 0, 0.25, 1, 1.5])
+    )
     np.testing.assert_array_equal(values[:, 0], [np.nan, 0, 2.5, 10, np.nan])
     assert trimmed(np.array([1, -1, 1, -1, 100.0, np.nan])) == 1
 
@@ -222,7 +262,13 @@ def test_walk4_agrees_and_its_bumped_cameras_are_named(shared):
     packed = np.load(folder / "masks" / "masks.npz")
     width = int(packed["width"])
     frames = np.linspace(3, 74, 12).astype(int)
-    moments = [{name: np.unpackbits(packed[name][t], axis=-1)[:, :width].astype(bool) for name in rig.names} for t in frames]
+    moments = [
+        {
+            name: np.unpackbits(packed[name][t], axis=-1)[:, :width].astype(bool)
+            for name in rig.names
+        }
+        for t in frames
+    ]
     assert check_agreement(rig, moments).agrees
     for name in rig.names:
         assert check_agreement(bumped(rig, name, 0.3, axis=(1, 0, 0)), moments).culprits == (name,)

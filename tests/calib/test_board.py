@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from boards import drawn
 
-from calib.board import Board, Refusal, View
+from calib.board import Board, BoardView, Refusal
 from calib.errors import InputError
 
 ODD = Board(8, 5, 0.06)
 EVEN = Board(7, 5, 0.06)
 
 
-def reason(found: View | Refusal) -> str:
+def reason(found: BoardView | Refusal) -> str:
     assert isinstance(found, Refusal)
     return found.reason
 
@@ -20,8 +20,9 @@ def reason(found: View | Refusal) -> str:
 @pytest.mark.parametrize("board", [ODD, EVEN])
 def test_corners_are_found_where_they_are(board):
     found = board.find(drawn(board))
-    assert isinstance(found, View)
-    # The first inner corner is one square in from the margin; a pixel's centre is half a pixel from its edge.
+    assert isinstance(found, BoardView)
+    # The first inner corner is one square in from the margin; a pixel's centre is half a pixel from
+    # its edge.
     wanted = board.points_m[:, :2] / board.square_m * 60 + 80 + 60 - 0.5
     if board.turns_into_itself and np.linalg.norm(found.pixels[0] - wanted[0]) > 60:
         wanted = wanted[::-1]
@@ -34,11 +35,16 @@ def test_the_count_starts_at_the_same_corner_however_the_board_is_held(turns):
     picture = drawn(ODD)
     upright = ODD.find(picture)
     turned = ODD.find(np.ascontiguousarray(np.rot90(picture, turns)))
-    assert isinstance(upright, View)
-    assert isinstance(turned, View)
+    assert isinstance(upright, BoardView)
+    assert isinstance(turned, BoardView)
     height, width = picture.shape
     x, y = upright.pixels.T
-    wanted = {0: (x, y), 1: (y, width - 1 - x), 2: (width - 1 - x, height - 1 - y), 3: (height - 1 - y, x)}[turns]
+    wanted = {
+        0: (x, y),
+        1: (y, width - 1 - x),
+        2: (width - 1 - x, height - 1 - y),
+        3: (height - 1 - y, x),
+    }[turns]
     np.testing.assert_allclose(turned.pixels, np.column_stack(wanted), atol=0.1)
 
 
@@ -46,34 +52,48 @@ def test_a_picture_in_perspective_and_colour():
     picture = cv2.cvtColor(drawn(ODD), cv2.COLOR_GRAY2BGR)
     height, width = picture.shape[:2]
     before = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
-    after = np.array([[100, 40], [width - 80, 0], [width - 30, height - 60], [20, height]], np.float32)
+    after = np.array(
+        [[100, 40], [width - 80, 0], [width - 30, height - 60], [20, height]], np.float32
+    )
     homography = cv2.getPerspectiveTransform(before, after)
-    found = ODD.find(cv2.warpPerspective(picture, homography, (width, height), borderValue=(220, 220, 220)))
+    found = ODD.find(
+        cv2.warpPerspective(picture, homography, (width, height), borderValue=(220, 220, 220))
+    )
     straight = ODD.find(picture)
-    assert isinstance(found, View)
-    assert isinstance(straight, View)
-    np.testing.assert_allclose(found.pixels, cv2.perspectiveTransform(straight.pixels[None], homography)[0], atol=0.2)
+    assert isinstance(found, BoardView)
+    assert isinstance(straight, BoardView)
+    np.testing.assert_allclose(
+        found.pixels, cv2.perspectiveTransform(straight.pixels[None], homography)[0], atol=0.2
+    )
 
 
 def test_every_refusal_says_why():
     picture = drawn(ODD)
-    assert "no board with 8 x 5 inner corners found" in reason(ODD.find(np.full((300, 400), 128, np.uint8)))
+    assert "no board with 8 x 5 inner corners found" in reason(
+        ODD.find(np.full((300, 400), 128, np.uint8))
+    )
     assert "no board with 7 x 5" in reason(EVEN.find(picture, "quick"))
-    assert "squares of 6 px are too small" in reason(ODD.find(cv2.resize(picture, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA)))
+    assert "squares of 6 px are too small" in reason(
+        ODD.find(cv2.resize(picture, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA))
+    )
     blurred = cv2.GaussianBlur(picture, (0, 0), 12)
     assert "blurred" in reason(ODD.find(blurred))
 
 
 def test_charuco_corners_are_found_even_when_part_is_hidden():
     board = Board(7, 4, 0.04, marker_m=0.03)
-    picture = cv2.copyMakeBorder(board.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255)
+    picture = cv2.copyMakeBorder(
+        board.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255
+    )
     whole = board.find(picture)
-    assert isinstance(whole, View)
-    np.testing.assert_allclose(whole.pixels, board.points_m[:, :2] / 0.04 * 100 + 60 + 100 - 0.5, atol=0.6)
+    assert isinstance(whole, BoardView)
+    np.testing.assert_allclose(
+        whole.pixels, board.points_m[:, :2] / 0.04 * 100 + 60 + 100 - 0.5, atol=0.6
+    )
     hidden = picture.copy()
     hidden[:, 500:] = 255
     part = board.find(hidden)
-    assert isinstance(part, View)
+    assert isinstance(part, BoardView)
     assert 6 <= len(part.ids) < 28
     np.testing.assert_allclose(part.pixels, whole.pixels[part.ids], atol=0.5)
     assert "mirrored" in reason(board.find(np.ascontiguousarray(picture[:, ::-1])))
@@ -96,11 +116,22 @@ def test_impossible_boards_are_refused():
 
 
 def test_another_board_in_the_picture_is_named():
-    assert "only 8 x 5 of 9 x 5 inner corners are to be made out" in str(Board(9, 5, 0.06).instead(drawn(ODD)))
-    assert "there, not 9 x 6: count where four squares meet, not squares" in str(Board(9, 6, 0.06).instead(drawn(ODD)))
-    assert "a board with 8 x 5 inner corners is there, not 9 x 4" in str(Board(9, 4, 0.06).instead(drawn(ODD)))
+    assert "only 8 x 5 of 9 x 5 inner corners are to be made out" in str(
+        Board(9, 5, 0.06).instead(drawn(ODD))
+    )
+    assert "there, not 9 x 6: count where four squares meet, not squares" in str(
+        Board(9, 6, 0.06).instead(drawn(ODD))
+    )
+    assert "a board with 8 x 5 inner corners is there, not 9 x 4" in str(
+        Board(9, 4, 0.06).instead(drawn(ODD))
+    )
     assert ODD.instead(drawn(ODD)) is None
     assert ODD.instead(np.full((300, 400), 128, np.uint8)) is None
     marked = Board(7, 4, 0.04, marker_m=0.03, dictionary="DICT_5X5_100")
-    picture = cv2.copyMakeBorder(marked.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255)
-    assert Board(7, 4, 0.04, marker_m=0.03).instead(picture) == "markers of DICT_5X5_50 are there, not of DICT_4X4_50"
+    picture = cv2.copyMakeBorder(
+        marked.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255
+    )
+    assert (
+        Board(7, 4, 0.04, marker_m=0.03).instead(picture)
+        == "markers of DICT_5X5_50 are there, not of DICT_4X4_50"
+    )

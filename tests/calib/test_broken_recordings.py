@@ -14,7 +14,7 @@ from calib.files import read_rig
 from calib.repair import Repair, explain
 from calib.rotation import matrix_from_rodrigues
 from calib.synchronise import synchronise
-from calib.tangency import Track
+from calib.tangency import OutlineTrack
 
 FPS = 30.0
 Masks = dict[str, np.ndarray]
@@ -26,8 +26,13 @@ def true_masks(folder: Path, names: tuple[str, ...]) -> Masks:
     return {name: np.unpackbits(packed[name], axis=-1)[..., :width].astype(bool) for name in names}
 
 
-def tracks(rig: Rig, masks: Masks) -> dict[str, Track]:
-    return {camera.name: Track.from_masks(camera, np.arange(len(masks[camera.name])) / FPS, list(masks[camera.name])) for camera in rig}
+def tracks(rig: Rig, masks: Masks) -> dict[str, OutlineTrack]:
+    return {
+        camera.name: OutlineTrack.from_masks(
+            camera, np.arange(len(masks[camera.name])) / FPS, list(masks[camera.name])
+        )
+        for camera in rig
+    }
 
 
 @pytest.fixture(scope="module")
@@ -37,11 +42,11 @@ def walk4(shared: Path) -> tuple[Rig, Masks]:
 
 
 @pytest.fixture(scope="module")
-def walk4_tracks(walk4) -> dict[str, Track]:
+def walk4_tracks(walk4) -> dict[str, OutlineTrack]:
     return tracks(*walk4)
 
 
-def told(seen: dict[str, Track]) -> Repair:
+def told(seen: dict[str, OutlineTrack]) -> Repair:
     moments = np.linspace(4, 70, 12).round() / FPS
     (repair,) = explain(seen, agreement(list(seen.values()), moments), moments, 8 / FPS)
     return repair
@@ -52,7 +57,11 @@ def told(seen: dict[str, Track]) -> Repair:
 def test_a_camera_of_walk4_is_put_back(walk4, walk4_tracks, name, shift_m):
     camera = walk4[0][name]
     turn = matrix_from_rodrigues(np.radians(3) * np.array([0.6, 0.8, 0]))
-    wrong = replace(camera, rotation=turn @ camera.rotation, translation=turn @ camera.translation + [shift_m, 0, 0])
+    wrong = replace(
+        camera,
+        rotation=turn @ camera.rotation,
+        translation=turn @ camera.translation + [shift_m, 0, 0],
+    )
     repair = told(walk4_tracks | {name: walk4_tracks[name].with_camera(wrong)})
     assert (repair.camera, repair.kind) == (name, "moved" if shift_m else "turned")
     millimetres, degrees = apart(repair.after, camera)
@@ -72,13 +81,25 @@ def test_a_late_camera_of_walk4_is_told(walk4_tracks):
 @pytest.mark.slow
 def test_a_letterboxed_camera_and_swapped_ones_of_walk4_are_told(walk4, walk4_tracks):
     rig, masks = walk4
-    small = [cv2.resize(mask.astype(np.uint8), (640, 360), interpolation=cv2.INTER_NEAREST) > 0 for mask in masks["cam_2"]]
+    small = [
+        cv2.resize(mask.astype(np.uint8), (640, 360), interpolation=cv2.INTER_NEAREST) > 0
+        for mask in masks["cam_2"]
+    ]
     boxed = [np.pad(mask, ((60, 60), (0, 0))) for mask in small]
-    repair = told(walk4_tracks | {"cam_2": Track.from_masks(rig["cam_2"], walk4_tracks["cam_2"].time_s, boxed)})
+    repair = told(
+        walk4_tracks
+        | {"cam_2": OutlineTrack.from_masks(rig["cam_2"], walk4_tracks["cam_2"].time_s, boxed)}
+    )
     assert repair.kind == "scaled"
     assert repair.after.matrix[1, 1] / rig["cam_2"].matrix[1, 1] == pytest.approx(0.75, abs=0.02)
     first, second = walk4_tracks["cam_0"], walk4_tracks["cam_3"]
-    repair = told(walk4_tracks | {"cam_0": second.with_camera(rig["cam_0"]), "cam_3": first.with_camera(rig["cam_3"])})
+    repair = told(
+        walk4_tracks
+        | {
+            "cam_0": second.with_camera(rig["cam_0"]),
+            "cam_3": first.with_camera(rig["cam_3"]),
+        }
+    )
     assert (repair.camera, repair.with_camera) == ("cam_0", "cam_3")
 
 
@@ -88,9 +109,14 @@ def test_dance8s_cameras_are_put_in_step(shared: Path):
     rig = read_rig(folder / "calibration.toml").select(["cam_0", "cam_2", "cam_3", "cam_5"])
     masks = true_masks(folder, rig.names)
     cut = np.array([4, 0, 9, 6])
-    shifted = [tracks(rig.select([name]), {name: masks[name][ahead:90]})[name] for name, ahead in zip(rig.names, cut, strict=True)]
+    shifted = [
+        tracks(rig.select([name]), {name: masks[name][ahead:90]})[name]
+        for name, ahead in zip(rig.names, cut, strict=True)
+    ]
     found = synchronise(shifted, 0.5)
     np.testing.assert_allclose([line.frames for line in found.offsets], cut[0] - cut, atol=0.1)
     slow = replace(shifted[2], time_s=shifted[2].time_s[::2], outlines=shifted[2].outlines[::2])
     found = synchronise([*shifted[:2], slow, shifted[3]], 0.5)
-    np.testing.assert_allclose([line.late_s * FPS for line in found.offsets], cut[0] - cut, atol=0.15)
+    np.testing.assert_allclose(
+        [line.late_s * FPS for line in found.offsets], cut[0] - cut, atol=0.15
+    )

@@ -10,13 +10,22 @@ from calib.errors import InputError
 MATRIX = np.array([[800.0, 0, 320], [0, 790, 240], [0, 0, 1]])
 ROTATION = cv2.Rodrigues(np.array([0.1, 0.2, 0.3]))[0]
 TRANSLATION = np.array([0.1, 0.2, 3.0])
-FULL = np.array([-0.3, 0.12, 0.001, -0.002, 0.01, 0.02, 0.01, 0.005, 0.001, -0.001, 0.002, 0.0005, 0.01, -0.02])
+FULL = np.array(
+    [-0.3, 0.12, 0.001, -0.002, 0.01, 0.02, 0.01, 0.005, 0.001, -0.001, 0.002, 0.0005, 0.01, -0.02]
+)
 FISHEYE = np.array([0.05, -0.02, 0.01, -0.005])
 
 
 def camera(distortion=(), fisheye=False, name="cam_1", **changes) -> Camera:
-    values = {"size": (640, 480), "matrix": MATRIX, "rotation": ROTATION, "translation": TRANSLATION} | changes
-    return Camera(name=name, distortion=np.asarray(distortion, dtype=float), fisheye=fisheye, **values)
+    values = {
+        "size": (640, 480),
+        "matrix": MATRIX,
+        "rotation": ROTATION,
+        "translation": TRANSLATION,
+    } | changes
+    return Camera(
+        name=name, distortion=np.asarray(distortion, dtype=float), fisheye=fisheye, **values
+    )
 
 
 @pytest.fixture
@@ -27,24 +36,32 @@ def points() -> np.ndarray:
 @pytest.mark.parametrize("count", [0, 4, 5, 8, 12, 14])
 def test_project_is_opencvs(points, count):
     pixels, depth_m = camera(FULL[:count]).project(points)
-    theirs = cv2.projectPoints(points, ROTATION, TRANSLATION, MATRIX, FULL[:count] if count else None)[0][:, 0]
+    theirs = cv2.projectPoints(
+        points, ROTATION, TRANSLATION, MATRIX, FULL[:count] if count else None
+    )[0][:, 0]
     np.testing.assert_allclose(pixels, theirs, atol=1e-9)
     np.testing.assert_allclose(depth_m, (points @ ROTATION.T + TRANSLATION)[:, 2])
 
 
 def test_fisheye_project_is_opencvs(points):
     pixels, _ = camera(FISHEYE, fisheye=True).project(points)
-    theirs = cv2.fisheye.projectPoints(points[:, None], cv2.Rodrigues(ROTATION)[0], TRANSLATION, MATRIX, FISHEYE)[0][:, 0]
+    theirs = cv2.fisheye.projectPoints(
+        points[:, None], cv2.Rodrigues(ROTATION)[0], TRANSLATION, MATRIX, FISHEYE
+    )[0][:, 0]
     np.testing.assert_allclose(pixels, theirs, atol=1e-9)
 
 
-@pytest.mark.parametrize(("distortion", "fisheye"), [(FULL, False), (FULL[:5], False), (FISHEYE, True)])
+@pytest.mark.parametrize(
+    ("distortion", "fisheye"), [(FULL, False), (FULL[:5], False), (FISHEYE, True)]
+)
 def test_undistort_is_opencvs(points, distortion, fisheye):
     one = camera(distortion, fisheye)
     pixels, _ = one.project(points)
     module = cv2.fisheye if fisheye else cv2
     theirs = module.undistortPoints(pixels[:, None], MATRIX, distortion, P=MATRIX)[:, 0]
-    np.testing.assert_allclose(one.undistort(pixels), theirs, atol=0.1)  # OpenCV stops after a few iterations
+    np.testing.assert_allclose(
+        one.undistort(pixels), theirs, atol=0.1
+    )  # OpenCV stops after a few iterations
     np.testing.assert_allclose(one.undistort(pixels), one.pinhole().project(points)[0], atol=1e-8)
 
 
@@ -56,7 +73,9 @@ def test_a_point_behind_is_not_seen():
     np.testing.assert_allclose(depth_m, [-1, 0, 2])
 
 
-@pytest.mark.parametrize(("distortion", "fisheye"), [([-0.3, 0, 0, 0], False), ([0.0, 0, 0, -2.0], True)])
+@pytest.mark.parametrize(
+    ("distortion", "fisheye"), [([-0.3, 0, 0, 0], False), ([0.0, 0, 0, -2.0], True)]
+)
 def test_a_point_beyond_the_fold_is_not_seen(distortion, fisheye):
     one = camera(distortion, fisheye, rotation=np.eye(3), translation=np.zeros(3))
     limit = one.lens.field_radius
@@ -94,7 +113,9 @@ def test_rays_start_at_the_centre_and_meet_the_points(points):
     np.testing.assert_allclose(origin, one.center_m)
     np.testing.assert_allclose(one.rotation @ origin + one.translation, 0, atol=1e-12)
     wanted = points - origin
-    np.testing.assert_allclose(directions, wanted / np.linalg.norm(wanted, axis=1, keepdims=True), atol=1e-10)
+    np.testing.assert_allclose(
+        directions, wanted / np.linalg.norm(wanted, axis=1, keepdims=True), atol=1e-10
+    )
 
 
 def test_skew_is_respected(points):
@@ -103,7 +124,9 @@ def test_skew_is_respected(points):
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ skewed.projection.T
     np.testing.assert_allclose(pixels, homogeneous[:, :2] / homogeneous[:, 2:])
     np.testing.assert_allclose(homogeneous[:, 2], depth_m)
-    np.testing.assert_allclose(skewed.rays(pixels)[1], camera().rays(camera().project(points)[0])[1])
+    np.testing.assert_allclose(
+        skewed.rays(pixels)[1], camera().rays(camera().project(points)[0])[1]
+    )
 
 
 def test_pinhole_scales_about_the_corner_of_the_image(points):
@@ -116,7 +139,9 @@ def test_pinhole_scales_about_the_corner_of_the_image(points):
 
 def test_pinhole_maps_are_opencvs():
     map_x, map_y = camera(FULL[:5]).pinhole_maps()
-    theirs = cv2.initUndistortRectifyMap(MATRIX, FULL[:5], np.eye(3), MATRIX, (640, 480), cv2.CV_32FC1)
+    theirs = cv2.initUndistortRectifyMap(
+        MATRIX, FULL[:5], np.eye(3), MATRIX, (640, 480), cv2.CV_32FC1
+    )
     assert map_x.dtype == map_y.dtype == np.float32
     np.testing.assert_allclose(map_x, theirs[0], atol=1e-3)
     np.testing.assert_allclose(map_y, theirs[1], atol=1e-3)
@@ -150,7 +175,10 @@ def test_arrays_are_frozen_copies():
         ({"matrix": np.diag([0.0, 1, 1])}, "focal lengths must be positive"),
         ({"matrix": np.diag([1.0, 1, 2])}, "matrix must be"),
         ({"matrix": np.full((3, 3), np.nan)}, "matrix must be finite"),
-        ({"distortion": [0.1] * 3}, "distortion must have 0 or 4 or 5 or 8 or 12 or 14 numbers, got 3"),
+        (
+            {"distortion": [0.1] * 3},
+            "distortion must have 0 or 4 or 5 or 8 or 12 or 14 numbers, got 3",
+        ),
         ({"distortion": [0.1] * 5, "fisheye": True}, "distortion must have 4 numbers"),
         ({"rotation": np.diag([1.0, 1, -1])}, "rotation must be a rotation"),
         ({"rotation": 2 * np.eye(3)}, "rotation must be a rotation"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from boards import CHECKERBOARD, FACE_UP, board_views, lost, room, seen
 
-from calib.board import Board, View
+from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import apart, calibrate_extrinsics, same_world
@@ -15,7 +15,7 @@ from calib.files import read_rig
 from calib.rotation import matrix_from_rodrigues
 
 
-def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, View]:
+def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, BoardView]:
     """Lays a board on the floor, face up: its z points down."""
     views = {}
     for camera in rig:
@@ -27,7 +27,9 @@ def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, Vie
 
 def test_a_room_is_found_in_noise():
     truth = room(4)
-    found = calibrate_extrinsics(CHECKERBOARD, lost(truth), board_views(truth, CHECKERBOARD, 60, noise_px=0.3))
+    found = calibrate_extrinsics(
+        CHECKERBOARD, lost(truth), board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
+    )
     assert found.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
     aligned = same_world(found.rig, truth)
     for camera, line in zip(truth, found.table, strict=True):
@@ -39,7 +41,9 @@ def test_a_room_is_found_in_noise():
     base = truth.cameras[0]
     for camera, line in zip(truth.cameras[1:], found.table[1:], strict=True):
         rotation = camera.rotation @ base.rotation.T
-        true = replace(camera, rotation=rotation, translation=camera.translation - rotation @ base.translation)
+        true = replace(
+            camera, rotation=rotation, translation=camera.translation - rotation @ base.translation
+        )
         millimetres, degrees = apart(found.rig[camera.name], true)
         assert millimetres < 4 * line.position_mm
         assert degrees < 4 * line.rotation_deg
@@ -50,7 +54,11 @@ def test_a_room_is_found_in_noise():
 
 def test_lenses_that_are_a_little_wrong_are_put_right_with_the_places():
     truth = room(3, arc_deg=90)
-    wrong = Rig(tuple(replace(camera, matrix=camera.matrix * [[1.02], [1.02], [1]]) for camera in lost(truth)))
+    wrong = Rig(
+        tuple(
+            replace(camera, matrix=camera.matrix * [[1.02], [1.02], [1]]) for camera in lost(truth)
+        )
+    )
     views = board_views(truth, CHECKERBOARD, 24, noise_px=0.1)
     found = calibrate_extrinsics(CHECKERBOARD, wrong, views, refine_lenses=True)
     stiff = calibrate_extrinsics(CHECKERBOARD, wrong, views)
@@ -69,7 +77,7 @@ def test_a_board_that_turns_into_itself_serves_too():
     for moment in views.values():
         for name, view in moment.items():
             if rng.random() < 0.5:  # the detector started at the other end
-                moment[name] = View(view.ids, view.pixels[::-1], view.size)
+                moment[name] = BoardView(view.ids, view.pixels[::-1], view.size)
     found = calibrate_extrinsics(board, lost(truth), views)
     assert found.rms_px < 0.4
     for camera in same_world(found.rig, truth):
@@ -82,10 +90,13 @@ def test_the_floors_board_is_the_world():
     views = board_views(truth, board, 40, noise_px=0.1) | {"floor": on_the_floor(truth, board, 0.1)}
     assert len(views["floor"]) == 4
     found = calibrate_extrinsics(board, lost(truth), views, floor="floor")
-    # The synthetic board's middle lies at the true origin, its first corner is the new one; rows run along x, columns along -y.
+    # The synthetic board's middle lies at the true origin, its first corner is the new one; rows
+    # run along x, columns along -y.
     corner = np.array([-board.points_m[:, 0].mean(), board.points_m[:, 1].mean(), 0])
     for camera in truth:
-        np.testing.assert_allclose(found.rig[camera.name].center_m, camera.center_m - corner, atol=0.01)
+        np.testing.assert_allclose(
+            found.rig[camera.name].center_m, camera.center_m - corner, atol=0.01
+        )
     with pytest.raises(InputError, match="the floor's board 'later' was not seen"):
         calibrate_extrinsics(board, lost(truth), views, floor="later")
 
@@ -93,27 +104,46 @@ def test_the_floors_board_is_the_world():
 def test_a_floor_board_that_hangs_over_the_cameras_is_refused():
     truth = room(3)
     ceiling = {
-        camera.name: seen(camera, CHECKERBOARD, (np.eye(3), np.array([0, 0, 2.6])), 0.0, np.random.default_rng(0)) for camera in truth
+        camera.name: seen(
+            camera, CHECKERBOARD, (np.eye(3), np.array([0, 0, 2.6])), 0.0, np.random.default_rng(0)
+        )
+        for camera in truth
     }
-    views = board_views(truth, CHECKERBOARD, 30, 0.1) | {"ceiling": {name: view for name, view in ceiling.items() if view}}
+    views = board_views(truth, CHECKERBOARD, 30, 0.1) | {
+        "ceiling": {name: view for name, view in ceiling.items() if view}
+    }
     assert views["ceiling"]
-    with pytest.raises(InputError, match=r"would be under the floor: the board must lie on it, face up, at the moment 'ceiling'"):
+    with pytest.raises(
+        InputError,
+        match=(
+            r"would be under the floor: the board must lie on it, face up, at the moment 'ceiling'"
+        ),
+    ):
         calibrate_extrinsics(CHECKERBOARD, lost(truth), views, floor="ceiling")
 
 
 def test_cameras_without_a_common_board_are_named_with_counts():
     truth = room(4)
     views = board_views(truth, CHECKERBOARD, 40, 0.1)
-    split = {f"{moment}{side}": {name: view for name, view in found.items() if name in names}
-             for moment, found in views.items() for side, names in (("a", {"cam_0", "cam_1"}), ("b", {"cam_2", "cam_3"}))}  # fmt: skip
+    split = {
+        f"{moment}{side}": {name: view for name, view in found.items() if name in names}
+        for moment, found in views.items()
+        for side, names in (("a", {"cam_0", "cam_1"}), ("b", {"cam_2", "cam_3"}))
+    }
     with pytest.raises(
-        InputError, match=r"no board was seen by cam_0, cam_1 and cam_2, cam_3 together \(boards shared: cam_0-cam_1 \d+, cam_0-cam_2 0"
+        InputError,
+        match=(
+            r"no board was seen by cam_0, cam_1 and cam_2, cam_3 together \(boards shared:"
+            r" cam_0-cam_1 \d+, cam_0-cam_2 0"
+        ),
     ):
         calibrate_extrinsics(CHECKERBOARD, lost(truth), split)
     with pytest.raises(InputError, match="camera cam_3 saw boards but has no lens calibration"):
         calibrate_extrinsics(CHECKERBOARD, lost(truth.select(["cam_0", "cam_1", "cam_2"])), views)
     half = Rig(tuple(replace(camera, size=(640, 360)) for camera in lost(truth)))
-    with pytest.raises(InputError, match="boards were recorded at 1280x720 but its lens was calibrated at 640x360"):
+    with pytest.raises(
+        InputError, match="boards were recorded at 1280x720 but its lens was calibrated at 640x360"
+    ):
         calibrate_extrinsics(CHECKERBOARD, half, views)
 
 
@@ -121,7 +151,14 @@ def test_a_camera_with_the_wrong_lens_is_named():
     truth = room(4)
     views = board_views(truth, CHECKERBOARD, 40, 0.1)
     wrong = Rig(
-        tuple(replace(camera, matrix=np.diag([1.25, 1, 1]) @ camera.matrix) if camera.name == "cam_2" else camera for camera in lost(truth))
+        tuple(
+            (
+                replace(camera, matrix=np.diag([1.25, 1, 1]) @ camera.matrix)
+                if camera.name == "cam_2"
+                else camera
+            )
+            for camera in lost(truth)
+        )
     )
     found = calibrate_extrinsics(CHECKERBOARD, wrong, views)
     assert [line for line in found.advice if "camera cam_2 disagrees with the others" in line]
@@ -133,13 +170,24 @@ def test_a_camera_with_mirrored_pictures_is_named_with_counts():
     views = board_views(truth, CHECKERBOARD, 40, 0.2)
     for seen_now in views.values():
         if (view := seen_now.get("cam_1")) is not None:
-            # As the detector counts a mirrored board of an even number of columns: rows from their other end.
+            # As the detector counts a mirrored board of an even number of columns: rows from their
+            # other end.
             grid = (view.pixels * [-1, 1] + [view.size[0] - 1, 0]).reshape(5, 8, 2)[:, ::-1]
-            seen_now["cam_1"] = View(view.ids, grid.reshape(-1, 2), view.size)
-    with pytest.raises(InputError, match=r"camera cam_1's pictures are mirrored: of \d+ boards that cam_0 and cam_1 saw together"):
+            seen_now["cam_1"] = BoardView(view.ids, grid.reshape(-1, 2), view.size)
+    with pytest.raises(
+        InputError,
+        match=(
+            r"camera cam_1's pictures are mirrored: of \d+ boards that cam_0 and cam_1 saw together"
+        ),
+    ):
         calibrate_extrinsics(CHECKERBOARD, lost(truth), views)
-    with pytest.raises(InputError, match="the pictures of camera cam_0 or of camera cam_1 are mirrored"):
-        pair = {moment: {name: view for name, view in found.items() if name != "cam_2"} for moment, found in views.items()}
+    with pytest.raises(
+        InputError, match="the pictures of camera cam_0 or of camera cam_1 are mirrored"
+    ):
+        pair = {
+            moment: {name: view for name, view in found.items() if name != "cam_2"}
+            for moment, found in views.items()
+        }
         calibrate_extrinsics(CHECKERBOARD, lost(truth.select(["cam_0", "cam_1"])), pair)
 
 
@@ -149,37 +197,67 @@ def test_standing4s_corner_lists(shared):
     board = Board(8, 6, 0.115)
     views = {}
     for camera in known:
-        pixels = np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False).reshape(-1, 2).astype(float)
-        views[camera.name] = View(np.arange(48), pixels, camera.size)
+        pixels = (
+            np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False)
+            .reshape(-1, 2)
+            .astype(float)
+        )
+        views[camera.name] = BoardView(np.arange(48), pixels, camera.size)
     found = calibrate_extrinsics(board, lost(known), {"board": views}, floor="board")
 
     square = []
     for camera in known:
         again, _ = camera.project(board.points_m)
         square.append(
-            min(((listed - again) ** 2).sum(axis=1).mean() for listed in (views[camera.name].pixels, views[camera.name].pixels[::-1]))
+            min(
+                ((listed - again) ** 2).sum(axis=1).mean()
+                for listed in (views[camera.name].pixels, views[camera.name].pixels[::-1])
+            )
         )
-    assert found.rms_px <= 1.01 * np.sqrt(np.mean(square))  # theirs is the least squares, ours resists outliers
+    assert found.rms_px <= 1.01 * np.sqrt(
+        np.mean(square)
+    )  # theirs is the least squares, ours resists outliers
     # Their world has z into the floor, ours out of it.
     for camera in known:
-        np.testing.assert_allclose(found.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03)
+        np.testing.assert_allclose(
+            found.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03
+        )
 
 
-@pytest.mark.skipif(not hasattr(cv2, "calibrateMultiview"), reason="needs OpenCV 5's calibrateMultiview to compare with")
+@pytest.mark.skipif(
+    not hasattr(cv2, "calibrateMultiview"),
+    reason="needs OpenCV 5's calibrateMultiview to compare with",
+)
 def test_no_less_accurate_than_opencvs_multiview_calibration():
     truth = room(4)
     views = board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
     ours = same_world(calibrate_extrinsics(CHECKERBOARD, lost(truth), views).rig, truth)
     points = [CHECKERBOARD.points_m.astype(np.float32)] * len(views)
     empty = np.zeros((0, 2), np.float32)
-    pixels = [[np.float32(seen[name].pixels) if name in seen else empty for seen in views.values()] for name in truth.names]
-    detected = np.array([[name in seen for seen in views.values()] for name in truth.names], np.uint8)
-    lenses = [camera.matrix.copy() for camera in truth], [np.append(camera.distortion, 0.0)[None] for camera in truth]
+    pixels = [
+        [np.float32(seen[name].pixels) if name in seen else empty for seen in views.values()]
+        for name in truth.names
+    ]
+    detected = np.array(
+        [[name in seen for seen in views.values()] for name in truth.names], np.uint8
+    )
+    lenses = (
+        [camera.matrix.copy() for camera in truth],
+        [np.append(camera.distortion, 0.0)[None] for camera in truth],
+    )
     guess = cv2.CALIB_USE_INTRINSIC_GUESS
     _, _, _, turns, shifts = cv2.calibrateMultiview(
-        points, pixels, [camera.size for camera in truth], detected, np.zeros(4, np.uint8), *lenses, None, None,
-        flagsForIntrinsics=np.full(4, guess, np.int32), flags=guess,
-    )  # fmt: skip
+        points,
+        pixels,
+        [camera.size for camera in truth],
+        detected,
+        np.zeros(4, np.uint8),
+        *lenses,
+        None,
+        None,
+        flagsForIntrinsics=np.full(4, guess, np.int32),
+        flags=guess,
+    )
     placed = [
         replace(one, rotation=matrix_from_rodrigues(turn), translation=shift.ravel())
         for one, turn, shift in zip(truth, turns, shifts, strict=True)

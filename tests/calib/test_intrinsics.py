@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from boards import CHECKERBOARD, lens_views
 
-from calib.board import Board, Refusal, View
+from calib.board import Board, BoardView, Refusal
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.intrinsics import calibrate_intrinsics
@@ -14,7 +14,9 @@ MATRIX = np.array([[900.0, 0, 650], [0, 905, 350], [0, 0, 1]])
 
 
 def camera(distortion, fisheye=False, matrix=MATRIX) -> Camera:
-    return Camera("cam_1", (1280, 720), matrix, np.array(distortion), np.eye(3), np.zeros(3), fisheye)
+    return Camera(
+        "cam_1", (1280, 720), matrix, np.array(distortion), np.eye(3), np.zeros(3), fisheye
+    )
 
 
 @pytest.mark.parametrize(
@@ -33,8 +35,12 @@ def test_the_truth_is_found_in_noise(lens, distortion):
     assert found.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.15)  # both coordinates
     assert all(line.left_out is None for line in found.pictures)
     # What counts is where rays go: compare over the part of the image that boards covered.
-    pixels = np.stack(np.meshgrid(np.linspace(200, 1080, 20), np.linspace(100, 620, 20)), -1).reshape(-1, 2)
-    again = Camera("cam_1", found.size, found.matrix, found.distortion, np.eye(3), np.zeros(3), found.fisheye)
+    pixels = np.stack(
+        np.meshgrid(np.linspace(200, 1080, 20), np.linspace(100, 620, 20)), -1
+    ).reshape(-1, 2)
+    again = Camera(
+        "cam_1", found.size, found.matrix, found.distortion, np.eye(3), np.zeros(3), found.fisheye
+    )
     offset = again.project(truth.rays(pixels)[1])[0] - pixels
     assert np.abs(offset - np.median(offset, axis=0)).max() < 2
     assert (np.abs(np.diag(found.matrix)[:2] - [900, 905]) < 4 * found.focal_error_px).all()
@@ -44,7 +50,9 @@ def test_the_truth_is_found_in_noise(lens, distortion):
 def test_a_bad_picture_is_left_out_and_named():
     views = lens_views(camera([0.0] * 4), 10, noise_px=0.1)
     broken = views["picture_03"]
-    views["picture_03"] = View(broken.ids, broken.pixels + np.outer(np.arange(40) % 8 == 0, [5.0, 0]), broken.size)
+    views["picture_03"] = BoardView(
+        broken.ids, broken.pixels + np.outer(np.arange(40) % 8 == 0, [5.0, 0]), broken.size
+    )
     found = calibrate_intrinsics(CHECKERBOARD, views | {"picture_10": Refusal("blurred")})
     lines = {line.picture: line for line in found.pictures}
     assert list(lines) == [*views, "picture_10"]
@@ -57,9 +65,13 @@ def test_a_bad_picture_is_left_out_and_named():
 def test_too_few_or_odd_pictures_are_refused():
     views = lens_views(camera([0.0] * 4), 4, noise_px=0.1)
     few = dict(list(views.items())[:3])
-    with pytest.raises(InputError, match=r"camera left: 3 of 5 pictures serve, 4 are needed \(blurred\)"):
-        calibrate_intrinsics(CHECKERBOARD, few | {"a": Refusal("blurred"), "b": Refusal("blurred")}, camera="left")
-    odd = View(views["picture_00"].ids, views["picture_00"].pixels, (640, 480))
+    with pytest.raises(
+        InputError, match=r"camera left: 3 of 5 pictures serve, 4 are needed \(blurred\)"
+    ):
+        calibrate_intrinsics(
+            CHECKERBOARD, few | {"a": Refusal("blurred"), "b": Refusal("blurred")}, camera="left"
+        )
+    odd = BoardView(views["picture_00"].ids, views["picture_00"].pixels, (640, 480))
     with pytest.raises(InputError, match="pictures of different sizes"):
         calibrate_intrinsics(CHECKERBOARD, views | {"odd": odd})
     with pytest.raises(InputError, match="0 of 0 pictures serve"):
@@ -73,7 +85,9 @@ def test_boards_that_never_tilt_are_told_of():
     for index in range(6):
         points = CHECKERBOARD.points_m + np.array([-0.3 + 0.02 * index, -0.1, 1.0])
         pixels, _ = truth.project(points)
-        views[str(index)] = View(np.arange(len(points)), pixels + rng.normal(0, 0.3, pixels.shape), truth.size)
+        views[str(index)] = BoardView(
+            np.arange(len(points)), pixels + rng.normal(0, 0.3, pixels.shape), truth.size
+        )
     try:
         advice = calibrate_intrinsics(CHECKERBOARD, views).advice
     except InputError as error:
@@ -86,9 +100,13 @@ def test_real_boards(shared):
     board = Board(7, 4, 0.06)
     for number in (1, 2, 3, 4):
         folder = shared / "data" / "board_images" / f"cam_{number}"
-        views = {path.name: board.find(cv2.imread(str(path))) for path in sorted(folder.glob("*.jpg"))}
+        views = {
+            path.name: board.find(cv2.imread(str(path))) for path in sorted(folder.glob("*.jpg"))
+        }
         found = calibrate_intrinsics(board, views, camera=folder.name)
         assert found.rms_px < 0.5
         assert sum(line.left_out is None for line in found.pictures) >= 6
-        np.testing.assert_allclose(np.diag(found.matrix)[:2], 1675, atol=10)  # the Qualisys file says 1674 to 1682
+        np.testing.assert_allclose(
+            np.diag(found.matrix)[:2], 1675, atol=10
+        )  # the Qualisys file says 1674 to 1682
         assert found.distortion[0] == pytest.approx(-0.047, abs=0.01)  # and -0.046 to -0.048

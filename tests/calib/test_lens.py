@@ -1,4 +1,6 @@
-"""Properties of lenses: bending and straightening undo each other everywhere in the field, and nothing is seen outside it."""
+"""Properties of lenses: bending and straightening undo each other everywhere in the field, and
+nothing is seen outside it.
+"""
 
 import numpy as np
 from hypothesis import given, settings
@@ -14,23 +16,35 @@ def number(bound: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def rational_lenses(draw) -> RationalLens:
-    radial = [draw(number(0.5)), draw(number(0.3)), draw(number(0.01)), draw(number(0.01)), draw(number(0.2))]
+    radial = [
+        draw(number(0.5)),
+        draw(number(0.3)),
+        draw(number(0.01)),
+        draw(number(0.01)),
+        draw(number(0.2)),
+    ]
     below = [draw(number(0.4)), draw(number(0.2)), draw(number(0.1))]
     prism = [draw(number(0.01)) for _ in range(4)]
     tilt = [draw(number(0.05)) for _ in range(2)]
-    return RationalLens(np.array((radial + below + prism + tilt)[: draw(st.sampled_from([0, 4, 5, 8, 12, 14]))]))
+    return RationalLens(
+        np.array((radial + below + prism + tilt)[: draw(st.sampled_from([0, 4, 5, 8, 12, 14]))])
+    )
 
 
 @st.composite
 def fisheye_lenses(draw) -> FisheyeLens:
-    return FisheyeLens(np.array([draw(number(0.3)), draw(number(0.2)), draw(number(0.1)), draw(number(0.1))]))
+    return FisheyeLens(
+        np.array([draw(number(0.3)), draw(number(0.2)), draw(number(0.1)), draw(number(0.1))])
+    )
 
 
 directions = arrays(np.float64, (30, 2), elements=number(1.0))
 
 
 def spread(unit: np.ndarray, radius: float) -> np.ndarray:
-    """Scales points of the unit square into a disc of that radius (at most 2, 63 degrees from the axis)."""
+    """Scales points of the unit square into a disc of that radius (at most 2, 63 degrees from the
+    axis).
+    """
     length = np.linalg.norm(unit, axis=1, keepdims=True)
     return unit / np.maximum(1, length) * min(radius, 2.0)
 
@@ -71,5 +85,7 @@ def test_nothing_is_seen_outside_the_field(lens, unit):
 def test_no_two_points_of_a_direction_share_a_place(lens, angle):
     radii = np.linspace(0, min(2.0, 0.999 * lens.field_radius), 300)
     bent = lens.distort(radii[:, None] * [[np.cos(angle), np.sin(angle)]])
-    along = np.diff(bent[np.isfinite(bent).all(axis=1)], axis=0)  # a tilted sensor may end before the field does
+    along = np.diff(
+        bent[np.isfinite(bent).all(axis=1)], axis=0
+    )  # a tilted sensor may end before the field does
     assert (along @ [np.cos(angle), np.sin(angle)] > 0).all()

@@ -36,13 +36,27 @@ def test_cameras_stand_in_the_world_of_the_measured_points():
 def test_a_camera_without_measured_points_is_reached_by_shared_ones():
     truth = room(3)
     points = listed(truth, measured=8, noise_px=0.1)
-    pixels = {name: {camera: pixel for camera, pixel in seen.items() if camera != "cam_2" or name not in points.known_m}
-              for name, seen in points.pixels.items()}  # fmt: skip
+    pixels = {
+        name: {
+            camera: pixel
+            for camera, pixel in seen.items()
+            if camera != "cam_2" or name not in points.known_m
+        }
+        for name, seen in points.pixels.items()
+    }
     found = calibrate_from_points(lost(truth), ScenePoints(pixels, points.known_m))
     assert apart(found.rig["cam_2"], truth["cam_2"])[0] < 25
-    alone = {name: {camera: pixel for camera, pixel in seen.items() if camera == "cam_2" or name in points.known_m}
-             for name, seen in pixels.items()}  # fmt: skip
-    with pytest.raises(InputError, match=r"too few points to place cam_2 \(.*: cam_2 0; 4 are needed\)"):
+    alone = {
+        name: {
+            camera: pixel
+            for camera, pixel in seen.items()
+            if camera == "cam_2" or name in points.known_m
+        }
+        for name, seen in pixels.items()
+    }
+    with pytest.raises(
+        InputError, match=r"too few points to place cam_2 \(.*: cam_2 0; 4 are needed\)"
+    ):
         calibrate_from_points(lost(truth), ScenePoints(alone, points.known_m))
 
 

@@ -9,7 +9,9 @@ from calib.errors import InputError
 from calib.files import read_rig
 
 
-@pytest.mark.parametrize("recording", ["balancing4", "standing4", "walk4", "dance8", "traffic4", "swing1", "turn1"])
+@pytest.mark.parametrize(
+    "recording", ["balancing4", "standing4", "walk4", "dance8", "traffic4", "swing1", "turn1"]
+)
 def test_every_recordings_calibration_reads(shared, recording):
     rig = read_rig(shared / "data" / recording / "calibration.toml")
     assert len(rig) == int(recording[-1])
@@ -21,16 +23,23 @@ def test_standing4_board_projects_onto_its_corners(shared):
     folder = shared / "data" / "standing4"
     board = np.stack(np.meshgrid(np.arange(8), np.arange(6), [0]), -1).reshape(-1, 3) * 0.115
     for camera in read_rig(folder / "calibration.toml"):
-        corners = np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False).reshape(-1, 2)
+        corners = np.load(
+            folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False
+        ).reshape(-1, 2)
         pixels, _ = camera.project(board)
         # A board looks the same from both ends: one camera lists its corners from the other one.
-        error = min(np.linalg.norm(pixels - listed, axis=1).mean() for listed in (corners, corners[::-1]))
+        error = min(
+            np.linalg.norm(pixels - listed, axis=1).mean() for listed in (corners, corners[::-1])
+        )
         assert error < 1.2
 
 
 def test_dancer8_points_lie_in_its_silhouettes(shared):
     folder = shared / "data" / "dancer8"
-    silhouettes = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0 for path in sorted(folder.glob("silh_*.pbm"))]
+    silhouettes = [
+        cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0
+        for path in sorted(folder.glob("silh_*.pbm"))
+    ]
     with pytest.raises(InputError, match="camera cam_0: the image size is not in the file"):
         read_rig(folder / "projections.json")
     rig = read_rig(folder / "projections.json", size=silhouettes[0].shape[::-1])
@@ -54,4 +63,6 @@ def test_board_images_qualisys_file_is_balancing4s_rig(shared):
         # That recording's file has gone through a program that divides distortion by 64.
         np.testing.assert_allclose(ours.distortion[:4], 64 * theirs.distortion, atol=1e-12)
     for name in ("cam03", "cam04"):  # the videos of the other two are letterboxed
-        np.testing.assert_allclose(rig[name].matrix, known[name.replace("cam0", "cam_")].matrix, atol=1e-6)
+        np.testing.assert_allclose(
+            rig[name].matrix, known[name.replace("cam0", "cam_")].matrix, atol=1e-6
+        )

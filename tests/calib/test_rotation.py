@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 
 from calib.rotation import matrix_from_rodrigues, nearest_rotation, rodrigues_from_matrix
 
-axes = st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.01)
+axes = st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 3).filter(
+    lambda axis: np.linalg.norm(axis) > 0.01
+)
 angles = st.one_of(st.floats(0, np.pi), st.sampled_from([0.0, 1e-12, 1e-7, np.pi - 1e-7, np.pi]))
 
 
@@ -18,7 +20,9 @@ def test_vector_and_matrix_undo_each_other(axis, angle):
     matrix = matrix_from_rodrigues(vector)
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-14)
     np.testing.assert_allclose(matrix, cv2.Rodrigues(vector)[0], atol=1e-12)
-    np.testing.assert_allclose(matrix_from_rodrigues(rodrigues_from_matrix(matrix)), matrix, atol=1e-14)
+    np.testing.assert_allclose(
+        matrix_from_rodrigues(rodrigues_from_matrix(matrix)), matrix, atol=1e-14
+    )
     if angle < np.pi - 1e-6:
         np.testing.assert_allclose(rodrigues_from_matrix(matrix), vector, atol=1e-13)
 

@@ -8,7 +8,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import apart
 from calib.synchronise import period_s, speeds, synchronise
-from calib.tangency import Track
+from calib.tangency import OutlineTrack
 
 FPS = 20.0
 BEGIN = {"cam_0": 2.0, "cam_1": 0.0, "cam_2": 6.25, "cam_3": 3.5}
@@ -19,16 +19,20 @@ def rig() -> Rig:
     return stage(4)
 
 
-def tracks(rig: Rig, count: int, begin=None, pace=None) -> list[Track]:
+def tracks(rig: Rig, count: int, begin=None, pace=None) -> list[OutlineTrack]:
     film = filmed(rig, count, begin, pace)
     return [
-        Track.from_masks(camera, np.arange(len(film[camera.name])) * (pace or {}).get(camera.name, 1.0) / FPS, film[camera.name])
+        OutlineTrack.from_masks(
+            camera,
+            np.arange(len(film[camera.name])) * (pace or {}).get(camera.name, 1.0) / FPS,
+            film[camera.name],
+        )
         for camera in rig
     ]
 
 
 @pytest.fixture(scope="module")
-def shifted(rig) -> list[Track]:
+def shifted(rig) -> list[OutlineTrack]:
     return tracks(rig, 36, BEGIN)
 
 
@@ -74,10 +78,13 @@ def test_what_cannot_be_synchronised_is_refused(rig, shifted):
         synchronise(shifted[:1], 0.5)
     with pytest.raises(InputError, match="no camera cam_9"):
         synchronise(shifted, 0.5, "cam_9")
-    still = [Track(track.camera, track.time_s, track.outlines[:1] * len(track.outlines)) for track in shifted]
+    still = [
+        OutlineTrack(track.camera, track.time_s, track.outlines[:1] * len(track.outlines))
+        for track in shifted
+    ]
     with pytest.raises(InputError, match="nobody moves in cam_0"):
         synchronise(still, 0.5)
-    nobody = Track(shifted[0].camera, shifted[0].time_s, (None,) * len(shifted[0].outlines))
+    nobody = OutlineTrack(shifted[0].camera, shifted[0].time_s, (None,) * len(shifted[0].outlines))
     with pytest.raises(InputError, match="cam_0 sees nobody"):
         synchronise([nobody, *shifted[1:]], 0.5)
 

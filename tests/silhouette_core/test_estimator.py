@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.estimator import GROUP, Settings, Silent, available_estimators, load_estimator
+from silhouette_core.estimator import GROUP, Settings, available_estimators, load_estimator
+from silhouette_core.progress import SilentReporter
 
 OUTSIDE = """
 from silhouette_core.estimator import Estimate
@@ -30,22 +31,25 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "somebodys_estimator.py").write_text(OUTSIDE)
     metadata = tmp_path / "somebodys_estimator-1.0.dist-info"
     metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: somebodys-estimator\nVersion: 1.0\n")
+    (metadata / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: somebodys-estimator\nVersion: 1.0\n"
+    )
     (metadata / "entry_points.txt").write_text(
-        f"[{GROUP}]\nstanding = somebodys_estimator:Standing\nnothing = somebodys_estimator:Nothing\n"
+        f"[{GROUP}]\nstanding = somebodys_estimator:Standing\nnothing ="
+        " somebodys_estimator:Nothing\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "somebodys_estimator", raising=False)
 
 
 def test_own_estimator_is_registered_like_any_other():
-    assert available_estimators()["multiview"].value == "voxelpose.estimator:MultiViewEstimator"
+    assert available_estimators()["multiview"].value == "voxelpose.multiview:MultiViewEstimator"
 
 
 @pytest.mark.usefixtures("outside")
 def test_estimator_from_outside_is_found_and_runs():
     estimator = load_estimator("standing")
-    estimate = estimator.estimate(None, Settings(stature_m=1.7), Silent())  # type: ignore[arg-type]
+    estimate = estimator.estimate(None, Settings(stature_m=1.7), SilentReporter())  # type: ignore[arg-type]
     assert estimator.name == "standing"
     assert estimate.facts == {"stature_m": 1.7}
 

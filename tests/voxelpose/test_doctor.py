@@ -12,7 +12,9 @@ def found(name):
     return {finding.name: finding for finding in doctor.examine()}[name]
 
 
-@pytest.mark.parametrize("name", ["Python", "OpenCV", "compiled code", "video", "body and pictures"])
+@pytest.mark.parametrize(
+    "name", ["Python", "OpenCV", "compiled code", "video", "body and pictures"]
+)
 def test_what_the_tests_need_works(name):
     assert found(name).state != "fails"
 
@@ -40,7 +42,9 @@ def test_colliding_opencv_wheels_are_named(monkeypatch):
 
 
 def test_little_space_is_said(monkeypatch, tmp_path):
-    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 3e8}))
+    monkeypatch.setattr(
+        doctor.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 3e8})
+    )
     assert found("disk").state == "limited"
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.evaluation import read_joints, read_truth, score_motion
 from voxelpose.export.joints import write_joints
 
@@ -39,7 +39,10 @@ def test_size_and_turn_do_not_count_after_alignment(truth):
 
 
 def test_exchanged_sides_are_flips(truth):
-    mirror = [LANDMARK_NAMES.index(n.replace("left", "?").replace("right", "left").replace("?", "right")) for n in LANDMARK_NAMES]
+    mirror = [
+        LANDMARK_NAMES.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
+        for n in LANDMARK_NAMES
+    ]
     estimate = truth.copy()
     estimate[3:6] = truth[3:6][:, mirror]
     assert score_motion(truth, estimate).flips == pytest.approx(3 / 12)
@@ -57,14 +60,18 @@ def test_files(tmp_path):
     take = waving(6)
     write_joints(take.select(np.array([0, 1, 4])), tmp_path / "joints.csv")
     joints = {name: take.landmarks()[:, k].tolist() for k, name in enumerate(LANDMARK_NAMES)}
-    (tmp_path / "truth.json").write_text(json.dumps({"fps": 25, "unit": "m", "up": "z", "joints": joints}))
+    (tmp_path / "truth.json").write_text(
+        json.dumps({"fps": 25, "unit": "m", "up": "z", "joints": joints})
+    )
     read = read_truth(tmp_path / "truth.json")
     score = score_motion(read, read_joints(tmp_path / "joints.csv", len(read)))
     assert score.lost == pytest.approx(0.5)
     assert score.mpjpe_mm < 0.01
 
 
-@pytest.mark.parametrize("content", ["", "{}", '{"joints": {}}', '{"unit": "mm", "joints": {}}', "[1]"])
+@pytest.mark.parametrize(
+    "content", ["", "{}", '{"joints": {}}', '{"unit": "mm", "joints": {}}', "[1]"]
+)
 def test_wrong_truth_is_said_in_one_line(tmp_path, content):
     (tmp_path / "truth.json").write_text(content)
     with pytest.raises(InputError, match=r"truth\.json"):
@@ -83,6 +90,8 @@ def test_same_numbers_as_the_reviewers_script(shared, truth):
     ours, theirs = score_motion(truth, estimate), reviewers.score(truth, estimate)
     for name, value in theirs.items():
         if name == "joint_root_mm":
-            np.testing.assert_allclose(ours.joint_root_mm, [value[joint] for joint in LANDMARK_NAMES])
+            np.testing.assert_allclose(
+                ours.joint_root_mm, [value[joint] for joint in LANDMARK_NAMES]
+            )
         else:
             assert getattr(ours, name) == pytest.approx(value), name

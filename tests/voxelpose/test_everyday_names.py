@@ -38,7 +38,9 @@ def test_what_is_not_there_is_said():
 
 
 def test_import_is_fast_and_brings_nothing():
-    seconds, *heavy = subprocess.run([sys.executable, "-c", _IMPORT], capture_output=True, text=True, check=True).stdout.split()
+    seconds, *heavy = subprocess.run(
+        [sys.executable, "-c", _IMPORT], capture_output=True, text=True, check=True
+    ).stdout.split()
     assert heavy == []
     assert float(seconds) < 0.25
 
@@ -54,8 +56,13 @@ def test_evaluate_takes_a_table_of_joints(tmp_path):
     truth = tmp_path / "recording" / "truth.json"
     from voxelpose.evaluation import LANDMARK_NAMES, read_truth
 
-    rows = [f"0,{name},{x + 0.1},{y},{z}" for name, (x, y, z) in zip(LANDMARK_NAMES, read_truth(truth)[0], strict=True)]
-    (tmp_path / "joints.csv").write_text("frame,joint,x_m,y_m,z_m\n" + "\n".join(rows), encoding="utf-8")
+    rows = [
+        f"0,{name},{x + 0.1},{y},{z}"
+        for name, (x, y, z) in zip(LANDMARK_NAMES, read_truth(truth)[0], strict=True)
+    ]
+    (tmp_path / "joints.csv").write_text(
+        "frame,joint,x_m,y_m,z_m\n" + "\n".join(rows), encoding="utf-8"
+    )
     score = voxelpose.evaluate(tmp_path / "joints.csv", truth)
     assert score.mpjpe_mm == pytest.approx(100)
     assert score.root_mm == pytest.approx(0, abs=1e-6)

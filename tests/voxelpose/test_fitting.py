@@ -10,7 +10,7 @@ from calib.errors import InputError
 from silhouette_core.estimator import Settings
 from tests.sources import ring, write_recording
 from voxelpose.fitting import Output, fit
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 from voxelpose.results import Result
 
 FILES = ["calibration.toml", "contact_sheet.png", "joints.csv", "motion.bvh", "motion.safetensors"]
@@ -30,18 +30,30 @@ def test_result_folder(recording, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "site", "walk"]
     assert len(result.motion) == 5
     assert result.rig.names == ("cam_1", "cam_2")
-    np.testing.assert_allclose(result.rig["cam_2"].rotation, recording.rig["cam_2"].rotation, atol=1e-6)
+    np.testing.assert_allclose(
+        result.rig["cam_2"].rotation, recording.rig["cam_2"].rotation, atol=1e-6
+    )
     with (tmp_path / "out" / "joints.csv").open(newline="") as file:
         assert {int(row["frame"]) for row in csv.DictReader(file)} == {1, 2, 3, 4, 5}
 
 
 def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     out = str(tmp_path / "out")  # words will do for paths
-    fit(recording, Output(out, pictures=False), Settings(chest_m=0.9, options={"voxel_size_m": 0.02}), "standing")
+    fit(
+        recording,
+        Output(out, pictures=False),
+        Settings(chest_m=0.9, options={"voxel_size_m": 0.02}),
+        "standing",
+    )
     result = Result.open(tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["frames"] == {"first": 0, "last": 5, "with_pose": 5, "lost": [0]}
-    assert summary["seconds"]["stages"]["standing"] == {"min": 0.002, "median": 0.002, "max": 0.002, "sum": 0.012}
+    assert summary["seconds"]["stages"]["standing"] == {
+        "min": 0.002,
+        "median": 0.002,
+        "max": 0.002,
+        "sum": 0.012,
+    }
     assert summary["body"]["stature_m"] == 1.81
     assert summary["quality"]["part_overlap"]["pelvis"] == 0.5
     assert summary["facts"] == {"tried": [0, 1]}
@@ -54,7 +66,9 @@ def test_summary_and_settings_say_what_was_done(recording, tmp_path):
 
 def test_a_bug_leaves_nothing_and_keeps_its_traceback(recording, tmp_path):
     with pytest.raises(RuntimeError, match="a bug"):
-        fit(recording, Output(tmp_path / "out"), Settings(options={"voxel_size_m": 8.0}), "standing")
+        fit(
+            recording, Output(tmp_path / "out"), Settings(options={"voxel_size_m": 8.0}), "standing"
+        )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["site", "walk"]
 
 

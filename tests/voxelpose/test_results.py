@@ -93,10 +93,15 @@ def test_the_recording_itself_is_kept_clean(tmp_path, inside):
 
 def test_a_place_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="file/out cannot be made"), ResultWriter(tmp_path / "file" / "out"):
+    with (
+        pytest.raises(InputError, match="file/out cannot be made"),
+        ResultWriter(tmp_path / "file" / "out"),
+    ):
         pass
 
 
 def test_json_holds_what_json_can():
-    text = as_json({"a": np.array([1.5, np.nan]), "b": (np.int64(3), np.bool_(True)), "c": {"d": float("inf")}})
+    text = as_json(
+        {"a": np.array([1.5, np.nan]), "b": (np.int64(3), np.bool_(True)), "c": {"d": float("inf")}}
+    )
     assert json.loads(text) == {"a": [1.5, None], "b": [3, True], "c": {"d": None}}

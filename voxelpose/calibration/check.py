@@ -1,4 +1,6 @@
-"""Do the cameras of a recording agree with what they filmed? If not: which one is wrong, by how much, and what would mend it."""
+"""Do the cameras of a recording agree with what they filmed? If not: which one is wrong, by how
+much, and what would mend it.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,13 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
 from calib.repair import Repair, explain
-from calib.tangency import Outline, Track
-from silhouette_core.estimator import Frame, Reporter, Silent
+from calib.tangency import Outline, OutlineTrack
+from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.recording import Recording
+from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.timestamps import NAME, write_timestamps
 from voxelpose.results import ResultWriter
-from voxelpose.timestamps import NAME, write_timestamps
 
 LONG_SIDE_PX = 480
 _NEAREST = 0.6  # of a frame: nearer than half a frame, frames cannot be brought
@@ -44,14 +47,18 @@ class CheckSettings:
     def __post_init__(self) -> None:
         """Checks what the user gave."""
         if self.moments < 3:
-            raise InputError(f"{self.moments} moments are too few to judge cameras: give at least 3")
+            raise InputError(
+                f"{self.moments} moments are too few to judge cameras: give at least 3"
+            )
         if self.most_late < 0:
             raise InputError(f"{self.most_late} frames out of step cannot be tried: give 0 or more")
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What one camera showed at one moment, kept for the picture: (h, w, 3) uint8 BGR and (h, w) bool."""
+class CheckedFrame:
+    """What one camera showed at one moment, kept for the picture: (h, w, 3) uint8 BGR and (h, w)
+    bool.
+    """
 
     frame: Frame
     mask: NDArray[np.bool_]
@@ -70,23 +77,25 @@ class Check:
         repairs: what happened to the cameras that do not agree.
         repaired: the rig with those put right; None where nothing could be.
         after: what a check of `repaired` finds.
-        sights: moment -> camera name -> what it showed, for some of the moments.
+        checked_frames: moment -> camera name -> what it showed, for some of the moments.
         notes: what could not be known, and what makes the answer less sure.
     """
 
     rig: Rig
-    tracks: dict[str, Track]
+    tracks: dict[str, OutlineTrack]
     moments: NDArray[np.int64]
     times_s: NDArray[np.float64]
     found: Agreement
     repairs: tuple[Repair, ...]
     repaired: Rig | None
     after: Agreement | None
-    sights: dict[int, dict[str, Sight]]
+    checked_frames: dict[int, dict[str, CheckedFrame]]
     notes: tuple[str, ...]
 
 
-def check_recording(recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None) -> Check:
+def check_recording(
+    recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None
+) -> Check:
     """Checks a recording's cameras against its silhouettes.
 
     Args:
@@ -100,13 +109,16 @@ def check_recording(recording: Recording, settings: CheckSettings | None = None,
     Raises:
         InputError: one camera only, nobody seen, or a file that cannot be read.
     """
-    settings, reporter = settings or CheckSettings(), reporter or Silent()
+    settings, reporter = settings or CheckSettings(), reporter or SilentReporter()
     if len(recording.rig) < 2:
-        raise InputError(f"{recording.folder} has one camera: whether it agrees with itself cannot be asked; `check` needs two or more")
-    moments = spread_moments(recording.frame_count, settings.moments)
+        raise InputError(
+            f"{recording.folder} has one camera: whether it agrees with itself cannot be asked;"
+            " `check` needs two or more"
+        )
+    moments = even_moments(recording.frame_count, settings.moments)
     reporter.stage("backgrounds")
     silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
-    tracks, sights = _look(recording, silhouettes, moments, settings, reporter)
+    tracks, checked_frames = _look(recording, silhouettes, moments, settings, reporter)
     times = recording.times_s[moments]
     found = agreement(list(tracks.values()), times)
     repairs: list[Repair] = []
@@ -120,56 +132,101 @@ def check_recording(recording: Recording, settings: CheckSettings | None = None,
         tracks |= {name: dense[name] for name in found.culprits}
     rig, after = _mended(recording.rig, tracks, times, repairs)
     notes = _notes(recording, silhouettes, found)
-    if after is not None and all(one.kind == "out of step" and abs(one.late_s) * recording.fps <= _NEAREST for one in repairs):
+    if after is not None and all(
+        one.kind == "out of step" and abs(one.late_s) * recording.fps <= _NEAREST for one in repairs
+    ):
         who = ", ".join(f"{one.camera} by {abs(one.late_s) * recording.fps:.1f}" for one in repairs)
-        notes = (*notes, f"frames do not quite coincide ({who} of a frame), as where cameras are not triggered together; no harm")
-        found, repairs, rig, after = replace(found, culprits=(), agrees=after.agrees), [], None, None
-    return Check(recording.rig, tracks, moments + recording.first, times, found, tuple(repairs), rig, after, sights, notes)
+        notes = (
+            *notes,
+            (
+                f"frames do not quite coincide ({who} of a frame), as where cameras are not"
+                " triggered together; no harm"
+            ),
+        )
+        found, repairs, rig, after = (
+            replace(found, culprits=(), agrees=after.agrees),
+            [],
+            None,
+            None,
+        )
+    return Check(
+        recording.rig,
+        tracks,
+        moments + recording.first,
+        times,
+        found,
+        tuple(repairs),
+        rig,
+        after,
+        checked_frames,
+        notes,
+    )
 
 
-def spread_moments(count: int, wanted: int) -> NDArray[np.int64]:
+def even_moments(count: int, wanted: int) -> NDArray[np.int64]:
     """Returns at most `wanted` of `count` frames, evenly over all but the ends."""
     first, last = _ENDS * (count - 1), (1 - _ENDS) * (count - 1)
     return np.unique(np.linspace(first, last, min(wanted, count)).round().astype(np.int64))
 
 
 def _look(
-    recording: Recording, silhouettes: Silhouettes, moments: NDArray[np.int64], settings: CheckSettings, reporter: Reporter
-) -> tuple[dict[str, Track], dict[int, dict[str, Sight]]]:
+    recording: Recording,
+    silhouettes: Silhouettes,
+    moments: NDArray[np.int64],
+    settings: CheckSettings,
+    reporter: Reporter,
+) -> tuple[dict[str, OutlineTrack], dict[int, dict[str, CheckedFrame]]]:
     """Takes the outlines of all cameras at the moments, and keeps some pictures."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
-    shown = {int(moments[at]) for at in np.linspace(0, len(moments) - 1, settings.shown + 2).round().astype(int)[1:-1]}
-    sights: dict[int, dict[str, Sight]] = {}
+    shown = {
+        int(moments[at])
+        for at in np.linspace(0, len(moments) - 1, settings.shown + 2).round().astype(int)[1:-1]
+    }
+    checked_frames: dict[int, dict[str, CheckedFrame]] = {}
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)
         for name, mask in masks.items():
             outlines[name].append(Outline.from_mask(recording.rig[name], mask))
         if moment in shown:
-            sights[moment + recording.first] = {name: _sight(frames[name], mask) for name, mask in masks.items()}
+            checked_frames[moment + recording.first] = {
+                name: _checked_frame(frames[name], mask) for name, mask in masks.items()
+            }
         reporter.advance()
     times = recording.times_s[moments]
-    return {name: Track(recording.rig[name], times, tuple(seen)) for name, seen in outlines.items()}, sights
+    return {
+        name: OutlineTrack(recording.rig[name], times, tuple(seen))
+        for name, seen in outlines.items()
+    }, checked_frames
 
 
-def _sight(frame: Frame, mask: NDArray[np.bool_]) -> Sight:
+def _checked_frame(frame: Frame, mask: NDArray[np.bool_]) -> CheckedFrame:
     small = cv2.resize(frame, mask.shape[::-1], interpolation=cv2.INTER_AREA)
-    return Sight(np.asarray(small, np.uint8), mask)
+    return CheckedFrame(np.asarray(small, np.uint8), mask)
 
 
-def _follow(recording: Recording, silhouettes: Silhouettes, name: str, moments: NDArray[np.int64], most: int, reporter: Reporter) -> Track:
+def _follow(
+    recording: Recording,
+    silhouettes: Silhouettes,
+    name: str,
+    moments: NDArray[np.int64],
+    most: int,
+    reporter: Reporter,
+) -> OutlineTrack:
     """Takes one camera's outlines at all frames around the moments."""
-    near = np.unique(np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1))
+    near = np.unique(
+        np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
+    )
     reporter.stage(f"{name} frame by frame", len(near))
     outlines = []
-    for frame in recording.footage[name].pick((near + recording.first).tolist()):
+    for frame in recording.readers[name].pick((near + recording.first).tolist()):
         outlines.append(Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name]))
         reporter.advance()
-    return Track(recording.rig[name], recording.times_s[near], tuple(outlines))
+    return OutlineTrack(recording.rig[name], recording.times_s[near], tuple(outlines))
 
 
 def _mended(
-    rig: Rig, tracks: dict[str, Track], times: NDArray[np.float64], repairs: Sequence[Repair]
+    rig: Rig, tracks: dict[str, OutlineTrack], times: NDArray[np.float64], repairs: Sequence[Repair]
 ) -> tuple[Rig | None, Agreement | None]:
     """Believes the explanations, and checks again."""
     done = [repair for repair in repairs if repair.kind != "unexplained"]
@@ -177,9 +234,15 @@ def _mended(
         return None, None
     mended = rig
     for repair in done:
-        mended = exchanged(mended, repair.camera, repair.with_camera) if repair.with_camera else repair.rig(mended)
+        mended = (
+            exchanged(mended, repair.camera, repair.with_camera)
+            if repair.with_camera
+            else repair.rig(mended)
+        )
     late = {repair.camera: repair.late_s for repair in done}
-    return mended, agreement([track.with_camera(mended[name]) for name, track in tracks.items()], times, late_s=late)
+    return mended, agreement(
+        [track.with_camera(mended[name]) for name, track in tracks.items()], times, late_s=late
+    )
 
 
 def exchanged(rig: Rig, first: str, second: str) -> Rig:
@@ -193,14 +256,27 @@ def _notes(recording: Recording, silhouettes: Silhouettes, found: Agreement) -> 
     notes = []
     if silhouettes.without_background:
         who = ", ".join(silhouettes.without_background)
-        notes.append(f"no empty view of {who}: its background was guessed, so its silhouettes are less sure, and this check with them")
+        notes.append(
+            f"no empty view of {who}: its background was guessed, so its silhouettes are less sure,"
+            " and this check with them"
+        )
     if len(recording.rig) == 2:
-        notes.append("with two cameras it can be seen that one is wrong, not which one; a third tells")
+        notes.append(
+            "with two cameras it can be seen that one is wrong, not which one; a third tells"
+        )
     elif len(recording.rig) == 3:
-        notes.append("with three cameras a small error can be laid at the wrong one's door; a fourth makes it sure")
-    few = [line.camera for line in found.table if line.moments < len(recording.rig) or line.planes < 12]
+        notes.append(
+            "with three cameras a small error can be laid at the wrong one's door; a fourth makes"
+            " it sure"
+        )
+    few = [
+        line.camera for line in found.table if line.moments < len(recording.rig) or line.planes < 12
+    ]
     if few:
-        notes.append(f"{', '.join(few)}: nobody is seen whole there at most of the moments; little can be said of it")
+        notes.append(
+            f"{', '.join(few)}: nobody is seen whole there at most of the moments; little can be"
+            " said of it"
+        )
     return tuple(notes)
 
 
@@ -226,5 +302,7 @@ def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
         write_rig(check.repaired, folder / "calibration.toml")
         if late:
             times = recording.file_times()
-            write_timestamps(folder / NAME, {name: one - late.get(name, 0.0) for name, one in times.items()})
+            write_timestamps(
+                folder / NAME, {name: one - late.get(name, 0.0) for name, one in times.items()}
+            )
     return Path(out)

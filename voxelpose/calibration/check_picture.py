@@ -1,4 +1,6 @@
-"""A picture of a check: every camera's silhouette with the planes that touch the body in the other cameras."""
+"""A picture of a check: every camera's silhouette with the planes that touch the body in the other
+cameras.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from calib.tangency import Track
-from voxelpose.calibration.check import Check, Sight
-from voxelpose.view.canvas import FAINT, INK, LEFT, PAPER, WARNING, Image, stroke, text_width, write_text
+from calib.tangency import OutlineTrack
+from voxelpose.calibration.check import Check, CheckedFrame
+from voxelpose.view.images.canvas import (
+    FAINT,
+    INK,
+    LEFT,
+    PAPER,
+    WARNING,
+    Image,
+    stroke,
+    text_width,
+    write_text,
+)
 
 _GAP, _MARGIN, _HEAD, _CAPTION = 8, 28, 104, 30
 _WIDEST, _TILE = 1900, 360
@@ -21,23 +33,38 @@ _DIM = 0.55
 def draw_check(check: Check) -> Image:
     """Draws the check, (h, w, 3) uint8 BGR.
 
-    A row per camera, a column per moment. In each picture the silhouette is tinted, and lines show where the silhouettes of the other
-    cameras say that it begins and ends: all touch it where the cameras agree. Lines of a camera that does not agree are red.
+    A row per camera, a column per moment. In each picture the silhouette is tinted, and lines show
+    where the silhouettes of the other
+    cameras say that it begins and ends: all touch it where the cameras agree. Lines of a camera
+        that does not agree are red.
     """
     names = list(check.rig.names)
-    moments = sorted(check.sights)
-    boxes = {name: _box([check.sights[moment][name].mask for moment in moments]) for name in names}
-    width = min(_TILE, (_WIDEST - 2 * _MARGIN) // max(1, len(moments) * _columns(len(names))) - _GAP)
+    moments = sorted(check.checked_frames)
+    boxes = {
+        name: _box([check.checked_frames[moment][name].mask for moment in moments])
+        for name in names
+    }
+    width = min(
+        _TILE, (_WIDEST - 2 * _MARGIN) // max(1, len(moments) * _columns(len(names))) - _GAP
+    )
     aspect = float(np.median([(high - low)[1] / (high - low)[0] for low, high in boxes.values()]))
     tile = width, round(width * float(np.clip(aspect, 0.6, 1.8)))
     columns = _columns(len(names))
     rows = -(-len(names) // columns)
     group = len(moments) * (tile[0] + _GAP)
     title = _title(check)
-    across = max(2 * _MARGIN + columns * group + (columns - 1) * 3 * _GAP, 2 * _MARGIN + text_width(title, 22, True))
-    sheet = np.full((_HEAD + rows * (tile[1] + _CAPTION + 2 * _GAP) + _MARGIN // 2, across, 3), PAPER, np.uint8)
+    across = max(
+        2 * _MARGIN + columns * group + (columns - 1) * 3 * _GAP,
+        2 * _MARGIN + text_width(title, 22, True),
+    )
+    sheet = np.full(
+        (_HEAD + rows * (tile[1] + _CAPTION + 2 * _GAP) + _MARGIN // 2, across, 3), PAPER, np.uint8
+    )
     write_text(sheet, title, _MARGIN, 42, 22, INK, bold=True)
-    legend = "lines: where the other cameras' silhouettes say that this one begins and ends; where cameras agree, they touch it"
+    legend = (
+        "lines: where the other cameras' silhouettes say that this one begins and ends; where"
+        " cameras agree, they touch it"
+    )
     write_text(sheet, legend, _MARGIN, 70, 14, FAINT)
     for index, name in enumerate(names):
         top = _HEAD + (index // columns) * (tile[1] + _CAPTION + 2 * _GAP)
@@ -45,7 +72,9 @@ def draw_check(check: Check) -> Image:
         _caption(sheet, check, name, left, top + 16)
         for column, moment in enumerate(moments):
             x = left + column * (tile[0] + _GAP)
-            sheet[top + _CAPTION : top + _CAPTION + tile[1], x : x + tile[0]] = _tile(check, name, moment, boxes[name], tile)
+            sheet[top + _CAPTION : top + _CAPTION + tile[1], x : x + tile[0]] = _tile(
+                check, name, moment, boxes[name], tile
+            )
     return sheet
 
 
@@ -61,10 +90,14 @@ def _title(check: Check) -> str:
 
 def _caption(sheet: Image, check: Check, name: str, left: int, base: int) -> None:
     line = next(line for line in check.found.table if line.camera == name)
-    bad = name in check.found.culprits or any(name in (repair.camera, repair.with_camera) for repair in check.repairs)
+    bad = name in check.found.culprits or any(
+        name in (repair.camera, repair.with_camera) for repair in check.repairs
+    )
     write_text(sheet, name, left, base, 16, WARNING if bad else INK, bold=True)
     words = f"{line.error_px:.1f} px from the others" + (", does not agree" if bad else "")
-    write_text(sheet, words, left + text_width(name, 16, True) + 14, base, 14, WARNING if bad else FAINT)
+    write_text(
+        sheet, words, left + text_width(name, 16, True) + 14, base, 14, WARNING if bad else FAINT
+    )
 
 
 def _box(masks: list[NDArray[np.bool_]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -80,20 +113,29 @@ def _box(masks: list[NDArray[np.bool_]]) -> tuple[NDArray[np.float64], NDArray[n
     return np.maximum(low - room, 0), np.minimum(high + room, size)
 
 
-def _tile(check: Check, name: str, moment: int, box: tuple[NDArray[np.float64], NDArray[np.float64]], tile: tuple[int, int]) -> Image:
+def _tile(
+    check: Check,
+    name: str,
+    moment: int,
+    box: tuple[NDArray[np.float64], NDArray[np.float64]],
+    tile: tuple[int, int],
+) -> Image:
     """Draws one camera at one moment."""
-    sight: Sight = check.sights[moment][name]
+    checked: CheckedFrame = check.checked_frames[moment][name]
     low, high = box
     scale = min(tile[0] / (high - low)[0], tile[1] / (high - low)[1])
     shift = np.array(tile) / 2 - scale * (low + high) / 2
     move = np.column_stack([scale * np.eye(2), shift])
-    tinted = (sight.frame * _DIM).astype(np.uint8)
-    tinted[sight.mask] = np.clip(0.5 * sight.frame[sight.mask] + 110, 0, 255).astype(np.uint8)
-    image = np.asarray(cv2.warpAffine(tinted, move, tile, flags=cv2.INTER_LINEAR, borderValue=(48, 42, 38)), np.uint8)
+    tinted = (checked.frame * _DIM).astype(np.uint8)
+    tinted[checked.mask] = np.clip(0.5 * checked.frame[checked.mask] + 110, 0, 255).astype(np.uint8)
+    image = np.asarray(
+        cv2.warpAffine(tinted, move, tile, flags=cv2.INTER_LINEAR, borderValue=(48, 42, 38)),
+        np.uint8,
+    )
     at = int(np.flatnonzero(check.moments == moment)[0])
     time_s = check.times_s[at]
     camera = check.rig[name]
-    zoom = np.array(sight.mask.shape[::-1]) / camera.size
+    zoom = np.array(checked.mask.shape[::-1]) / camera.size
     for other, track in check.tracks.items():
         if other == name:
             continue
@@ -104,7 +146,7 @@ def _tile(check: Check, name: str, moment: int, box: tuple[NDArray[np.float64], 
     return image
 
 
-def touching_lines(camera: Camera, other: Track, time_s: float) -> list[NDArray[np.float64]]:
+def touching_lines(camera: Camera, other: OutlineTrack, time_s: float) -> list[NDArray[np.float64]]:
     """Returns where a camera sees the planes that touch the body in another camera, (N, 2) px each."""
     baseline = other.camera.center_m - camera.center_m
     baseline = baseline / max(float(np.linalg.norm(baseline)), 1e-9)

@@ -3,7 +3,18 @@
 import numpy as np
 
 from voxelpose.calibration.lenses import Lens
-from voxelpose.view.canvas import FAINT, INK, LEFT, PAPER, WARNING, Image, dot, stroke, text_width, write_text
+from voxelpose.view.images.canvas import (
+    FAINT,
+    INK,
+    LEFT,
+    PAPER,
+    WARNING,
+    Image,
+    dot,
+    stroke,
+    text_width,
+    write_text,
+)
 
 _PANEL = 460  # longer side, px
 _MARGIN, _HEAD, _FOOT = 24, 66, 34
@@ -13,7 +24,8 @@ _FILLED = (66, 56, 48)
 
 
 def coverage_picture(lenses: list[Lens]) -> Image:
-    """Draws, for every camera, the corners that were used; parts of the image without any are dyed red.
+    """Draws, for every camera, the corners that were used; parts of the image without any are dyed
+    red.
 
     Returns:
         (H, W, 3) uint8, BGR.
@@ -21,7 +33,9 @@ def coverage_picture(lenses: list[Lens]) -> Image:
     panels = [_panel(one) for one in lenses]
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
     width = max(sum(panel.shape[1] for panel in row) for row in rows)
-    picture = np.empty((sum(max(panel.shape[0] for panel in row) for row in rows), width, 3), np.uint8)
+    picture = np.empty(
+        (sum(max(panel.shape[0] for panel in row) for row in rows), width, 3), np.uint8
+    )
     picture[:] = PAPER
     y = 0
     for row in rows:
@@ -40,7 +54,9 @@ def _panel(lens: Lens) -> Image:
     width, height = (round(side * scale) for side in found.size)
     used = lens.used()
     head = f"{lens.camera}"
-    detail = f"{found.rms_px:.2f} px in {len(used)} pictures, focal length {found.matrix[0, 0]:.0f} px"
+    detail = (
+        f"{found.rms_px:.2f} px in {len(used)} pictures, focal length {found.matrix[0, 0]:.0f} px"
+    )
     across = max(width, text_width(detail, 15), text_width(_LEGEND, 13)) + 2 * _MARGIN
     panel = np.empty((height + _HEAD + _FOOT, across, 3), np.uint8)
     panel[:] = PAPER
@@ -48,18 +64,31 @@ def _panel(lens: Lens) -> Image:
     write_text(panel, detail, _MARGIN, 54, 15, FAINT)
     image = panel[_HEAD : _HEAD + height, _MARGIN : _MARGIN + width]
     cells = len(found.coverage)
-    edges_x, edges_y = (np.round(np.linspace(0, side, cells + 1)).astype(int) for side in (width, height))
+    edges_x, edges_y = (
+        np.round(np.linspace(0, side, cells + 1)).astype(int) for side in (width, height)
+    )
     for row, column in np.ndindex(found.coverage.shape):
-        image[edges_y[row] : edges_y[row + 1], edges_x[column] : edges_x[column + 1]] = _FILLED if found.coverage[row, column] else _EMPTY
+        image[edges_y[row] : edges_y[row + 1], edges_x[column] : edges_x[column + 1]] = (
+            _FILLED if found.coverage[row, column] else _EMPTY
+        )
     for view in used.values():
         for pixel in view.pixels:
             dot(image, (pixel + 0.5) * scale - 0.5, 1.8, LEFT)
     middle = (found.matrix[:2, 2] + 0.5) * scale - 0.5
     for arm in np.array([[7.0, 0], [0, 7.0]]):
         stroke(image, np.array([middle - arm, middle + arm]), INK)
-    border = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float)
+    border = np.array(
+        [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float
+    )
     stroke(image, border, FAINT, closed=True)
-    write_text(panel, _LEGEND, _MARGIN, height + _HEAD + 22, 13, WARNING if (found.coverage == 0).any() else FAINT)
+    write_text(
+        panel,
+        _LEGEND,
+        _MARGIN,
+        height + _HEAD + 22,
+        13,
+        WARNING if (found.coverage == 0).any() else FAINT,
+    )
     return panel
 
 

@@ -1,4 +1,6 @@
-"""What calibrations are written to: the calibration, and beside it a report and a picture, all of them or none."""
+"""What calibrations are written to: the calibration, and beside it a report and a picture, all of
+them or none.
+"""
 
 import os
 import tomllib
@@ -12,11 +14,13 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
 from voxelpose.results import as_json
-from voxelpose.view.canvas import Image
+from voxelpose.view.images.canvas import Image
 
 
 def beside(out: Path, what: str) -> Path:
-    """Returns the name of a file that goes with a calibration: calibration_rig.png beside calibration.toml."""
+    """Returns the name of a file that goes with a calibration: calibration_rig.png beside
+    calibration.toml.
+    """
     return out.with_name(f"{out.stem}_{what}")
 
 
@@ -28,9 +32,13 @@ def refuse_existing(paths: list[Path], overwrite: bool) -> None:
     """
     for path in paths:
         if path.exists() and not overwrite:
-            raise InputError(f"{path} exists: give --out another name, or add --overwrite to replace it")
+            raise InputError(
+                f"{path} exists: give --out another name, or add --overwrite to replace it"
+            )
         if not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder {path.parent}: make it, or give --out another name")
+            raise InputError(
+                f"{path}: there is no folder {path.parent}: make it, or give --out another name"
+            )
 
 
 def png(picture: Image) -> bytes:
@@ -57,7 +65,9 @@ def write_png(picture: Image, path: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-def write_calibration(rig: Rig, out: Path, notes: Mapping[str, Any], others: Mapping[Path, bytes]) -> None:
+def write_calibration(
+    rig: Rig, out: Path, notes: Mapping[str, Any], others: Mapping[Path, bytes]
+) -> None:
     """Writes a calibration and what goes with it; nothing is left half written.
 
     Args:
@@ -89,9 +99,15 @@ def report_json(document: Mapping[str, object]) -> bytes:
 
 
 def notes_of(path: Path) -> dict[str, Any]:
-    """Returns what a calibration keeps under [metadata] beside its unit; nothing where it has no such place."""
+    """Returns what a calibration keeps under [metadata] beside its unit; nothing where it has no
+    such place.
+    """
     try:
         metadata = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("metadata", {})
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return {}
-    return {key: value for key, value in metadata.items() if key not in ("unit", "units")} if isinstance(metadata, dict) else {}
+    return (
+        {key: value for key, value in metadata.items() if key not in ("unit", "units")}
+        if isinstance(metadata, dict)
+        else {}
+    )

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.board import Board, Refusal, View
+from calib.board import Board, BoardView, Refusal
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.intrinsics import Intrinsics, LensKind, calibrate_intrinsics
-from silhouette_core.estimator import Reporter
-from voxelpose.calibration.pictures import CameraPictures, find_views, stride
+from silhouette_core.progress import Reporter
+from voxelpose.calibration.board_views import CameraPictures, find_views, stride
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,16 +19,24 @@ class Lens:
 
     camera: str
     intrinsics: Intrinsics
-    views: Mapping[str, View | Refusal]
+    views: Mapping[str, BoardView | Refusal]
 
-    def used(self) -> dict[str, View]:
+    def used(self) -> dict[str, BoardView]:
         """Returns the views that counted."""
         kept = {line.picture for line in self.intrinsics.pictures if line.left_out is None}
-        return {name: view for name, view in self.views.items() if name in kept and isinstance(view, View)}
+        return {
+            name: view
+            for name, view in self.views.items()
+            if name in kept and isinstance(view, BoardView)
+        }
 
 
 def calibrate_lenses(
-    board: Board, cameras: Mapping[str, CameraPictures], kind: LensKind, wanted: int, reporter: Reporter
+    board: Board,
+    cameras: Mapping[str, CameraPictures],
+    kind: LensKind,
+    wanted: int,
+    reporter: Reporter,
 ) -> tuple[list[Lens], dict[str, str]]:
     """Calibrates every camera on its own.
 
@@ -44,7 +52,9 @@ def calibrate_lenses(
     """
     lenses, failures = [], {}
     for name, pictures in cameras.items():
-        total = len(pictures) if pictures.video is None else -(-len(pictures) // stride(len(pictures)))
+        total = (
+            len(pictures) if pictures.video is None else -(-len(pictures) // stride(len(pictures)))
+        )
         reporter.stage(f"pictures of {name}", total)
         try:
             views = find_views(board, pictures, wanted, reporter)
@@ -60,7 +70,15 @@ def lens_rig(lenses: list[Lens]) -> Rig:
     """Returns the cameras with their lenses, all at the origin."""
     return Rig(
         tuple(
-            Camera(one.camera, found.size, found.matrix, found.distortion, np.eye(3), np.zeros(3), found.fisheye)
+            Camera(
+                one.camera,
+                found.size,
+                found.matrix,
+                found.distortion,
+                np.eye(3),
+                np.zeros(3),
+                found.fisheye,
+            )
             for one in lenses
             for found in (one.intrinsics,)
         )
@@ -95,7 +113,12 @@ def lens_report(lenses: list[Lens]) -> dict[str, object]:
             "corners_per_cell": found.coverage,
             "advice": found.advice,
             "pictures": [
-                {"picture": line.picture, "corners": line.corners, "rms_px": line.rms_px, "left_out": line.left_out}
+                {
+                    "picture": line.picture,
+                    "corners": line.corners,
+                    "rms_px": line.rms_px,
+                    "left_out": line.left_out,
+                }
                 for line in found.pictures
             ],
         }

@@ -1,4 +1,6 @@
-"""Listed points of a scene, as CSV: camera,point,x_px,y_px and, where a point was measured, x_m,y_m,z_m."""
+"""Listed points of a scene, as CSV: camera,point,x_px,y_px and, where a point was measured,
+x_m,y_m,z_m.
+"""
 
 import csv
 from pathlib import Path
@@ -27,7 +29,10 @@ def read_points(path: Path) -> ScenePoints:
         raise InputError(f"{path} cannot be read as CSV: {error}") from None
     header = rows[0].keys() if rows else ()
     if missing := [name for name in ("camera", "point", *_PIXELS) if name not in header]:
-        raise InputError(f"{path}: no column {', '.join(missing)}: the first line must be camera,point,x_px,y_px,x_m,y_m,z_m")
+        raise InputError(
+            f"{path}: no column {', '.join(missing)}: the first line must be"
+            " camera,point,x_px,y_px,x_m,y_m,z_m"
+        )
     pixels: dict[str, dict[str, np.ndarray]] = {}
     known: dict[str, np.ndarray] = {}
     for number, row in enumerate(rows, start=2):

@@ -1,4 +1,6 @@
-"""A picture of a rig: cameras, the volume that they see together, and the floor, from above and from the side."""
+"""A picture of a rig: cameras, the volume that they see together, and the floor, from above and
+from the side.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +10,19 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
 from calib.rotation import matrix_from_rodrigues
-from voxelpose.view.canvas import FAINT, INK, LEFT, MIDDLE, PAPER, RIGHT, Image, dot, stroke, text_width, write_text
+from voxelpose.view.images.canvas import (
+    FAINT,
+    INK,
+    LEFT,
+    MIDDLE,
+    PAPER,
+    RIGHT,
+    Image,
+    dot,
+    stroke,
+    text_width,
+    write_text,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +36,9 @@ _TALLEST_M = 2.5
 
 @dataclass(frozen=True)
 class _Panel:
-    """One view: which world axes run right and up, what lies at its lower left end (m), and where that is in the picture (px)."""
+    """One view: which world axes run right and up, what lies at its lower left end (m), and where
+    that is in the picture (px).
+    """
 
     right: int
     up: int
@@ -44,9 +60,8 @@ class _Panel:
 def rig_picture(rig: Rig, floor: bool = True) -> Image:
     """Draws a rig.
 
-    Args:
-        rig: The cameras.
-        floor: Whether the world's z is up from the floor; if not, the cameras' own upright is taken for up.
+    Args: rig: The cameras. floor: Whether the world's z is up from the floor; if not, the cameras'
+        own upright is taken for up.
 
     Returns:
         (H, W, 3) uint8, BGR: from above on the left, from the side on the right.
@@ -55,20 +70,34 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
     low, high = _extent(rig, floor)
     edges = high - low
     scale = _PANEL / edges.max()
-    width, height = 2 * _MARGIN + _GAP + round(2 * edges[0] * scale), _HEAD + _FOOT + round(max(edges[1], edges[2]) * scale)
+    width, height = (
+        2 * _MARGIN + _GAP + round(2 * edges[0] * scale),
+        _HEAD + _FOOT + round(max(edges[1], edges[2]) * scale),
+    )
     picture = np.empty((height, max(width, 860), 3), np.uint8)
     picture[:] = PAPER
     above = _Panel(0, 1, low, scale, _MARGIN, height - _FOOT)
     side = _Panel(0, 2, low, scale, _MARGIN + edges[0] * scale + _GAP, height - _FOOT)
     counts = _counts(rig, low, high, floor)
-    for panel, count, title in zip((above, side), counts, ("from above", "from the side"), strict=True):
+    for panel, count, title in zip(
+        (above, side), counts, ("from above", "from the side"), strict=True
+    ):
         _shade(picture, panel, count, high, len(rig))
         _grid(picture, panel, high)
-        write_text(picture, title, round(panel.left_px), round(panel.at(high[None])[0, 1]) - 12, 16, FAINT)
+        write_text(
+            picture, title, round(panel.left_px), round(panel.at(high[None])[0, 1]) - 12, 16, FAINT
+        )
         if floor and panel is side:
             ends = panel.at(np.array([[low[0], 0, 0], [high[0], 0, 0]]))
             stroke(picture, ends, MIDDLE, 2)
-            write_text(picture, "floor", round(ends[1, 0]) - text_width("floor", 13) - 4, round(ends[1, 1]) + 16, 13, MIDDLE)
+            write_text(
+                picture,
+                "floor",
+                round(ends[1, 0]) - text_width("floor", 13) - 4,
+                round(ends[1, 1]) + 16,
+                13,
+                MIDDLE,
+            )
         if floor:
             for axis, letter in ((panel.right, "x"), (panel.up, "yz"[panel is side])):
                 ends = panel.at(np.array([np.zeros(3), 0.08 * edges.max() * np.eye(3)[axis]]))
@@ -77,9 +106,17 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
         for camera in rig:
             _draw(picture, panel, camera, 0.1 * edges.max())
     seen = (
-        f"shade: seen by 2 to all {len(rig)} cameras" if len(rig) > 2 else "shade: seen by both cameras" if len(rig) == 2 else "shade: seen"
+        f"shade: seen by 2 to all {len(rig)} cameras"
+        if len(rig) > 2
+        else "shade: seen by both cameras"
+        if len(rig) == 2
+        else "shade: seen"
     )
-    said = seen + ("; left: a standing person, from feet to head" if floor else "; no floor was given: up is a guess, from the cameras")
+    said = seen + (
+        "; left: a standing person, from feet to head"
+        if floor
+        else "; no floor was given: up is a guess, from the cameras"
+    )
     write_text(picture, f"{len(rig)} cameras, a line every metre", _MARGIN, 36, 20, INK, bold=True)
     write_text(picture, said, _MARGIN, height - 14, 14, FAINT)
     return picture
@@ -91,29 +128,44 @@ def _upright(rig: Rig) -> Rig:
     up /= np.linalg.norm(up)
     axis = np.cross(up, [0, 0, 1.0])
     sine = float(np.linalg.norm(axis))
-    turn = matrix_from_rodrigues(axis / sine * np.arctan2(sine, up[2])) if sine > 1e-9 else np.diag([1, np.sign(up[2]), np.sign(up[2])])
+    turn = (
+        matrix_from_rodrigues(axis / sine * np.arctan2(sine, up[2]))
+        if sine > 1e-9
+        else np.diag([1, np.sign(up[2]), np.sign(up[2])])
+    )
     return Rig(tuple(replace(camera, rotation=camera.rotation @ turn.T) for camera in rig))
 
 
 def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
-    """Returns the low and high corner of what is shown, m: the cameras, where they look, and some air."""
+    """Returns the low and high corner of what is shown, m: the cameras, where they look, and some
+    air.
+    """
     centers = np.array([camera.center_m for camera in rig])
     axes = np.array([camera.rotation[2] for camera in rig])
     # The point nearest to all optical axes; for cameras side by side, some way ahead.
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    middle = np.linalg.lstsq(across.sum(axis=0) + 1e-3 * np.eye(3), (across @ centers[..., None]).sum(axis=0)[:, 0], rcond=None)[0]
+    middle = np.linalg.lstsq(
+        across.sum(axis=0) + 1e-3 * np.eye(3),
+        (across @ centers[..., None]).sum(axis=0)[:, 0],
+        rcond=None,
+    )[0]
     depth = max(1.0, float(np.ptp(centers, axis=0).max()))
     middle = np.clip(middle, centers.min(axis=0) - depth, centers.max(axis=0) + depth)
-    shown = np.vstack([centers, middle[None], *([np.zeros((1, 3)), [[0, 0, _TALLEST_M]]] if floor else [])])
+    shown = np.vstack(
+        [centers, middle[None], *([np.zeros((1, 3)), [[0, 0, _TALLEST_M]]] if floor else [])]
+    )
     low, high = shown.min(axis=0), shown.max(axis=0)
     air = 0.12 * max(float((high - low).max()), 1.0)
     return low - air, high + air
 
 
-def _counts(rig: Rig, low: FloatArray, high: FloatArray, floor: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _counts(
+    rig: Rig, low: FloatArray, high: FloatArray, floor: bool
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Counts the cameras that see each cell, from above (y, x) and from the side (z, x).
 
-    From above: a person from feet to head where there is a floor, else anything at any height. From the side: anything at any y.
+    From above: a person from feet to head where there is a floor, else anything at any height. From
+        the side: anything at any y.
     """
     step = float((high - low).max()) / _CELLS
     x, y, z = (np.arange(low[axis] + step / 2, high[axis], step) for axis in range(3))
@@ -133,13 +185,24 @@ def _seen_by(rig: Rig, x: FloatArray, y: FloatArray, z: FloatArray) -> NDArray[n
     return count.reshape(len(x), len(y), len(z))
 
 
-def _shade(picture: Image, panel: _Panel, count: NDArray[np.int64], high: FloatArray, cameras: int) -> None:
+def _shade(
+    picture: Image, panel: _Panel, count: NDArray[np.int64], high: FloatArray, cameras: int
+) -> None:
     """Dyes what two cameras or more see, the more the brighter."""
     corner = panel.at(high[None])[0]
-    left, bottom, right, top = round(panel.left_px), round(panel.bottom_px), round(corner[0]), round(corner[1])
+    left, bottom, right, top = (
+        round(panel.left_px),
+        round(panel.bottom_px),
+        round(corner[0]),
+        round(corner[1]),
+    )
     least = min(2, cameras)
     share = np.where(count >= least, (count - least + 1) / (cameras - least + 1), 0.0)
-    share = cv2.resize(share[::-1].astype(np.float32), (right - left, bottom - top), interpolation=cv2.INTER_NEAREST)[..., None]
+    share = cv2.resize(
+        share[::-1].astype(np.float32),
+        (right - left, bottom - top),
+        interpolation=cv2.INTER_NEAREST,
+    )[..., None]
     area = picture[top:bottom, left:right]
     area[:] = np.round(area + share * (np.array(_SEEN) - area)).astype(np.uint8)
 
@@ -162,7 +225,9 @@ def _grid(picture: Image, panel: _Panel, high: FloatArray) -> None:
 def _draw(picture: Image, panel: _Panel, camera: Camera, length: float) -> None:
     """Draws a camera as the pyramid that it sees, with its name behind it."""
     width, height = camera.size
-    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float)
+    corners = np.array(
+        [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float
+    )
     # Where a wide lens bends the corners away, straight lines through the matrix do for a picture.
     rays = camera.pinhole().rays(corners)[1]
     rays /= np.abs(rays @ camera.rotation[2])[:, None]

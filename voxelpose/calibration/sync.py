@@ -11,13 +11,13 @@ import numpy as np
 from calib.agreement import picture_scale
 from calib.errors import InputError
 from calib.synchronise import Synchronisation, synchronise
-from calib.tangency import Outline, Track
-from silhouette_core.estimator import Reporter, Silent
+from calib.tangency import Outline, OutlineTrack
 from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.calibration.check import LONG_SIDE_PX
-from voxelpose.footage import Footage
-from voxelpose.recording import Recording, pictures_by_camera
-from voxelpose.timestamps import Times, write_timestamps
+from voxelpose.recording.folder import Recording, pictures_by_camera
+from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.timestamps import Times, write_timestamps
 
 _DOUBTFUL_PX = 0.8  # of a picture of 480 x 360
 
@@ -43,20 +43,23 @@ class SyncSettings:
     def __post_init__(self) -> None:
         """Checks what the user gave."""
         if not (np.isfinite(self.most_s) and self.most_s > 0):
-            raise InputError(f"offsets of at most {self.most_s:g} s cannot be looked for: give a positive number of seconds")
+            raise InputError(
+                f"offsets of at most {self.most_s:g} s cannot be looked for: give a positive number"
+                " of seconds"
+            )
         if not (np.isfinite(self.seconds) and self.seconds > 0):
-            raise InputError(f"{self.seconds:g} s of a recording cannot be looked at: give a positive number")
+            raise InputError(
+                f"{self.seconds:g} s of a recording cannot be looked at: give a positive number"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class Sync:
     """A recording's synchronisation.
 
-    Attributes:
-        found: the offsets.
-        times: when every camera's frames were taken by its own clock, s: the files' rates from a common start.
-        fps: each camera's rate.
-        notes: what makes the answer less sure.
+    Attributes: found: the offsets. times: when every camera's frames were taken by its own clock,
+        s: the files' rates from a common start. fps: each camera's rate. notes: what makes the
+        answer less sure.
     """
 
     found: Synchronisation
@@ -66,13 +69,19 @@ class Sync:
 
     def write(self, path: Path) -> None:
         """Writes timestamps.csv in the reference's time."""
-        write_timestamps(path, {name: one - self.found.late_s[name] for name, one in self.times.items()})
+        write_timestamps(
+            path, {name: one - self.found.late_s[name] for name, one in self.times.items()}
+        )
 
 
 def sync_recording(
-    folder: Path | str, settings: SyncSettings | None = None, cameras: Sequence[str] | None = None, reporter: Reporter | None = None
+    folder: Path | str,
+    settings: SyncSettings | None = None,
+    cameras: Sequence[str] | None = None,
+    reporter: Reporter | None = None,
 ) -> Sync:
-    """Finds the offsets between a recording's cameras. A timestamps.csv that is there already is not looked at.
+    """Finds the offsets between a recording's cameras. A timestamps.csv that is there already is
+    not looked at.
 
     Args:
         folder: the recording folder; its videos may differ in length and rate.
@@ -86,14 +95,16 @@ def sync_recording(
     Raises:
         InputError: something is missing, or nobody moves.
     """
-    settings, reporter = settings or SyncSettings(), reporter or Silent()
+    settings, reporter = settings or SyncSettings(), reporter or SilentReporter()
     folder = Path(folder)
     known = pictures_by_camera(folder) or pictures_by_camera(folder / "masks")
     names = list(known) if cameras is None else list(cameras)
     if len(names) < 2:
         raise InputError(f"{folder} has one camera: there is nothing that it could be in step with")
     alone = {name: _open(folder, name, settings) for name in names}
-    times = {name: np.arange(one.footage[name].frame_count) / one.fps for name, one in alone.items()}
+    times = {
+        name: np.arange(one.readers[name].frame_count) / one.fps for name, one in alone.items()
+    }
     begin, end = _window(times, settings)
     tracks, guessed = [], []
     for name, recording in alone.items():
@@ -102,16 +113,25 @@ def sync_recording(
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         guessed += silhouettes.without_background
         outlines = []
-        for frame in recording.footage[name].frames(int(used[0]), int(used[-1]) + 1):
-            outlines.append(Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name]))
+        for frame in recording.readers[name].frames(int(used[0]), int(used[-1]) + 1):
+            outlines.append(
+                Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name])
+            )
             reporter.advance()
-        tracks.append(Track(recording.rig[name], times[name][used], tuple(outlines)))
+        tracks.append(OutlineTrack(recording.rig[name], times[name][used], tuple(outlines)))
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
     found = synchronise(tracks, min(settings.most_s, 0.5 * shortest), settings.reference)
-    notes = [f"no empty view of {', '.join(guessed)}: the temporal median served as background"] if guessed else []
+    notes = (
+        [f"no empty view of {', '.join(guessed)}: the temporal median served as background"]
+        if guessed
+        else []
+    )
     if found.agreed and found.after_px > _DOUBTFUL_PX * picture_scale(tracks):
-        notes.append("a camera does not agree with the others even so, and its offset is unsure: `voxelpose calibrate check` names it")
+        notes.append(
+            "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
+            " calibrate check` names it"
+        )
     return Sync(found, times, {name: one.fps for name, one in alone.items()}, tuple(notes))
 
 
@@ -120,12 +140,14 @@ def _open(folder: Path, name: str, settings: SyncSettings) -> Recording:
     rate = (settings.rates or {}).get(name)
     if rate is None:
         path = (pictures_by_camera(folder) or pictures_by_camera(folder / "masks")).get(name)
-        rate = None if path is None else Footage.open(path).fps
+        rate = None if path is None else FrameReader.open(path).fps
     if rate is None:
         raise InputError(f"how fast {name} filmed is not known: say it, as in --rates {name}=30")
     recording = Recording.open(folder, cameras=[name], unit=settings.unit, fps=rate)
     if recording.calibration_path is None:
-        raise InputError(f"{folder} holds no calibration: calibrate first, or put calibration.toml there")
+        raise InputError(
+            f"{folder} holds no calibration: calibrate first, or put calibration.toml there"
+        )
     return recording
 
 

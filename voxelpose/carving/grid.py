@@ -12,12 +12,12 @@ _LARGEST = 1 << 30  # voxels: one gigabyte of bool
 class VoxelGrid:
     """A box of cubic voxels, all of whose corners are multiples of the voxel size.
 
-    Two grids of one voxel size therefore share their voxels wherever they overlap, bit for bit: a window may follow a person.
+    Two grids of one voxel size therefore share their voxels wherever they overlap, bit for bit: a
+        window may follow a person.
 
-    Attributes:
-        origin_m: (3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given is moved to the nearest lattice point.
-        voxel_size_m: Edge of a voxel, m.
-        shape: Number of voxels along x, y and z.
+    Attributes: origin_m: (3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given
+        is moved to the nearest lattice point. voxel_size_m: Edge of a voxel, m. shape: Number of
+        voxels along x, y and z.
 
     Raises:
         ValueError: A value has the wrong shape or is impossible.
@@ -37,9 +37,14 @@ class VoxelGrid:
         if not (np.isfinite(size) and size > 0):
             raise ValueError(f"voxel_size_m must be positive, got {self.voxel_size_m}")
         if len(shape) != 3 or min(shape) < 1:
-            raise ValueError(f"shape must be three numbers of voxels, each at least 1, got {self.shape}")
+            raise ValueError(
+                f"shape must be three numbers of voxels, each at least 1, got {self.shape}"
+            )
         if shape[0] * shape[1] * shape[2] > _LARGEST:
-            raise ValueError(f"shape {shape} has more than {_LARGEST} voxels: choose larger voxels or a smaller volume")
+            raise ValueError(
+                f"shape {shape} has more than {_LARGEST} voxels: choose larger voxels or a smaller"
+                " volume"
+            )
         origin = np.rint(origin / size) * size
         origin.setflags(write=False)
         for key, value in (("origin_m", origin), ("voxel_size_m", size), ("shape", shape)):
@@ -54,8 +59,12 @@ class VoxelGrid:
         return cls(low * voxel_size_m, voxel_size_m, (nx, ny, nz))
 
     @classmethod
-    def around(cls, centre_m: ArrayLike, voxel_size_m: float, shape: tuple[int, int, int]) -> "VoxelGrid":
-        """Makes a window of the given shape whose middle is within half a voxel of `centre_m` (3,), world, m."""
+    def around(
+        cls, centre_m: ArrayLike, voxel_size_m: float, shape: tuple[int, int, int]
+    ) -> "VoxelGrid":
+        """Makes a window of the given shape whose middle is within half a voxel of `centre_m` (3,),
+        world, m.
+        """
         centre = np.asarray(centre_m, dtype=np.float64)
         return cls(centre - 0.5 * voxel_size_m * np.array(shape), voxel_size_m, shape)
 
@@ -69,24 +78,38 @@ class VoxelGrid:
         """(3,) float64: edges of the box, m."""
         return np.array(self.shape) * self.voxel_size_m
 
-    def axes(self, multiple: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the world coordinates of the voxel centres along x (nx,), y (ny,) and z (nz,), float64, m.
+    def axes(
+        self, multiple: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Returns the world coordinates of the voxel centres along x (nx,), y (ny,) and z (nz,),
+        float64, m.
 
         Args:
             multiple: Continues each beyond the grid to a multiple of so many voxels.
         """
-        # From the lattice and not from the origin, so that the same voxel has the same bits in every grid.
+        # From the lattice and not from the origin, so that the same voxel has the same bits in
+        # every grid.
         counts = (-(-n // multiple) * multiple for n in self.shape)
-        x, y, z = ((first + np.arange(n) + 0.5) * self.voxel_size_m for first, n in zip(self.lattice, counts, strict=True))
+        x, y, z = (
+            (first + np.arange(n) + 0.5) * self.voxel_size_m
+            for first, n in zip(self.lattice, counts, strict=True)
+        )
         return x, y, z
 
     def centres(self, indices: ArrayLike) -> NDArray[np.float64]:
         """Returns the centres of voxels (N, 3) int, (N, 3) float64, world, m."""
-        return np.asarray((self.lattice + np.asarray(indices) + 0.5) * self.voxel_size_m, dtype=np.float64)
+        return np.asarray(
+            (self.lattice + np.asarray(indices) + 0.5) * self.voxel_size_m, dtype=np.float64
+        )
 
     def indices(self, points_m: ArrayLike) -> NDArray[np.int64]:
-        """Returns the voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside the grid."""
-        return np.floor(np.asarray(points_m, dtype=np.float64) / self.voxel_size_m).astype(np.int64) - self.lattice
+        """Returns the voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside
+        the grid.
+        """
+        return (
+            np.floor(np.asarray(points_m, dtype=np.float64) / self.voxel_size_m).astype(np.int64)
+            - self.lattice
+        )
 
     def contains(self, indices: ArrayLike) -> NDArray[np.bool_]:
         """Says which voxels (N, 3) int lie inside the grid, (N,) bool."""
@@ -94,13 +117,18 @@ class VoxelGrid:
         return np.logical_and.reduce((indices >= 0) & (indices < np.array(self.shape)), axis=-1)
 
     def occupied_points(self, occupancy: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Returns the centres (N, 3) float64, world, m, of the occupied voxels of `occupancy` (nx, ny, nz) bool."""
+        """Returns the centres (N, 3) float64, world, m, of the occupied voxels of `occupancy` (nx,
+        ny, nz) bool.
+        """
         if occupancy.shape != self.shape:
             raise ValueError(f"occupancy must be {self.shape}, got {occupancy.shape}")
         return self.centres(np.argwhere(occupancy))
 
-    def cropped(self, occupancy: NDArray[np.bool_], margin: int = 0) -> tuple["VoxelGrid", NDArray[np.bool_]]:
-        """Returns the part of the grid that holds every occupied voxel, widened by `margin` voxels within the grid.
+    def cropped(
+        self, occupancy: NDArray[np.bool_], margin: int = 0
+    ) -> tuple["VoxelGrid", NDArray[np.bool_]]:
+        """Returns the part of the grid that holds every occupied voxel, widened by `margin` voxels
+        within the grid.
 
         Raises:
             ValueError: Nothing is occupied.
@@ -111,5 +139,9 @@ class VoxelGrid:
         low = [max(0, int(a[0]) - margin) for a in along]
         high = [min(n, int(a[-1]) + 1 + margin) for a, n in zip(along, self.shape, strict=True)]
         nx, ny, nz = (b - a for a, b in zip(low, high, strict=True))
-        grid = VoxelGrid(np.asarray((self.lattice + low) * self.voxel_size_m, dtype=np.float64), self.voxel_size_m, (nx, ny, nz))
+        grid = VoxelGrid(
+            np.asarray((self.lattice + low) * self.voxel_size_m, dtype=np.float64),
+            self.voxel_size_m,
+            (nx, ny, nz),
+        )
         return grid, occupancy[low[0] : high[0], low[1] : high[1], low[2] : high[2]]

@@ -14,8 +14,12 @@ from voxelpose.carving.views import Masks, mask_list, view
 FloatArray = NDArray[np.float64]
 
 
-def bend(row: FloatArray, kind: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distorts ideal coordinates. Source: OpenCV, "Camera Calibration and 3D Reconstruction" and "Fisheye camera model"."""
+def distort_unbounded(
+    row: FloatArray, kind: int, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distorts ideal coordinates. Source: OpenCV, "Camera Calibration and 3D Reconstruction" and
+    "Fisheye camera model".
+    """
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = row[columns.K1 : columns.S4 + 1]
     s = x * x + y * y
     if kind == columns.FISHEYE:
@@ -37,8 +41,12 @@ def bend(row: FloatArray, kind: int, x: FloatArray, y: FloatArray) -> tuple[Floa
     return a, b
 
 
-def look(row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: FloatArray, z: FloatArray) -> NDArray[np.int64]:
-    """Says what a camera makes of points: AGREES, OBJECTS or BLIND, in the shape of x, y and z broadcast together."""
+def look(
+    row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: FloatArray, z: FloatArray
+) -> NDArray[np.int64]:
+    """Says what a camera makes of points: AGREES, OBJECTS or BLIND, in the shape of x, y and z
+    broadcast together.
+    """
     p = row[:12].reshape(3, 4)
     u, v, w = (((p[i, 0] * x + p[i, 1] * y) + p[i, 3]) + p[i, 2] * z for i in range(3))
     with np.errstate(all="ignore"):
@@ -48,7 +56,7 @@ def look(row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: 
         if kind != columns.PINHOLE:
             sees &= ~(u * u + v * v > row[columns.FIELD_SQUARED])
             fx, skew, cx, fy, cy = row[columns.FX : columns.CY + 1]
-            a, b = bend(row, kind, u, v)
+            a, b = distort_unbounded(row, kind, u, v)
             u, v = (fx * a + skew * b) + cx, fy * b + cy
         column, line = np.floor(u + 0.5), np.floor(v + 0.5)
         sees &= (column >= 0) & (line >= 0) & (column < mask.shape[1]) & (line < mask.shape[0])
@@ -58,7 +66,9 @@ def look(row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: 
     return verdict
 
 
-def carve(rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None) -> NDArray[np.bool_]:
+def carve(
+    rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
+) -> NDArray[np.bool_]:
     """Carves as `voxelpose.carving.carver.carve` does; see there."""
     tolerance, least, outside = (rule or CarveRule()).packed(len(rig))
     x, y, z = grid.axes()

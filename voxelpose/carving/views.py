@@ -54,11 +54,15 @@ class _Workspace(local):
 
 _workspace = _Workspace()
 _views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
-_rigs: WeakKeyDictionary[Rig, tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]] = WeakKeyDictionary()
+_rigs: WeakKeyDictionary[
+    Rig, tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+] = WeakKeyDictionary()
 
 
 def view(camera: Camera) -> _View:
-    """Returns a camera as the kernels take it; worked out once per camera, since a lens takes milliseconds."""
+    """Returns a camera as the kernels take it; worked out once per camera, since a lens takes
+    milliseconds.
+    """
     found = _views.get(camera)
     if found is None:
         found = _views[camera] = _make_view(camera)
@@ -66,7 +70,9 @@ def view(camera: Camera) -> _View:
 
 
 def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Returns rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; worked out once per rig."""
+    """Returns rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; worked out once
+    per rig.
+    """
     found = _rigs.get(rig)
     if found is None:
         if len(rig) > _MOST_CAMERAS:
@@ -97,14 +103,23 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
     for camera, mask in zip(rig, masks, strict=True):
         width, height = camera.size
         if mask.dtype != np.bool_:
-            raise TypeError(f"the mask of {camera.name} must be ({height}, {width}) bool, got {mask.shape} {mask.dtype}")
+            raise TypeError(
+                f"the mask of {camera.name} must be ({height}, {width}) bool, got {mask.shape}"
+                f" {mask.dtype}"
+            )
         if mask.shape != (height, width):
-            raise ValueError(f"the mask of {camera.name} must be ({height}, {width}) as its camera's image, got {mask.shape}")
+            raise ValueError(
+                f"the mask of {camera.name} must be ({height}, {width}) as its camera's image, got"
+                f" {mask.shape}"
+            )
     return [np.ascontiguousarray(mask).view(np.uint8) for mask in masks]
 
 
-def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
-    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only what is around the foreground is kept.
+def pack_masks(
+    masks: list[NDArray[np.uint8]],
+) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
+    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only what is
+    around the foreground is kept.
 
     The last two are overwritten by the next call in the same thread.
     """
@@ -113,16 +128,29 @@ def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArr
     for frame, mask in zip(frames, masks, strict=True):
         left, top, wide, high = blocks.foreground_box(mask)
         # One pixel more on every side, even beyond the image: the rim is empty, and no crop is.
-        frame[:] = mask.shape[1], mask.shape[0], left - 1, top - 1, wide + 2, high + 2, pixel_count, sum_count
+        frame[:] = (
+            mask.shape[1],
+            mask.shape[0],
+            left - 1,
+            top - 1,
+            wide + 2,
+            high + 2,
+            pixel_count,
+            sum_count,
+        )
         pixel_count += (wide + 2) * (high + 2)
         sum_count += (wide + 3) * (high + 3)
     pixels, sums = _workspace.pixels.of(pixel_count), _workspace.sums.of(sum_count)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
-    for (_, _, left, top, wide, high, pixel, total), mask in zip(frames.tolist(), masks, strict=True):
+    for (_, _, left, top, wide, high, pixel, total), mask in zip(
+        frames.tolist(), masks, strict=True
+    ):
         crop = pixels[pixel : pixel + wide * high].reshape(high, wide)
         crop[0], crop[-1], crop[:, 0], crop[:, -1] = 0, 0, 0, 0
         crop[1:-1, 1:-1] = mask[top + 1 : top + high - 1, left + 1 : left + wide - 1]
-        sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1)[:] = cv2.integral(crop)  # wraps around
+        sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1)[:] = cv2.integral(
+            crop
+        )  # wraps around
     return frames, sums, pixels
 
 
@@ -130,7 +158,8 @@ def pack_masks(masks: list[NDArray[np.uint8]]) -> tuple[NDArray[np.int64], NDArr
 def block_order(count: int) -> NDArray[np.int64]:
     """Returns an order of that many blocks, as in `blocks.carve_blocks`.
 
-    Neighbours cost alike; multiples of the golden section, sorted, deal them out over the whole run, and so over the threads.
+    Neighbours cost alike; multiples of the golden section, sorted, deal them out over the whole
+    run, and so over the threads.
     """
     return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
 
@@ -144,7 +173,13 @@ def _make_view(camera: Camera) -> _View:
         return _View(row, blocks.PINHOLE, bound)
     row[:12] = np.column_stack([camera.rotation, camera.translation]).ravel()
     matrix = camera.matrix
-    row[blocks.FX : blocks.CY + 1] = matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2]
+    row[blocks.FX : blocks.CY + 1] = (
+        matrix[0, 0],
+        matrix[0, 1],
+        matrix[0, 2],
+        matrix[1, 1],
+        matrix[1, 2],
+    )
     lens = camera.lens
     distortion = np.zeros(14)
     distortion[: len(camera.distortion)] = camera.distortion
@@ -188,15 +223,20 @@ def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.fl
         lens: The lens.
         reach: Radius of the largest disc, ideal coordinates.
 
-    Returns:
-        (2, bins) float64: at least the largest |J| and |J - 1| (spectral norms) within radius (bin + 1) / bins * reach.
+    Returns: (2, bins) float64: at least the largest |J| and |J - 1| (spectral norms) within radius
+        (bin + 1) / bins * reach.
     """
     # Sampled at both ends and the middle of every bin, and widened for what lies between.
     radii = np.linspace(0, reach, 2 * _BINS + 1)
     angles = np.linspace(0, 2 * np.pi, _ANGLES, endpoint=False)
-    points = np.stack([np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))], axis=-1).reshape(-1, 2)
+    points = np.stack(
+        [np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))], axis=-1
+    ).reshape(-1, 2)
     step = 1e-6 * max(reach, 1e-3)
-    columns = [(lens.distort(points + shift) - lens.distort(points - shift)) / (2 * step) for shift in step * np.eye(2)]
+    columns = [
+        (lens.distort(points + shift) - lens.distort(points - shift)) / (2 * step)
+        for shift in step * np.eye(2)
+    ]
     jacobian = np.stack(columns, axis=-1)
     norms = np.stack([_spectral_norm(jacobian), _spectral_norm(jacobian - np.eye(2))])
     norms = np.where(np.isnan(norms), np.inf, norms).reshape(2, len(radii), _ANGLES).max(axis=2)

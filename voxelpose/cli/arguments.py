@@ -17,7 +17,10 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
             return int(first), int(first) + 1
         return (int(first) if first else None), (int(last) if last else None)
     except ValueError:
-        raise InputError(f"--frames {text} is not understood: give first:last, as in 0:100 (the last is not included)") from None
+        raise InputError(
+            f"--frames {text} is not understood: give first:last, as in 0:100 (the last is not"
+            " included)"
+        ) from None
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:
@@ -26,5 +29,7 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
         return None
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     if not names:
-        raise InputError("--cameras names none: give names with commas between them, as in cam_1,cam_3")
+        raise InputError(
+            "--cameras names none: give names with commas between them, as in cam_1,cam_3"
+        )
     return names

@@ -41,7 +41,8 @@ class BoardArguments:
 
         if self.square > _LONGEST_SQUARE_M:
             raise InputError(
-                f"--square {self.square:g} are squares of {self.square:g} m: give metres, {self.square / 1000:g} for millimetres"
+                f"--square {self.square:g} are squares of {self.square:g} m: give metres,"
+                f" {self.square / 1000:g} for millimetres"
             )
         return Board(*corner_counts(self.board), self.square, self.marker, self.dictionary)
 
@@ -75,9 +76,13 @@ Print it at 100 % ("actual size"), measure it, and glue it to something flat and
     out: Annotated[Path, arg(metavar="FILE")]
     """PDF to be written."""
     paper: Literal["a4", "a3", "a2", "a1", "a0", "letter", "tabloid", "large"] = "a4"
-    """Paper, upright or lying as fits better; large: a page as large as the board, for a print shop."""
+    """Paper, upright or lying as fits better; large: a page as large as the board, for a print
+    shop.
+    """
     board: Annotated[str, arg(metavar="COLUMNSxROWS")] = "8x5"
-    """Inner corners along and down. One even and one odd number, so that the board has a first corner."""
+    """Inner corners along and down. One even and one odd number, so that the board has a first
+    corner.
+    """
     square: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
     """Side of a square in metres. Left out: as large as the paper allows."""
     charuco: bool = False
@@ -90,26 +95,38 @@ Print it at 100 % ("actual size"), measure it, and glue it to something flat and
     def run(self) -> int:
         """Prints."""
         from calib.board import Board
-        from calib.sheet import largest_square_m, write_pdf
+        from calib.board_sheet import largest_square_m, write_pdf
         from voxelpose.calibration.files import refuse_existing
 
         refuse_existing([self.out], self.overwrite)
         columns, rows = corner_counts(self.board)
         if self.paper == "large" and self.square is None:
-            raise InputError("--paper large has no size of its own: say how large a square is, for example --square 0.1")
-        square = self.square if self.square is not None else largest_square_m(columns, rows, self.paper)
+            raise InputError(
+                "--paper large has no size of its own: say how large a square is, for example"
+                " --square 0.1"
+            )
+        square = (
+            self.square if self.square is not None else largest_square_m(columns, rows, self.paper)
+        )
         marker = round(0.75 * square, 5) if self.charuco else None
         board = Board(columns, rows, square, marker, self.dictionary)
         width, height = write_pdf(board, self.out, None if self.paper == "large" else self.paper)
-        print(f"{self.out}: page of {1000 * width:.0f} x {1000 * height:.0f} mm; print at 100 % ('actual size'), not 'fit to page'")
         print(
-            f"then measure: {columns + 1} squares in a row are {1000 * (columns + 1) * square:g} mm, {rows + 1} in a column "
-            f"{1000 * (rows + 1) * square:g} mm; if not, divide what you measure by {columns + 1} and give that as --square"
+            f"{self.out}: page of {1000 * width:.0f} x {1000 * height:.0f} mm; print at 100 %"
+            " ('actual size'), not 'fit to page'"
+        )
+        print(
+            f"then measure: {columns + 1} squares in a row are {1000 * (columns + 1) * square:g}"
+            f" mm, {rows + 1} in a column {1000 * (rows + 1) * square:g} mm; if not, divide what"
+            f" you measure by {columns + 1} and give that as --square"
         )
         markers = f" --marker {marker:g} --dictionary {self.dictionary}" if marker else ""
         print(f"in the other commands: --board {columns}x{rows} --square {square:g}{markers}")
         if board.turns_into_itself:
-            print("note: half a turn leaves this board as it is: with one even and one odd number it has a first corner")
+            print(
+                "note: half a turn leaves this board as it is: with one even and one odd number it"
+                " has a first corner"
+            )
         return 0
 
 
@@ -131,7 +148,9 @@ Beside OUT come a picture of where boards were seen and a report as JSON.
     out: Annotated[Path, arg(metavar="OUT")]
     """Calibration to be written; .toml keeps most."""
     model: Literal["pinhole", "rational", "fisheye"] = "pinhole"
-    """Lens: pinhole with k1 k2 p1 p2; rational with eight terms, for wide lenses; fisheye, from about 120 degrees."""
+    """Lens: pinhole with k1 k2 p1 p2; rational with eight terms, for wide lenses; fisheye, from
+    about 120 degrees.
+    """
     frames: Annotated[int, arg(metavar="N")] = 40
     """Frames of a video to use, at most: those in which the board is still and at different places."""
     cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
@@ -145,10 +164,21 @@ Beside OUT come a picture of where boards were seen and a report as JSON.
 
         with Progress() as progress:
             progress.stage("opening")
+            from voxelpose.calibration.board_views import cameras_in
             from voxelpose.calibration.coverage import coverage_picture
-            from voxelpose.calibration.files import beside, png, refuse_existing, report_json, write_calibration
-            from voxelpose.calibration.lenses import calibrate_lenses, lens_notes, lens_report, lens_rig
-            from voxelpose.calibration.pictures import cameras_in
+            from voxelpose.calibration.files import (
+                beside,
+                png,
+                refuse_existing,
+                report_json,
+                write_calibration,
+            )
+            from voxelpose.calibration.lenses import (
+                calibrate_lenses,
+                lens_notes,
+                lens_report,
+                lens_rig,
+            )
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
             refuse_existing([self.out, picture, report], self.overwrite)
@@ -156,27 +186,38 @@ Beside OUT come a picture of where boards were seen and a report as JSON.
             cameras = cameras_in(self.pictures)
             if (chosen := camera_names(self.cameras)) is not None:
                 if missing := [name for name in chosen if name not in cameras]:
-                    raise InputError(f"no pictures of {', '.join(missing)}: there are {', '.join(cameras)}")
+                    raise InputError(
+                        f"no pictures of {', '.join(missing)}: there are {', '.join(cameras)}"
+                    )
                 cameras = {name: cameras[name] for name in chosen}
             lenses, failures = calibrate_lenses(board, cameras, self.model, self.frames, progress)
         from voxelpose.cli.calibrate_tables import print_lenses
 
         print_lenses(lenses)
         if failures:
-            rest = f" (the {len(lenses)} others are good: leave it out with --cameras)" if lenses else ""
+            rest = (
+                f" (the {len(lenses)} others are good: leave it out with --cameras)"
+                if lenses
+                else ""
+            )
             raise InputError("; ".join(failures.values()) + rest)
         others = {picture: png(coverage_picture(lenses)), report: report_json(lens_report(lenses))}
         write_calibration(lens_rig(lenses), self.out, {"intrinsics": lens_notes(lenses)}, others)
-        print(f"{self.out}: lenses of {len(lenses)} cameras, not yet where they stand (next: voxelpose calibrate extrinsics)")
+        print(
+            f"{self.out}: lenses of {len(lenses)} cameras, not yet where they stand (next:"
+            " voxelpose calibrate extrinsics)"
+        )
         print(f"{picture}: where boards were seen")
         return 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaceCalibration:
+class ExtrinsicsCalibration:
     """The arguments of `voxelpose calibrate extrinsics`."""
 
-    help: ClassVar[str] = """Finds where the cameras stand, from a board carried about before them or from listed points.
+    help: ClassVar[
+        str
+    ] = """Finds where the cameras stand, from a board carried about before them or from listed points.
 
 RECORDING: a folder with a video per camera, filmed at the same time, named as in the calibration of the lenses.
 Let the board lie on the floor for a moment and say at which frame: its first corner is the world's origin, up is up.
@@ -186,7 +227,9 @@ Beside OUT come a picture of the rig and a report as JSON.
   voxelpose calibrate extrinsics --points points.csv --intrinsics lenses.toml --out calibration.toml
 """
 
-    recording: Annotated[Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[
+        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
+    ] = None
     """Folder with a video (or a still) of the board per camera."""
     intrinsics: Annotated[Path, arg(metavar="FILE")]
     """Calibration with the lenses."""
@@ -201,16 +244,22 @@ Beside OUT come a picture of the rig and a report as JSON.
     dictionary: Annotated[str, arg(metavar="NAME")] = "DICT_4X4_50"
     """OpenCV's name of a ChArUco board's markers."""
     floor: Annotated[int | None, arg(metavar="FRAME", help_behavior_hint="")] = None
-    """Frame at which the board lies on the floor, face up. Left out: the world is the first camera's."""
+    """Frame at which the board lies on the floor, face up. Left out: the world is the first
+    camera's.
+    """
     points: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Instead of a board: CSV of camera,point,x_px,y_px,x_m,y_m,z_m; metres only where measured, z up."""
+    """Instead of a board: CSV of camera,point,x_px,y_px,x_m,y_m,z_m; metres only where measured, z
+    up.
+    """
     refine_lenses: bool = False
     """Adjust the lenses too, from the same boards: where they were not calibrated from nearer ones."""
     moments: Annotated[int, arg(metavar="N")] = 150
     """Moments of the recording to use, at most."""
     cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
     """Cameras to use, by name. Left out: all."""
-    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
+    ] = None
     """Unit of the lenses' calibration, where it does not say it."""
     overwrite: bool = False
     """Replace OUT if it exists."""
@@ -222,43 +271,73 @@ Beside OUT come a picture of the rig and a report as JSON.
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
-            from voxelpose.calibration.files import beside, notes_of, png, refuse_existing, report_json, write_calibration
-            from voxelpose.calibration.places import place_notes, place_report
+            from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
+            from voxelpose.calibration.files import (
+                beside,
+                notes_of,
+                png,
+                refuse_existing,
+                report_json,
+                write_calibration,
+            )
             from voxelpose.calibration.rig_picture import rig_picture
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)
             found = self._found(read_rig(self.intrinsics, self.unit), progress)
-        from voxelpose.cli.calibrate_tables import print_places
+        from voxelpose.cli.calibrate_tables import print_extrinsics
 
         grounded = self.points is not None or self.floor is not None
-        print_places(found, "points" if self.points is not None else "boards")
-        others = {picture: png(rig_picture(found.rig, grounded)), report: report_json(place_report(found))}
-        write_calibration(found.rig, self.out, notes_of(self.intrinsics) | {"extrinsics": place_notes(found)}, others)
+        print_extrinsics(found, "points" if self.points is not None else "boards")
+        others = {
+            picture: png(rig_picture(found.rig, grounded)),
+            report: report_json(extrinsics_report(found)),
+        }
+        write_calibration(
+            found.rig,
+            self.out,
+            notes_of(self.intrinsics) | {"extrinsics": extrinsics_notes(found)},
+            others,
+        )
         print(f"{self.out}: {len(found.rig)} cameras with their places, in metres")
         print(f"{picture}: the rig from above and from the side; does it look like the room?")
         if not grounded:
-            print("note: without --floor the world is the first camera's, and z is not up: voxelpose fit needs z up")
+            print(
+                "note: without --floor the world is the first camera's, and z is not up: voxelpose"
+                " fit needs z up"
+            )
         return 0
 
     def _found(self, lenses: Rig, progress: Progress) -> Extrinsics:
         """Finds the places, one way or the other."""
         if (self.points is None) == (self.recording is None):
-            raise InputError("give either RECORDING, a folder of videos of a board, or --points, a list of points")
+            raise InputError(
+                "give either RECORDING, a folder of videos of a board, or --points, a list of"
+                " points"
+            )
         if self.points is not None:
             from calib.points import calibrate_from_points
             from voxelpose.calibration.points_file import read_points
 
             points = read_points(self.points)
-            names = camera_names(self.cameras) or [name for name in lenses.names if name in points.cameras()]
+            names = camera_names(self.cameras) or [
+                name for name in lenses.names if name in points.cameras()
+            ]
             return calibrate_from_points(lenses.select(names), points)
-        from voxelpose.calibration.places import PlaceSettings, calibrate_places
+        from voxelpose.calibration.extrinsics import ExtrinsicsSettings, extrinsics_from_recording
 
         if self.board is None or self.square is None or self.recording is None:
-            raise InputError("what does the board look like? give --board, as in 8x5, and --square in metres, as in 0.029")
-        board = BoardArguments(board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary).made()
-        settings = PlaceSettings(self.floor, self.moments, camera_names(self.cameras), self.refine_lenses)
-        return calibrate_places(board, lenses, self.recording, settings, progress)
+            raise InputError(
+                "what does the board look like? give --board, as in 8x5, and --square in metres, as"
+                " in 0.029"
+            )
+        board = BoardArguments(
+            board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary
+        ).made()
+        settings = ExtrinsicsSettings(
+            self.floor, self.moments, camera_names(self.cameras), self.refine_lenses
+        )
+        return extrinsics_from_recording(board, lenses, self.recording, settings, progress)
 
 
 @dataclass(frozen=True)
@@ -279,7 +358,9 @@ JSON of cameras or of 3x4 matrices. The suffix of OUT chooses what is written: .
     """Calibration to be read: a file or a folder."""
     out: Annotated[Positional[Path], arg(metavar="OUT")]
     """Calibration to be written."""
-    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
+    ] = None
     """Unit of IN's lengths, where it does not say it."""
     size: Annotated[str | None, arg(metavar="WIDTHxHEIGHT", help_behavior_hint="")] = None
     """Size of the pictures, px, where IN does not say it."""
@@ -295,8 +376,14 @@ JSON of cameras or of 3x4 matrices. The suffix of OUT chooses what is written: .
         from calib.files import read_rig, write_rig
         from voxelpose.calibration.files import notes_of, refuse_existing
 
-        refuse_existing([path for path in (self.out, self.picture) if path is not None], self.overwrite)
-        size = None if self.size is None else _two_numbers(self.size, "--size", "width and height, as in 1920x1080")
+        refuse_existing(
+            [path for path in (self.out, self.picture) if path is not None], self.overwrite
+        )
+        size = (
+            None
+            if self.size is None
+            else _two_numbers(self.size, "--size", "width and height, as in 1920x1080")
+        )
         rig = read_rig(self.source, self.unit, size)
         write_rig(rig, self.out, self.to, notes_of(self.source))
         print(f"{self.out}: {len(rig)} cameras ({', '.join(rig.names)}), in metres")
@@ -312,7 +399,7 @@ JSON of cameras or of 3x4 matrices. The suffix of OUT chooses what is written: .
 SUBCOMMANDS = {
     "board": BoardSheet,
     "intrinsics": LensCalibration,
-    "extrinsics": PlaceCalibration,
+    "extrinsics": ExtrinsicsCalibration,
     "convert": Convert,
     "check": CalibrationCheck,
     "sync": CalibrationSync,

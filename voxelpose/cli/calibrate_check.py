@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 class CalibrationCheck:
     """The arguments of `voxelpose calibrate check`."""
 
-    help: ClassVar[str] = """Checks from silhouettes alone whether cameras, calibration and videos agree.
+    help: ClassVar[
+        str
+    ] = """Checks from silhouettes alone whether cameras, calibration and videos agree.
 
 Names a camera that was bumped or moved, swapped with another, letterboxed or scaled, or is out of step, and says by how much.
 No board is needed: somebody who moves about in view of all cameras is enough. Exit code 0: all agree; 1: one does not.
@@ -43,7 +45,9 @@ No board is needed: somebody who moves about in view of all cameras is enough. E
     """First frame and one past the last. Left out: all."""
     cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
     """Cameras to look at, by name. Left out: all."""
-    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
+    ] = None
     """Unit of the calibration's lengths, where the file does not say it."""
     fps: Annotated[float | None, arg(metavar="N", help_behavior_hint="")] = None
     """Frames per second, where the recording does not say it or says it wrongly."""
@@ -61,10 +65,16 @@ No board is needed: somebody who moves about in view of all cameras is enough. E
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.check import CheckSettings, check_recording, write_repair
-            from voxelpose.recording import Recording
+            from voxelpose.recording.folder import Recording
 
             settings = CheckSettings(self.moments, self.most_late)
-            recording = Recording.open(self.recording, frame_range(self.frames), camera_names(self.cameras), self.unit, self.fps)
+            recording = Recording.open(
+                self.recording,
+                frame_range(self.frames),
+                camera_names(self.cameras),
+                self.unit,
+                self.fps,
+            )
             check = check_recording(recording, settings, progress)
         print_check(check)
         if self.png is not None:
@@ -78,7 +88,10 @@ No board is needed: somebody who moves about in view of all cameras is enough. E
                 print("nothing to repair")
             else:
                 write_repair(check, recording, self.repair)
-                print(f"{self.repair}: repaired; put what is in it into a copy of the recording, check that, and fit it")
+                print(
+                    f"{self.repair}: repaired; put what is in it into a copy of the recording,"
+                    " check that, and fit it"
+                )
         return 0 if check.found.agrees else 1
 
 
@@ -88,12 +101,25 @@ def print_check(check: Check) -> None:
     from rich.table import Table
 
     console = Console(highlight=False)
-    table = Table("camera", "off by, px", "the others, px", "planes", "", box=None, padding=(0, 2, 0, 0))
-    swapped = {name for repair in check.repairs if repair.with_camera for name in (repair.camera, repair.with_camera)}
+    table = Table(
+        "camera", "off by, px", "the others, px", "planes", "", box=None, padding=(0, 2, 0, 0)
+    )
+    swapped = {
+        name
+        for repair in check.repairs
+        if repair.with_camera
+        for name in (repair.camera, repair.with_camera)
+    }
     for line in check.found.table:
         bad = line.camera in check.found.culprits or line.camera in swapped
-        verdict = "[red]does not agree[/red]" if bad else ("agrees" if check.found.agrees or check.found.culprits else "?")
-        table.add_row(line.camera, f"{line.error_px:.1f}", f"{line.others_px:.1f}", str(line.planes), verdict)
+        verdict = (
+            "[red]does not agree[/red]"
+            if bad
+            else ("agrees" if check.found.agrees or check.found.culprits else "?")
+        )
+        table.add_row(
+            line.camera, f"{line.error_px:.1f}", f"{line.others_px:.1f}", str(line.planes), verdict
+        )
     console.print(table)
     console.print(check.found.words, soft_wrap=True)
     for repair in check.repairs:
@@ -102,7 +128,11 @@ def print_check(check: Check) -> None:
     if check.after is not None:
         console.print(f"with that put right: {check.after.words}", soft_wrap=True)
     if not check.found.agrees and not check.repairs and len(check.found.table) > 2:
-        console.print("calibrate again; if the videos were not started together, first `voxelpose calibrate sync`", soft_wrap=True)
+        console.print(
+            "calibrate again; if the videos were not started together, first `voxelpose calibrate"
+            " sync`",
+            soft_wrap=True,
+        )
     for note in check.notes:
         console.print(f"note: {note}", soft_wrap=True)
 
@@ -116,8 +146,9 @@ def remedy(check: Check, camera: str) -> str:
         return "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`"
     if repair.kind == "scaled":
         return (
-            "record as you calibrated (same resolution, no black bars, no crop), or run with --repair; "
-            f"but if {camera}'s picture is whole, heads or feet are missing from its silhouettes: look at --png"
+            "record as you calibrated (same resolution, no black bars, no crop), or run with"
+            f" --repair; but if {camera}'s picture is whole, heads or feet are missing from its"
+            " silhouettes: look at --png"
         )
     if repair.kind == "unexplained":
         return f"look at {camera}'s silhouettes first; if they are good, calibrate it again"

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 class CalibrationSync:
     """The arguments of `voxelpose calibrate sync`."""
 
-    help: ClassVar[str] = """Finds by how much cameras are out of step, from whoever moves before them.
+    help: ClassVar[
+        str
+    ] = """Finds by how much cameras are out of step, from whoever moves before them.
 
 No clap and no flash is needed. Videos may differ in length and in rate. With --out it writes when every frame was taken; put that
 beside the videos as timestamps.csv, and all commands take the frames that belong together.
@@ -39,10 +41,14 @@ beside the videos as timestamps.csv, and all commands take the frames that belon
     seconds: Annotated[float, arg(metavar="S")] = 12.0
     """How much of the recording is looked at, from its middle."""
     rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
-    """Frames per second of cameras whose files do not say it or say it wrongly, as in cam_1=30,cam_2=15."""
+    """Frames per second of cameras whose files do not say it or say it wrongly, as in
+    cam_1=30,cam_2=15.
+    """
     cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
     """Cameras to use, by name. Left out: all."""
-    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
+    ] = None
     """Unit of the calibration's lengths, where the file does not say it."""
     overwrite: bool = False
     """Replace FILE if it exists."""
@@ -57,14 +63,22 @@ beside the videos as timestamps.csv, and all commands take the frames that belon
             progress.stage("opening")
             from voxelpose.calibration.sync import SyncSettings, sync_recording
 
-            settings = SyncSettings(self.most, self.seconds, self.reference, camera_rates(self.rates), self.unit)
+            settings = SyncSettings(
+                self.most, self.seconds, self.reference, camera_rates(self.rates), self.unit
+            )
             sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
         print_sync(sync)
         if self.out is not None:
             if not sync.found.agreed:
-                raise InputError(f"the cameras agree at no offset, so {self.out} was not written: calibrate first, then synchronise")
+                raise InputError(
+                    f"the cameras agree at no offset, so {self.out} was not written: calibrate"
+                    " first, then synchronise"
+                )
             sync.write(self.out)
-            print(f"{self.out}: when every frame was taken; as timestamps.csv in the recording all commands use it")
+            print(
+                f"{self.out}: when every frame was taken; as timestamps.csv in the recording all"
+                " commands use it"
+            )
         return 0
 
 
@@ -78,7 +92,10 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
         try:
             rates[name.strip()] = float(rate)
         except ValueError:
-            raise InputError(f"--rates {text} is not understood: give frames per second by camera, as in cam_1=30,cam_2=15") from None
+            raise InputError(
+                f"--rates {text} is not understood: give frames per second by camera, as in"
+                " cam_1=30,cam_2=15"
+            ) from None
     return rates
 
 
@@ -88,19 +105,32 @@ def print_sync(sync: Sync) -> None:
     from rich.table import Table
 
     console = Console(highlight=False)
-    table = Table("camera", "fps", "late by, frames", "ms", "+- ms (95 %)", box=None, padding=(0, 2, 0, 0))
+    table = Table(
+        "camera", "fps", "late by, frames", "ms", "+- ms (95 %)", box=None, padding=(0, 2, 0, 0)
+    )
     for line in sync.found.offsets:
         if line.camera == sync.found.reference:
             table.add_row(line.camera, f"{sync.fps[line.camera]:g}", "its clock counts", "", "")
         else:
             sure = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
-            table.add_row(line.camera, f"{sync.fps[line.camera]:g}", f"{line.frames:+.2f}", f"{1000 * line.late_s:+.1f}", sure)
+            table.add_row(
+                line.camera,
+                f"{sync.fps[line.camera]:g}",
+                f"{line.frames:+.2f}",
+                f"{1000 * line.late_s:+.1f}",
+                sure,
+            )
     console.print(table)
     found = sync.found
-    console.print(f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with these offsets", soft_wrap=True)
+    console.print(
+        f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
+        " these offsets",
+        soft_wrap=True,
+    )
     if not found.agreed:
         words = (
-            "the cameras agree at no offset: the offsets above rest on how fast outlines move, and are rough; check the calibration first"
+            "the cameras agree at no offset: the offsets above rest on how fast outlines move, and"
+            " are rough; check the calibration first"
         )
         console.print(words, soft_wrap=True)
     for note in sync.notes:

@@ -31,7 +31,9 @@ Exit code 0: fitting works; 1: something that it needs does not.
         colours = {"works": "green", "limited": "yellow", "fails": "red"}
         table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
         for finding in findings:
-            table.add_row(f"[{colours[finding.state]}]{finding.state}[/]", finding.name, finding.found)
+            table.add_row(
+                f"[{colours[finding.state]}]{finding.state}[/]", finding.name, finding.found
+            )
             if finding.remedy:
                 table.add_row("", "", f"[bold]-> {finding.remedy}[/bold]")
         console.print(f"voxelpose {__version__}")
@@ -39,7 +41,9 @@ Exit code 0: fitting works; 1: something that it needs does not.
         failing = sum(finding.state == "fails" for finding in findings)
         limited = sum(finding.state == "limited" for finding in findings)
         if failing:
-            console.print(f"{failing} of {len(findings)} do not work: fitting will fail until they do")
+            console.print(
+                f"{failing} of {len(findings)} do not work: fitting will fail until they do"
+            )
         elif limited:
             console.print("fitting works, with the limits above")
         else:

@@ -50,10 +50,12 @@ It may also follow the result as the last word. Left out, it is RECORDING/truth.
         """Scores."""
         from voxelpose.results import as_json
 
-        results, truths = _told_apart(self.results, self.truth)
+        results, truths = _results_and_truths(self.results, self.truth)
         scores = {
             name: self._score(result, truth)
-            for name, result, truth in zip(_names(results), results, truths or [None] * len(results), strict=True)
+            for name, result, truth in zip(
+                _names(results), results, truths or [None] * len(results), strict=True
+            )
         }
         if self.json:
             documents = {name: _document(score) for name, score in scores.items()}
@@ -63,7 +65,7 @@ It may also follow the result as the last word. Left out, it is RECORDING/truth.
 
             print(markdown_table(scores), end="")
         else:
-            from voxelpose.cli.closing import print_score
+            from voxelpose.cli.summary import print_score
 
             print_score(*scores.values())
         return 0
@@ -74,19 +76,26 @@ It may also follow the result as the last word. Left out, it is RECORDING/truth.
         return evaluate(result, truth, self.offset, _markers(self.markers), self.axes)
 
 
-def _told_apart(words: tuple[Path, ...], truths: tuple[Path, ...]) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+def _results_and_truths(
+    words: tuple[Path, ...], truths: tuple[Path, ...]
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
     """Returns results and truths: none, or as many as there are results."""
     if not truths and len(words) > 1 and words[-1].suffix.lower() in _TRUTH_FILES:
         words, truths = words[:-1], words[-1:]
     if not words:
         raise InputError("no result is named: give the folder of a fit")
     if len(truths) not in (0, 1, len(words)):
-        raise InputError(f"there are {len(words)} results and {len(truths)} truths: give one truth for all, or one for each")
+        raise InputError(
+            f"there are {len(words)} results and {len(truths)} truths: give one truth for all, or"
+            " one for each"
+        )
     return words, truths * len(words) if len(truths) == 1 else truths
 
 
 def _names(results: tuple[Path, ...]) -> list[str]:
-    """Returns what the results are called: their last names, or all of their paths where those are not unique."""
+    """Returns what the results are called: their last names, or all of their paths where those are
+    not unique.
+    """
     short = [result.resolve().name for result in results]
     return short if len(set(short)) == len(short) else [str(result) for result in results]
 
@@ -98,11 +107,17 @@ def _markers(text: str | None) -> dict[str, str]:
     markers = {joint.strip(): name.strip() for joint, _, name in pairs}
     for joint, name in markers.items():
         if joint not in LANDMARK_NAMES or not name:
-            raise InputError(f"--markers {text} is not understood: give JOINT=NAME, the joints being {', '.join(LANDMARK_NAMES)}")
+            raise InputError(
+                f"--markers {text} is not understood: give JOINT=NAME, the joints being"
+                f" {', '.join(LANDMARK_NAMES)}"
+            )
     return markers
 
 
 def _document(score: Score) -> dict[str, object]:
     from silhouette_core.body.joints import LANDMARK_NAMES
 
-    return {**asdict(score), "joint_root_mm": dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False))}
+    return {
+        **asdict(score),
+        "joint_root_mm": dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False)),
+    }

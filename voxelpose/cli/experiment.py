@@ -16,7 +16,9 @@ from voxelpose.cli.arguments import camera_names, frame_range
 class ArmSwing:
     """The arguments of `voxelpose experiment arm-swing`."""
 
-    help: ClassVar[str] = """Repeats the arm-swing experiment of Okada and Stenger (section 7, Fig. 4).
+    help: ClassVar[
+        str
+    ] = """Repeats the arm-swing experiment of Okada and Stenger (section 7, Fig. 4).
 
 RECORDING shows somebody in profile whose right arm swings to and fro; truth.json in it, or --truth, says how. Without one, the demo's
 mannequin is filmed. The arm is followed with {wXOR, nwXOR} and {DM1, DM2} as in the paper, without anything this program adds, and every
@@ -29,12 +31,16 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
 
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made for the results."""
-    recording: Annotated[Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[
+        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
+    ] = None
     """Recording folder. Left out: the demo's mannequin swings its arm."""
     truth: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """True joint positions. Left out: truth.json of the recording."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
-    """Pose library. Left out: one like the paper's is made, about 3,400 samples in profile, the right arm moved in many ways."""
+    """Pose library. Left out: one like the paper's is made, about 3,400 samples in profile, the
+    right arm moved in many ways.
+    """
     stature: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
     """Height of the person in metres. Left out: subject.toml's."""
     camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
@@ -42,11 +48,17 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
     frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="")] = None
     """First frame and one past the last. Left out: all."""
     sigma: Annotated[float, arg(metavar="SHARE")] = 0.05
-    """Standard deviation of the silhouette distance, eq. (10), as a share of the silhouette's weight; the same for all methods."""
+    """Standard deviation of the silhouette distance, eq. (10), as a share of the silhouette's
+    weight; the same for all methods.
+    """
     prior: Literal["normalised", "kernel"] = "normalised"
-    """How a pose passes its probability on: eq. (4) normalised over the library, as `voxelpose track` has it, or its exponential alone."""
+    """How a pose passes its probability on: eq. (4) normalised over the library, as `voxelpose
+    track` has it, or its exponential alone.
+    """
     arm: Literal["near", "far"] = "near"
-    """Without RECORDING: whether the mannequin's arm swings on the camera's side of its trunk, or beyond it, as in the paper."""
+    """Without RECORDING: whether the mannequin's arm swings on the camera's side of its trunk, or
+    beyond it, as in the paper.
+    """
     degraded: bool = True
     """Also with silhouettes that are spoilt: rough contours, holes."""
     ours: bool = True
@@ -61,23 +73,32 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
         from voxelpose.cli.progress import Progress
         from voxelpose.results import ResultWriter
 
-        with ResultWriter(self.out, self.overwrite, self.recording) as folder, Progress() as progress:
+        with (
+            ResultWriter(self.out, self.overwrite, self.recording) as folder,
+            Progress() as progress,
+        ):
             if not self.sigma > 0:
-                raise InputError(f"--sigma {self.sigma:g} is impossible: give a positive share, as in 0.05")
+                raise InputError(
+                    f"--sigma {self.sigma:g} is impossible: give a positive share, as in 0.05"
+                )
             progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.jit import set_threads
             from voxelpose.experiments.arm_swing import Reading
             from voxelpose.experiments.swing_report import markdown_table
             from voxelpose.experiments.swing_study import Study, run_study
-            from voxelpose.recording import Recording
+            from voxelpose.recording.folder import Recording
 
             set_threads(self.threads)
-            filmed = self.recording or _film(folder / "recording", "arm_swing" if self.arm == "near" else "far_arm_swing")
+            filmed = self.recording or _film(
+                folder / "recording", "arm_swing" if self.arm == "near" else "far_arm_swing"
+            )
             recording = Recording.open(filmed, frame_range(self.frames), camera_names(self.camera))
             truth = self.truth or filmed / "truth.json"
             reading = Reading(self.sigma, self.prior == "normalised")
-            study = Study(truth, self.stature, self.library, self.degraded, self.ours, reading=reading)
+            study = Study(
+                truth, self.stature, self.library, self.degraded, self.ours, reading=reading
+            )
             rows = run_study(recording, study, folder, progress)
         print(markdown_table(rows), end="")
         print(f"\n{self.out}: table.md, angles.png (true and estimated angle), summary.json")
@@ -88,7 +109,9 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
 class Figure5:
     """The arguments of `voxelpose experiment figure-5`."""
 
-    help: ClassVar[str] = """Repeats Fig. 5 of Okada and Stenger: a turn, a golf swing toward the camera, pointing with one hand.
+    help: ClassVar[
+        str
+    ] = """Repeats Fig. 5 of Okada and Stenger: a turn, a golf swing toward the camera, pointing with one hand.
 
 The golf swing and the pointing are performed by the demo's mannequin, whose body is none that is fitted; the turn is RECORDING, if given,
 with its truth.json. Each is followed as `voxelpose track` does and scored.
@@ -100,7 +123,9 @@ OUT gets table.md, and per sequence a result folder: look at its contact_sheet.p
 
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made for the results."""
-    recording: Annotated[Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[
+        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
+    ] = None
     """Recording of somebody who turns on the spot. Left out: without it."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library, from `voxelpose library build`. Left out: the default one."""
@@ -116,21 +141,32 @@ OUT gets table.md, and per sequence a result folder: look at its contact_sheet.p
         from voxelpose.cli.progress import Progress
         from voxelpose.results import ResultWriter
 
-        with ResultWriter(self.out, self.overwrite, self.recording) as folder, Progress() as progress:
+        with (
+            ResultWriter(self.out, self.overwrite, self.recording) as folder,
+            Progress() as progress,
+        ):
             progress.note_compilation()
             progress.stage("opening")
             from voxelpose.evaluation import markdown_table
             from voxelpose.experiments.figure_5 import Sequence, performed, run_figure
 
-            sequences = {} if self.recording is None else {"turning": Sequence(self.recording, self.stature, self.camera)}
-            scores = run_figure(sequences | performed(folder / "recordings"), self.library, folder, progress)
+            sequences = (
+                {}
+                if self.recording is None
+                else {"turning": Sequence(self.recording, self.stature, self.camera)}
+            )
+            scores = run_figure(
+                sequences | performed(folder / "recordings"), self.library, folder, progress
+            )
         print(markdown_table(scores), end="")
-        print(f"\n{self.out}: table.md, and per sequence contact_sheet.png, overlay video and motion")
+        print(
+            f"\n{self.out}: table.md, and per sequence contact_sheet.png, overlay video and motion"
+        )
         return 0
 
 
 def _film(folder: Path, performance: str) -> Path:
-    from voxelpose.demo.recording import make_recording
+    from voxelpose.demo.filming import make_recording
 
     return make_recording(folder, performance=performance)
 

@@ -46,6 +46,8 @@ class Export:
         if not formats:
             raise InputError(f"--to names no format: give some of {_FORMATS}")
         motion = Result.open(self.result).motion
-        for path in export_motion(motion, self.out or self.result, formats, self.overwrite or self.out is None):
+        for path in export_motion(
+            motion, self.out or self.result, formats, self.overwrite or self.out is None
+        ):
             print(path)
         return 0

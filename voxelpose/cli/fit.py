@@ -38,18 +38,24 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
     """First frame and one past the last. Left out: all."""
     cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
     """Cameras to use, by name. Left out: all."""
-    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
+    ] = None
     """Unit of the calibration's lengths, where the file does not say it."""
     fps: Annotated[float | None, arg(metavar="N", help_behavior_hint="")] = None
     """Frames per second, where the recording does not say it or says it wrongly."""
     overwrite: bool = False
     """Replace an earlier result in OUT, once the new one is whole."""
     interference: bool = True
-    """Match body parts whose movable areas overlap at once; --no-interference matches one after the other."""
+    """Match body parts whose movable areas overlap at once; --no-interference matches one after the
+    other.
+    """
     smooth: bool = True
     """Smooth the motion over time, without lag."""
     background: Literal["refined", "paper"] = "refined"
-    """How silhouettes are found: Okada and Stenger 5.1 as written, or refined against shadows and noise."""
+    """How silhouettes are found: Okada and Stenger 5.1 as written, or refined against shadows and
+    noise.
+    """
     voxel: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
     """Edge of a voxel in metres. Left out: chosen by the program."""
     tolerance: Annotated[int, arg(metavar="N")] = 0
@@ -70,7 +76,7 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
             progress.stage("opening")
             from silhouette_core.estimator import Settings
             from voxelpose.fitting import Output, fit
-            from voxelpose.recording import Recording
+            from voxelpose.recording.folder import Recording
 
             options: dict[str, bool | int | float | str] = {}
             if not self.interference:
@@ -79,10 +85,30 @@ OUT gets joints.csv, motion.bvh, motion.safetensors, summary.json, overlay video
                 options["voxel_size_m"] = self.voxel
             if self.tolerance:
                 options["tolerance"] = self.tolerance
-            settings = Settings(self.stature, self.chest, self.sex, self.background, self.smooth, self.threads, options)
-            recording = Recording.open(self.recording, frame_range(self.frames), camera_names(self.cameras), self.unit, self.fps)
-            result = fit(recording, Output(self.out, self.overwrite, self.pictures), settings, self.estimator, progress)
-        from voxelpose.cli.closing import print_result
+            settings = Settings(
+                self.stature,
+                self.chest,
+                self.sex,
+                self.background,
+                self.smooth,
+                self.threads,
+                options,
+            )
+            recording = Recording.open(
+                self.recording,
+                frame_range(self.frames),
+                camera_names(self.cameras),
+                self.unit,
+                self.fps,
+            )
+            result = fit(
+                recording,
+                Output(self.out, self.overwrite, self.pictures),
+                settings,
+                self.estimator,
+                progress,
+            )
+        from voxelpose.cli.summary import print_result
 
         print_result(result)
         return 0

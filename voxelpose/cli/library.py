@@ -13,7 +13,9 @@ from tyro.conf import Positional, UseAppendAction, arg
 class Build:
     """The arguments of `voxelpose library build`."""
 
-    help: ClassVar[str] = """Makes a pose library and its silhouette tree from recorded motion, once per body.
+    help: ClassVar[
+        str
+    ] = """Makes a pose library and its silhouette tree from recorded motion, once per body.
 
 MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it goes on where it was when it is called again.
 
@@ -24,7 +26,9 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
     motion: Annotated[Positional[tuple[Path, ...]], arg(metavar="MOTION...")]
     """Recorded motion: files, or folders of them."""
     out: Annotated[Path, arg(metavar="LIB")]
-    """File to be made. An earlier library of this name is replaced once the new one is whole; an interrupted build goes on where it was."""
+    """File to be made. An earlier library of this name is replaced once the new one is whole; an
+    interrupted build goes on where it was.
+    """
     stature: Annotated[float, arg(metavar="M")] = 1.75
     """Height of the person in metres."""
     chest: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
@@ -32,7 +36,9 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
     sex: Literal["male", "female", "unknown"] = "unknown"
     """Whose proportions."""
     poses: Annotated[int, arg(metavar="N")] = 60000
-    """How many poses, seen from all sides, at most. Recorded poses that differ little are left out until it fits."""
+    """How many poses, seen from all sides, at most. Recorded poses that differ little are left out
+    until it fits.
+    """
     yaw_step: Annotated[float, arg(metavar="DEG")] = 15.0
     """Angle between the sides from which a pose is seen."""
     pitch: Annotated[UseAppendAction[tuple[float, ...]], arg(metavar="DEG")] = ()
@@ -40,7 +46,9 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
     mirror: bool = True
     """Add the mirror image of every pose."""
     weighting: Literal["xor", "wxor", "nwxor", "balanced"] = "xor"
-    """Silhouette distance by which the tree is made: Okada and Stenger's eq. (6), (7)-(8) or (9), or ours. Tracking may use another."""
+    """Silhouette distance by which the tree is made: Okada and Stenger's eq. (6), (7)-(8) or (9),
+    or ours. Tracking may use another.
+    """
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
     """Whose joint is which, for a skeleton with names of its own."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
@@ -58,13 +66,17 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
             from silhouette_core.body.model import BodyModel
             from silhouette_core.body.sizes import BodySizes
             from silhouette_core.jit import set_threads
-            from silhouette_core.library.library import LibrarySettings
-            from silhouette_core.library.make import make_library, read_clips
+            from silhouette_core.library.from_motion import make_library, read_clips
+            from silhouette_core.library.pose_library import LibrarySettings
 
             set_threads(self.threads)
             pitches = self.pitch or LibrarySettings.pitches_deg
             settings = LibrarySettings(
-                poses=self.poses, yaw_step_deg=self.yaw_step, pitches_deg=pitches, mirror=self.mirror, weighting=self.weighting
+                poses=self.poses,
+                yaw_step_deg=self.yaw_step,
+                pitches_deg=pitches,
+                mirror=self.mirror,
+                weighting=self.weighting,
             )
             model = BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
@@ -98,7 +110,7 @@ class Info:
         library = read_library(self.library)
         print(summary(library, self.library))
         if self.png is not None:
-            from silhouette_core.library.sheet import write_sheet
+            from silhouette_core.library.tree_sheet import write_sheet
 
             write_sheet(library, self.png)
             print(f"contact sheet: {self.png}")

@@ -14,8 +14,8 @@ import silhouette_core
 class Progress:
     """A reporter that draws a bar per stage on stderr.
 
-    Where stderr is no terminal (a log, a pipe), it writes one line when a stage is over. As a context manager it adds to a
-    KeyboardInterrupt how far the work had come.
+    Where stderr is no terminal (a log, a pipe), it writes one line when a stage is over. As a
+    context manager it adds to a KeyboardInterrupt how far the work had come.
     """
 
     def __init__(self) -> None:
@@ -24,18 +24,37 @@ class Progress:
         self._bar = None
         if sys.stderr.isatty():
             from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+            from rich.progress import (
+                BarColumn,
+                MofNCompleteColumn,
+                SpinnerColumn,
+                TextColumn,
+                TimeElapsedColumn,
+                TimeRemainingColumn,
+            )
             from rich.progress import Progress as Bar
 
-            columns = SpinnerColumn(), TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn()
-            self._bar = Bar(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True))
+            columns = (
+                SpinnerColumn(),
+                TextColumn("{task.description:<24}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+            )
+            self._bar = Bar(
+                *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)
+            )
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
             self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if error is None:
             self._finish()
         if self._bar is not None:
@@ -66,21 +85,40 @@ class Progress:
 
     def note_compilation(self) -> None:
         """Says that the first run compiles, where nothing compiled is kept yet."""
-        folders = [Path(os.environ["NUMBA_CACHE_DIR"])] if os.environ.get("NUMBA_CACHE_DIR") else [Path(silhouette_core.__file__).parent]
+        folders = (
+            [Path(os.environ["NUMBA_CACHE_DIR"])]
+            if os.environ.get("NUMBA_CACHE_DIR")
+            else [Path(silhouette_core.__file__).parent]
+        )
         if not any(kept for folder in folders for kept in folder.rglob("*.nbi")):
-            self.note("first run on this machine: the fast code is compiled as it is met, once; later runs are much quicker")
+            self.note(
+                "first run on this machine: the fast code is compiled as it is met, once; later"
+                " runs are much quicker"
+            )
 
     def where(self) -> str:
         """Says how far the stage has come: "during matching, after 37 of 100 frames"."""
         of = f" of {self._total}" if self._total is not None else ""
-        return f"during {self._name}, after {self._done}{of} steps" if self._total or self._done else f"during {self._name}"
+        return (
+            f"during {self._name}, after {self._done}{of} steps"
+            if self._total or self._done
+            else f"during {self._name}"
+        )
 
     def _finish(self) -> None:
         if not self._name:
             return
         if self._bar is not None:
-            self._bar.update(self._task, total=self._total or self._done or 1, completed=self._total or self._done or 1)
+            self._bar.update(
+                self._task,
+                total=self._total or self._done or 1,
+                completed=self._total or self._done or 1,
+            )
         else:
             steps = f", {self._done} steps" if self._done else ""
-            print(f"{self._name}: {time.perf_counter() - self._started:.1f} s{steps}", file=sys.stderr, flush=True)
+            print(
+                f"{self._name}: {time.perf_counter() - self._started:.1f} s{steps}",
+                file=sys.stderr,
+                flush=True,
+            )
         self._name = ""

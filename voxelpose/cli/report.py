@@ -13,7 +13,9 @@ from tyro.conf import Positional, arg
 class Report:
     """The arguments of `voxelpose report`."""
 
-    help: ClassVar[str] = """Writes report.html into a result: what was found, how well, and what to do about the rest.
+    help: ClassVar[
+        str
+    ] = """Writes report.html into a result: what was found, how well, and what to do about the rest.
 
 One page that can be sent by mail: it holds everything it shows, and loads nothing.
 An earlier report is replaced.
@@ -39,6 +41,8 @@ An earlier report is replaced.
             progress.stage("opening")
             from voxelpose.report.page import ReportSettings, write_report
 
-            path = write_report(self.folder, ReportSettings(self.out, self.recording, self.overwrite), progress)
+            path = write_report(
+                self.folder, ReportSettings(self.out, self.recording, self.overwrite), progress
+            )
         print(f"{path}: {path.stat().st_size / 2**20:.1f} MiB; open it in a browser")
         return 0

@@ -11,14 +11,16 @@ from tyro.conf import Positional, arg
 from calib.errors import InputError
 
 if TYPE_CHECKING:
-    from voxelpose.view.exhibit import Exhibit
+    from voxelpose.view.viewer.result_scenes import ResultScenes
 
 
 @dataclass(frozen=True)
 class View:
     """The arguments of `voxelpose view`."""
 
-    help: ClassVar[str] = """Shows a result in the browser: cameras, voxels, body and skeleton over time.
+    help: ClassVar[
+        str
+    ] = """Shows a result in the browser: cameras, voxels, body and skeleton over time.
 
 The page comes from this machine and is for this machine only, unless --host says otherwise; Ctrl-C ends it.
 The hull is carved again from the recording that the result was made from.
@@ -49,7 +51,9 @@ Given a recording instead of a result, it shows cameras and hull.
     """The recording, if it has moved since the fit."""
     voxel: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
     """Edge of a voxel in metres. Left out: that of the fit."""
-    unit: Annotated[Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
+    ] = None
     """Unit of the calibration's lengths, where the file does not say it."""
     overwrite: bool = False
     """Replace FILE if it exists."""
@@ -60,67 +64,81 @@ Given a recording instead of a result, it shows cameras and hull.
             if path is not None and path.exists() and not self.overwrite:
                 raise InputError(f"{path} exists: give {name} another name, or add --overwrite")
         if self.open3d:
-            from voxelpose.open3d_import import import_open3d
+            from voxelpose.view.open3d_import import import_open3d
 
             import_open3d(screen=True)  # before the work, not after
         if self.voxel is not None and not 0.004 <= self.voxel <= 0.2:
-            raise InputError(f"voxels of {self.voxel:g} m are not to be shown: choose from 0.004 to 0.2, for example 0.02")
-        from voxelpose.view.exhibit import Exhibit
+            raise InputError(
+                f"voxels of {self.voxel:g} m are not to be shown: choose from 0.004 to 0.2, for"
+                " example 0.02"
+            )
+        from voxelpose.view.viewer.result_scenes import ResultScenes
 
-        exhibit = Exhibit(self.folder, self.recording, self.voxel, self.unit)
+        scenes = ResultScenes(self.folder, self.recording, self.voxel, self.unit)
         try:
-            self._show(exhibit)
+            self._show(scenes)
         finally:
-            exhibit.close()
+            scenes.close()
         return 0
 
-    def _show(self, exhibit: Exhibit) -> None:
+    def _show(self, scenes: ResultScenes) -> None:
         pictures = self.open3d or self.png is not None or self.mp4 is not None
-        if exhibit.recording is None and (pictures or self.recording is not None):
-            raise InputError(exhibit.missing)
-        frame = self._frame(exhibit, posed=pictures)
+        if scenes.recording is None and (pictures or self.recording is not None):
+            raise InputError(scenes.missing)
+        frame = self._frame(scenes, posed=pictures)
         if self.png is not None:
-            from voxelpose.view.film import write_picture
+            from voxelpose.view.images.hull_video import write_picture
 
-            litres = write_picture(exhibit, frame, self.png)
-            print(f"{self.png}: frame {frame}, hull of {litres:.1f} litres{' and skeleton' if exhibit.motion is not None else ''}")
+            litres = write_picture(scenes, frame, self.png)
+            print(
+                f"{self.png}: frame {frame}, hull of {litres:.1f}"
+                f" litres{' and skeleton' if scenes.motion is not None else ''}"
+            )
         if self.mp4 is not None:
             from voxelpose.cli.progress import Progress
-            from voxelpose.view.film import write_film
+            from voxelpose.view.images.hull_video import write_film
 
             with Progress() as progress:
-                count = write_film(exhibit, self.mp4, progress)
+                count = write_film(scenes, self.mp4, progress)
             print(f"{self.mp4}: {count} frames")
         if self.open3d:
-            from voxelpose.view.film import skeleton_of
-            from voxelpose.view.hull import show_hull
+            from voxelpose.view.images.hull_picture import show_hull
+            from voxelpose.view.images.hull_video import skeleton_of
 
-            scene = exhibit.scene(frame)
+            scene = scenes.scene(frame)
             if scene.hull is None:
                 raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
-            show_hull(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene), f"{self.folder} frame {frame}")
+            show_hull(
+                scene.hull.grid,
+                scene.hull.occupancy,
+                skeleton_of(scene),
+                f"{self.folder} frame {frame}",
+            )
         if not pictures:
-            self._serve(exhibit, frame)
+            self._serve(scenes, frame)
 
-    def _frame(self, exhibit: Exhibit, posed: bool) -> int:
+    def _frame(self, scenes: ResultScenes, posed: bool) -> int:
         """Returns the frame to show; the middle one where none is named."""
-        frames = exhibit.motion.frames if posed and exhibit.motion is not None else exhibit.frames
+        frames = scenes.motion.frames if posed and scenes.motion is not None else scenes.frames
         if self.frame is None:
             return int(frames[len(frames) // 2])
         if self.frame not in frames:
-            fault = "has no pose" if self.frame in exhibit.frames else "is not there"
-            raise InputError(f"frame {self.frame} {fault} in {self.folder}: choose one from {frames[0]} to {frames[-1]}")
+            fault = "has no pose" if self.frame in scenes.frames else "is not there"
+            raise InputError(
+                f"frame {self.frame} {fault} in {self.folder}: choose one from {frames[0]} to"
+                f" {frames[-1]}"
+            )
         return self.frame
 
-    def _serve(self, exhibit: Exhibit, frame: int) -> None:
+    def _serve(self, scenes: ResultScenes, frame: int) -> None:
         import webbrowser
 
-        from voxelpose.view.browser import Address, Browser
+        from voxelpose.view.viewer.browser import Address, Browser
 
-        browser = Browser(exhibit, Address(self.host, self.port), frame)
-        print(f"{exhibit.title}: {browser.url} (Ctrl-C ends it)", flush=True)
-        if exhibit.missing:
-            print(f"note: {exhibit.missing}")
+        browser = Browser(scenes, Address(self.host, self.port), frame)
+        print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
+        if scenes.missing:
+            print(f"note: {scenes.missing}")
         if self.browser:
             webbrowser.open(browser.url)
         try:

@@ -1,7 +1,8 @@
 """What the demo's actor can do, as tables of key poses.
 
-Metres, seconds and degrees. Hip, knee, arm, elbow and lean: bending forward (knee: backward); out: away from the side; across: a raised
-arm toward the other side; turn: about the arm, inward below 0; tip: the pelvis forward. A column that a table leaves out stands still.
+Metres, seconds and degrees. Hip, knee, arm, elbow and lean: bending forward (knee: backward); out:
+away from the side; across: a raised arm toward the other side; turn: about the arm, inward below 0;
+tip: the pelvis forward. A column that a table leaves out stands still.
 """
 
 from __future__ import annotations
@@ -27,73 +28,78 @@ _STANDING = {
     "straddle": 4.0,
 }
 
-_THREE_SECONDS = np.array([
-    #  t      x      y    yaw lean twist look  lh  lk  rh  rk  st   la  lo  le   ra   ro  re  rt
-    (0.00,  0.25,  0.30,  -30,  4,    6,   0,  28, 10, -18, 12,  2, -24,  8, 18,  26,   8, 22,  0),
-    (0.25,  0.20,  0.18,  -25,  4,    0,   5,   4,  6,  30, 58,  2,   0,  8, 15,   2,   8, 15,  0),
-    (0.50,  0.14,  0.04,  -15,  4,   -6,   5, -18, 12,  28, 10,  2,  26,  8, 22, -24,   8, 18,  0),
-    (0.75,  0.08, -0.08,    0,  4,    0,   0,  30, 58,   4,  6,  2,   2,  8, 15,   0,   8, 15,  0),
-    (1.00,  0.03, -0.16,   20,  3,    4,   0,  16,  8, -10,  8,  3, -12,  9, 15,  14,   9, 20,  0),
-    (1.25,  0.00, -0.18,   30,  1,    0, -10,   3,  4,   3,  4,  5,   0, 10, 12,  10,  45, 40, -40),
-    (1.50,  0.00, -0.18,   30,  0,   -4, -15,   2,  3,   3,  4,  6,   2, 10, 12,  5,  95, 70, -88),
-    (1.65,  0.00, -0.18,   30,  0,   -4, -15,   2,  3,   3,  4,  6,   2, 10, 12,  5, 100, 40, -88),
-    (1.80,  0.00, -0.18,   30,  0,   -4, -15,   2,  3,   3,  4,  6,   2, 10, 12,  5,  95, 85, -88),
-    (1.95,  0.00, -0.18,   28,  0,   -2, -10,   3,  4,   3,  4,  7,   8, 10, 12,  5,  92, 45, -80),
-    (2.20,  0.00, -0.17,   15, 12,    0,   0,  25, 30,  25, 30,  8,  45, 14, 15,  45,  30, 20,  0),
-    (2.55,  0.00, -0.12,    5, 28,    0,   0,  82, 95,  82, 95, 12,  84, 12, 10,  84,  12, 10,  0),
-    (2.75,  0.00, -0.12,    0, 30,    0,   0,  86, 99,  86, 99, 12,  88, 10, 10,  88,  10, 10,  0),
-    (3.00,  0.00, -0.14,   -5, 18,    0,   0,  45, 52,  45, 52, 10,  55, 12, 12,  55,  12, 12,  0),
-])  # fmt: skip
+_THREE_SECONDS = np.array(
+    [
+        #  t      x      y    yaw lean twist look  lh  lk  rh  rk  st   la  lo  le   ra   ro  re  rt
+        (0.00, 0.25, 0.30, -30, 4, 6, 0, 28, 10, -18, 12, 2, -24, 8, 18, 26, 8, 22, 0),
+        (0.25, 0.20, 0.18, -25, 4, 0, 5, 4, 6, 30, 58, 2, 0, 8, 15, 2, 8, 15, 0),
+        (0.50, 0.14, 0.04, -15, 4, -6, 5, -18, 12, 28, 10, 2, 26, 8, 22, -24, 8, 18, 0),
+        (0.75, 0.08, -0.08, 0, 4, 0, 0, 30, 58, 4, 6, 2, 2, 8, 15, 0, 8, 15, 0),
+        (1.00, 0.03, -0.16, 20, 3, 4, 0, 16, 8, -10, 8, 3, -12, 9, 15, 14, 9, 20, 0),
+        (1.25, 0.00, -0.18, 30, 1, 0, -10, 3, 4, 3, 4, 5, 0, 10, 12, 10, 45, 40, -40),
+        (1.50, 0.00, -0.18, 30, 0, -4, -15, 2, 3, 3, 4, 6, 2, 10, 12, 5, 95, 70, -88),
+        (1.65, 0.00, -0.18, 30, 0, -4, -15, 2, 3, 3, 4, 6, 2, 10, 12, 5, 100, 40, -88),
+        (1.80, 0.00, -0.18, 30, 0, -4, -15, 2, 3, 3, 4, 6, 2, 10, 12, 5, 95, 85, -88),
+        (1.95, 0.00, -0.18, 28, 0, -2, -10, 3, 4, 3, 4, 7, 8, 10, 12, 5, 92, 45, -80),
+        (2.20, 0.00, -0.17, 15, 12, 0, 0, 25, 30, 25, 30, 8, 45, 14, 15, 45, 30, 20, 0),
+        (2.55, 0.00, -0.12, 5, 28, 0, 0, 82, 95, 82, 95, 12, 84, 12, 10, 84, 12, 10, 0),
+        (2.75, 0.00, -0.12, 0, 30, 0, 0, 86, 99, 86, 99, 12, 88, 10, 10, 88, 10, 10, 0),
+        (3.00, 0.00, -0.14, -5, 18, 0, 0, 45, 52, 45, 52, 10, 55, 12, 12, 55, 12, 12, 0),
+    ]
+)
 # In profile to cam_3, the right side toward it; the arm swings to and fro at constant speed.
-_ARM_SWING = np.array([
-    # t    yaw   ra
-    (0.0, 130, -52),
-    (0.8, 130,  74),
-    (1.6, 130, -52),
-])  # fmt: skip
+_ARM_SWING = np.array(
+    [
+        # t    yaw   ra
+        (0.0, 130, -52),
+        (0.8, 130, 74),
+        (1.6, 130, -52),
+    ]
+)
 # Facing cam_2: address, back, down, through.
-_GOLF = np.array([
-    #  t   yaw  tip lean twist look  lh  lk  rh  rk  st   la  lc  lo  le  lt   ra  rc  ro  re  rt
-    (0.00, -15, 24,  14,   0,   0,  36, 24, 36, 24, 11,  50, 20,  0, 10,  0,  50, 20,  0, 12,   0),
-    (0.50, -15, 24,  14,   0,   0,  36, 24, 36, 24, 11,  50, 20,  0, 10,  0,  50, 20,  0, 12,   0),
-    (1.10, -25, 22,  12, -30,  35,  34, 28, 34, 20, 11,  78, 42,  0, 14,  0,  62, 0,  14, 52,   0),
-    (1.60, -40, 18,   8, -40,  62,  30, 32, 30, 18, 11, 104, 50,  0, 22,  0,  70, 0,  48, 96,  38),
-    (1.75, -38, 18,   9, -38,  58,  31, 32, 31, 20, 11, 100, 50,  0, 22,  0,  68, 0,  44, 94,  34),
-    (1.95, -20, 23,  13, -16,  26,  35, 28, 35, 24, 11,  66, 36,  0, 12,  0,  54, 6,   8, 42,   0),
-    (2.08,  -5, 24,  13,   2,  10,  35, 18, 35, 26, 11,  50, 18,  0,  8,  0,  52, 22,  0,  8,   0),
-    (2.22,  15, 18,   9,  22, -12,  26, 10, 28, 32, 10,  58,  0, 16, 24,  0,  78, 40,  0, 10,   0),
-    (2.60,  50,  2,  -4,  38,   0,   8,  5, 12, 34,  9,  92,  0, 44, 90,  40, 112, 46,  0, 44,   0),
-    (3.40,  54,  0,  -4,  40,   2,   6,  5, 12, 34,  9,  92,  0, 44, 94,  40, 110, 46,  0, 48,   0),
-    (4.00,  20,  4,   2,  14,   0,   8,  8, 10, 18,  9,  40,  4, 18, 50,   8,  48, 16,  6, 30,   0),
-    (4.40, -15, 24,  14,   0,   0,  36, 24, 36, 24, 11,  50, 20,  0, 10,  0,  50, 20,  0, 12,   0),
-])  # fmt: skip
+_GOLF = np.array(
+    [
+        # t   yaw  tip lean twist look  lh  lk  rh  rk  st   la  lc  lo  le  lt   ra  rc  ro  re  rt
+        (0.00, -15, 24, 14, 0, 0, 36, 24, 36, 24, 11, 50, 20, 0, 10, 0, 50, 20, 0, 12, 0),
+        (0.50, -15, 24, 14, 0, 0, 36, 24, 36, 24, 11, 50, 20, 0, 10, 0, 50, 20, 0, 12, 0),
+        (1.10, -25, 22, 12, -30, 35, 34, 28, 34, 20, 11, 78, 42, 0, 14, 0, 62, 0, 14, 52, 0),
+        (1.60, -40, 18, 8, -40, 62, 30, 32, 30, 18, 11, 104, 50, 0, 22, 0, 70, 0, 48, 96, 38),
+        (1.75, -38, 18, 9, -38, 58, 31, 32, 31, 20, 11, 100, 50, 0, 22, 0, 68, 0, 44, 94, 34),
+        (1.95, -20, 23, 13, -16, 26, 35, 28, 35, 24, 11, 66, 36, 0, 12, 0, 54, 6, 8, 42, 0),
+        (2.08, -5, 24, 13, 2, 10, 35, 18, 35, 26, 11, 50, 18, 0, 8, 0, 52, 22, 0, 8, 0),
+        (2.22, 15, 18, 9, 22, -12, 26, 10, 28, 32, 10, 58, 0, 16, 24, 0, 78, 40, 0, 10, 0),
+        (2.60, 50, 2, -4, 38, 0, 8, 5, 12, 34, 9, 92, 0, 44, 90, 40, 112, 46, 0, 44, 0),
+        (3.40, 54, 0, -4, 40, 2, 6, 5, 12, 34, 9, 92, 0, 44, 94, 40, 110, 46, 0, 48, 0),
+        (4.00, 20, 4, 2, 14, 0, 8, 8, 10, 18, 9, 40, 4, 18, 50, 8, 48, 16, 6, 30, 0),
+        (4.40, -15, 24, 14, 0, 0, 36, 24, 36, 24, 11, 50, 20, 0, 10, 0, 50, 20, 0, 12, 0),
+    ]
+)
 # Facing cam_2: the right hand points ahead, aside, up, across and down.
-_POINTING = np.array([
-    #  t   yaw lean twist look   ra  rc  ro  re
-    (0.00, -15,  1,   0,   0,    2,  0,  8, 14),
-    (0.60, -15,  2,  -4,   0,   84,  0,  4,  8),
-    (1.20, -15,  2,  -4,   0,   86,  0,  4,  6),
-    (1.90, -15,  0, -10, -40,   82,-50,  8,  6),
-    (2.60, -15,  0, -12, -60,   80,-84,  8,  8),
-    (3.30, -12,  0,   8,  10,  128,-14,  6, 10),
-    (4.10, -10,  4,  16,  38,   78, 38,  0, 16),
-    (4.80, -15, 10,   2,  10,   46,  6,  2,  8),
-    (5.40, -15,  2,   0,   0,    4,  0,  8, 16),
-    (6.00, -15,  1,   0,   0,    2,  0,  8, 14),
-])  # fmt: skip
+_POINTING = np.array(
+    [
+        #  t   yaw lean twist look   ra  rc  ro  re
+        (0.00, -15, 1, 0, 0, 2, 0, 8, 14),
+        (0.60, -15, 2, -4, 0, 84, 0, 4, 8),
+        (1.20, -15, 2, -4, 0, 86, 0, 4, 6),
+        (1.90, -15, 0, -10, -40, 82, -50, 8, 6),
+        (2.60, -15, 0, -12, -60, 80, -84, 8, 8),
+        (3.30, -12, 0, 8, 10, 128, -14, 6, 10),
+        (4.10, -10, 4, 16, 38, 78, 38, 0, 16),
+        (4.80, -15, 10, 2, 10, 46, 6, 2, 8),
+        (5.40, -15, 2, 0, 0, 4, 0, 8, 16),
+        (6.00, -15, 1, 0, 0, 2, 0, 8, 14),
+    ]
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
     """Something that the actor does, again and again.
 
-    Attributes:
-        columns: names of the table's columns but for the first, which is the time.
-        keys: (K, C) a row for each key pose; the last one begins the next round, or ends the performance.
-        fps: frames per second of its recording.
-        rounds: how often the whole recording repeats it.
-        cameras: those that film it.
-        between: what lies between the key poses.
+    Attributes: columns: names of the table's columns but for the first, which is the time. keys:
+        (K, C) a row for each key pose; the last one begins the next round, or ends the performance.
+        fps: frames per second of its recording. rounds: how often the whole recording repeats it.
+        cameras: those that film it. between: what lies between the key poses.
     """
 
     columns: str
@@ -126,7 +132,9 @@ def _evenly(times: NDArray[np.float64], keys: NDArray[np.float64]) -> Callable:
 
 PERFORMANCES = {
     "three_seconds": Performance(
-        "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out r_elbow r_turn", _THREE_SECONDS
+        "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out"
+        " r_elbow r_turn",
+        _THREE_SECONDS,
     ),
     "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), _evenly),
     "golf": Performance(
@@ -137,11 +145,15 @@ PERFORMANCES = {
         1,
         ("cam_2",),
     ),
-    "pointing": Performance("yaw lean twist look r_arm r_across r_out r_elbow", _POINTING, 15, 1, ("cam_2",)),
-    "far_arm_swing": Performance("yaw r_arm", _ARM_SWING - (0.0, 180.0, 0.0), 15, 24, ("cam_3",), _evenly),
+    "pointing": Performance(
+        "yaw lean twist look r_arm r_across r_out r_elbow", _POINTING, 15, 1, ("cam_2",)
+    ),
+    "far_arm_swing": Performance(
+        "yaw r_arm", _ARM_SWING - (0.0, 180.0, 0.0), 15, 24, ("cam_3",), _evenly
+    ),
 }
-"""By name: two steps while turning, a wave with the right hand and a squat; and what the experiments of paper A film, the arm's swing also
-with the left side toward the camera."""
+"""By name: two steps while turning, a wave with the right hand and a squat; and what the
+experiments of paper A film, the arm's swing also with the left side toward the camera."""
 
 
 def _turns(values: dict[str, float]) -> dict[str, Rotation]:

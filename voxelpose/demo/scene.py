@@ -1,4 +1,6 @@
-"""The demo's room and its cameras: textured floor and walls, daylight from one side, a cast shadow, sensor noise."""
+"""The demo's room and its cameras: textured floor and walls, daylight from one side, a cast shadow,
+sensor noise.
+"""
 
 from dataclasses import replace
 
@@ -19,11 +21,24 @@ _ROOM = np.array([5.0, 5.0])  # half length and half width of the floor
 
 
 def demo_rig() -> Rig:
-    """Returns four cameras spread over a half circle at different heights, with a slight barrel distortion."""
-    places = ((-70, 3.3, 1.5), (-15, 3.5, 2.3), (40, 3.2, 1.2), (95, 3.4, 2.0))  # degrees from the front, distance, height
+    """Returns four cameras spread over a half circle at different heights, with a slight barrel
+    distortion.
+    """
+    places = (
+        (-70, 3.3, 1.5),
+        (-15, 3.5, 2.3),
+        (40, 3.2, 1.2),
+        (95, 3.4, 2.0),
+    )  # degrees from the front, distance, height
     cameras = []
     for k, (azimuth, distance, height) in enumerate(places):
-        centre = np.array([distance * np.sin(np.radians(azimuth)), -distance * np.cos(np.radians(azimuth)), height])
+        centre = np.array(
+            [
+                distance * np.sin(np.radians(azimuth)),
+                -distance * np.cos(np.radians(azimuth)),
+                height,
+            ]
+        )
         forward = np.array([0, 0, 0.92]) - centre
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, (0, 0, 1))
@@ -31,11 +46,13 @@ def demo_rig() -> Rig:
         rotation = np.stack([right, np.cross(forward, right), forward])
         matrix = np.array([[570.0 + 6 * k, 0, 318.0 + k], [0, 570.0 + 6 * k, 241.5 - k], [0, 0, 1]])
         distortion = np.array([-0.06, 0.015, 0.0, 0.0, 0.0])
-        cameras.append(Camera(f"cam_{k + 1}", SIZE, matrix, distortion, rotation, -rotation @ centre))
+        cameras.append(
+            Camera(f"cam_{k + 1}", SIZE, matrix, distortion, rotation, -rotation @ centre)
+        )
     return Rig(tuple(cameras))
 
 
-class View:
+class FilmCamera:
     """One camera's view of the room."""
 
     def __init__(self, camera: Camera, rng: np.random.Generator) -> None:
@@ -47,7 +64,9 @@ class View:
         """
         self._wide = _widened(camera)
         self._bend = _bending(camera)
-        self._room, self._floor = _paint_room(self._wide, np.random.default_rng(11))  # one room for all cameras
+        self._room, self._floor = _paint_room(
+            self._wide, np.random.default_rng(11)
+        )  # one room for all cameras
         self._rng = rng
         self._noise = rng.normal(0, 2.2, (SIZE[1] + 64, SIZE[0] + 64, 3)).astype(np.float32)
 
@@ -55,7 +74,12 @@ class View:
         """Returns a picture (480, 640, 3) BGR of the room without the actor."""
         return self._expose(self._room)
 
-    def picture(self, vertices_m: NDArray[np.float64], faces: NDArray[np.int32], face_colour: NDArray[np.int32]) -> NDArray[np.uint8]:
+    def picture(
+        self,
+        vertices_m: NDArray[np.float64],
+        faces: NDArray[np.int32],
+        face_colour: NDArray[np.int32],
+    ) -> NDArray[np.uint8]:
         """Takes a picture of the actor.
 
         Args:
@@ -71,7 +95,9 @@ class View:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         light = 0.45 + 0.55 * np.maximum(normals @ _LIGHT, 0) + 0.10 * normals[:, 2]
         shade = np.clip(np.rint((light - 0.3) * (_SHADES - 1)), 0, _SHADES - 1).astype(np.int32)
-        palette = (COLOURS_BGR[:, None] * (0.3 + np.arange(_SHADES) / (_SHADES - 1))[:, None]).reshape(-1, 3)
+        palette = (
+            COLOURS_BGR[:, None] * (0.3 + np.arange(_SHADES) / (_SHADES - 1))[:, None]
+        ).reshape(-1, 3)
         palette = np.vstack([np.zeros(3), palette]).clip(0, 255).astype(np.float32)
         flat = vertices_m - vertices_m[:, 2:] / _LIGHT[2] * _LIGHT
         window = self._window(np.vstack([vertices_m, flat]))
@@ -80,23 +106,39 @@ class View:
         left, top, right, bottom = window
         size = (right - left, bottom - top)
         actor = cv2.resize(palette[labels], size, interpolation=cv2.INTER_AREA)
-        cover = cv2.resize((labels > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)[..., None]
-        dark = cv2.GaussianBlur(cv2.resize((shadow > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA), (0, 0), 2.0)
+        cover = cv2.resize((labels > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)[
+            ..., None
+        ]
+        dark = cv2.GaussianBlur(
+            cv2.resize((shadow > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA),
+            (0, 0),
+            2.0,
+        )
         light = self._room.copy()
         room, floor = (image[top:bottom, left:right] for image in (self._room, self._floor))
-        light[top:bottom, left:right] = room * (1 - 0.38 * dark[..., None] * floor) * (1 - cover) + actor
+        light[top:bottom, left:right] = (
+            room * (1 - 0.38 * dark[..., None] * floor) * (1 - cover) + actor
+        )
         return self._expose(light)
 
     def _window(self, points_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
-        """Returns left, top, right and bottom of the part of the picture that points and their soft shadow touch."""
+        """Returns left, top, right and bottom of the part of the picture that points and their soft
+        shadow touch.
+        """
         pixels, _ = self._wide.project(points_m)
         width, height = self._wide.size
-        low = np.clip(np.floor(np.nanmin(pixels, axis=0)) - 8, 0, (width - 2, height - 2)).astype(int)
+        low = np.clip(np.floor(np.nanmin(pixels, axis=0)) - 8, 0, (width - 2, height - 2)).astype(
+            int
+        )
         high = np.clip(np.ceil(np.nanmax(pixels, axis=0)) + 9, low + 1, (width, height)).astype(int)
         return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
     def _draw(
-        self, points_m: NDArray[np.float64], faces: NDArray[np.int32], labels: NDArray[np.int32], window: tuple[int, int, int, int]
+        self,
+        points_m: NDArray[np.float64],
+        faces: NDArray[np.int32],
+        labels: NDArray[np.int32],
+        window: tuple[int, int, int, int],
     ) -> NDArray[np.uint8]:
         inside = points_m @ self._wide.rotation.T + self._wide.translation
         left, top, right, bottom = window
@@ -119,7 +161,9 @@ def _widened(camera: Camera) -> Camera:
     """Returns the pinhole camera with a margin around the picture."""
     wide = camera.pinhole()
     shift = np.array([[1, 0, _MARGIN[0]], [0, 1, _MARGIN[1]], [0, 0, 1.0]])
-    return replace(wide, size=(SIZE[0] + 2 * _MARGIN[0], SIZE[1] + 2 * _MARGIN[1]), matrix=shift @ wide.matrix)
+    return replace(
+        wide, size=(SIZE[0] + 2 * _MARGIN[0], SIZE[1] + 2 * _MARGIN[1]), matrix=shift @ wide.matrix
+    )
 
 
 def _bending(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -130,8 +174,12 @@ def _bending(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     return np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
 
 
-def _paint_room(camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Returns the empty room's light (h, w, 3) as seen by a pinhole camera, and 1 where the floor is (h, w, 1)."""
+def _paint_room(
+    camera: Camera, rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Returns the empty room's light (h, w, 3) as seen by a pinhole camera, and 1 where the floor
+    is (h, w, 1).
+    """
     width, height = camera.size
     x, y = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     centre, direction = camera.rays(np.column_stack([x.ravel(), y.ravel()]))
@@ -143,7 +191,9 @@ def _paint_room(camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.fl
     point = centre + distance[:, None] * direction
     along = np.where(to_wall[:, 0] < to_wall[:, 1], point[:, 1], point[:, 0])
     grain = cv2.GaussianBlur(rng.normal(0, 1, (512, 512)).astype(np.float32), (0, 0), 5) * 12
-    cloud = lambda u, v: grain[(np.floor(v * 64).astype(int)) % 512, (np.floor(u * 64).astype(int)) % 512]  # noqa: E731
+    cloud = lambda u, v: grain[
+        (np.floor(v * 64).astype(int)) % 512, (np.floor(u * 64).astype(int)) % 512
+    ]  # noqa: E731
     board = np.floor(point[:, 0] / 0.18)
     seam = np.minimum(np.mod(point[:, 0], 0.18), 0.18 - np.mod(point[:, 0], 0.18)) < 0.006
     wood = (
@@ -152,10 +202,19 @@ def _paint_room(camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.fl
         + 0.05 * cloud(point[:, 0] * 2, point[:, 1] * 0.3)
         - 0.25 * np.clip(1.4 - distance / 4, 0, 1) * seam
     )
-    panel = 1 - 0.10 * (np.mod(along, 1.2) < 0.02) + 0.03 * cloud(along, point[:, 2]) + 0.05 * np.sign(np.sin(along * 1.7))
+    panel = (
+        1
+        - 0.10 * (np.mod(along, 1.2) < 0.02)
+        + 0.03 * cloud(along, point[:, 2])
+        + 0.05 * np.sign(np.sin(along * 1.7))
+    )
     skirting = np.where(point[:, 2] < 0.12, 0.72, 1.0)
     floor = np.array([116.0, 130, 121]) * wood[:, None]
     wall = np.array([196.0, 190, 176]) * (panel * skirting)[:, None]
-    fall_off = 1 - 0.035 * np.linalg.norm(point[:, :2] - (1.5, -2.0), axis=1)  # brighter toward the window
+    fall_off = 1 - 0.035 * np.linalg.norm(
+        point[:, :2] - (1.5, -2.0), axis=1
+    )  # brighter toward the window
     light = np.where(on_floor[:, None], floor, wall) * fall_off[:, None]
-    return light.reshape(height, width, 3).astype(np.float32), on_floor.reshape(height, width, 1).astype(np.float32)
+    return light.reshape(height, width, 3).astype(np.float32), on_floor.reshape(
+        height, width, 1
+    ).astype(np.float32)

@@ -1,4 +1,6 @@
-"""The arm-swing experiment of paper A: what nwXOR and the occlusion-aware motion model are good for."""
+"""The arm-swing experiment of paper A: what nwXOR and the occlusion-aware motion model are good
+for.
+"""
 
 from __future__ import annotations
 
@@ -11,25 +13,27 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.estimator import Reporter
-from silhouette_core.filter.forward import Forward, candidates_of
+from silhouette_core.filter.forward import ForwardFilter, candidates_of
 from silhouette_core.filter.person import find_person, upright_distance
 from silhouette_core.filter.tree_filter import FilterSettings, TreeFilter
 from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import Weighting
-from silhouette_core.image.silhouettes import Silhouettes, StraightLens
-from silhouette_core.library.library import PoseLibrary
-from silhouette_core.library.pictures import STATURE_PX
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from silhouette_core.library.pose_library import PoseLibrary
+from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.library.transitions import transitions
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.progress import Reporter
 from voxelpose.experiments.degrade import Degradation, degrade
 from voxelpose.experiments.swing_library import NEIGHBOURS
 from voxelpose.experiments.swings import Verdict, arm_angles, count
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 
 LONG_SIDE_PX = 640  # the paper's camera
 FLOOR = 1e-6
-"""Share of the prior spread over the whole library. Next to nothing here: in the paper a lost track has no second chance."""
+"""Share of the prior spread over the whole library. Next to nothing here: in the paper a lost track
+has no second chance.
+"""
 _SEED = 0
 DEGRADATIONS = (
     Degradation(),
@@ -45,7 +49,8 @@ Paper = tuple[int, int, int] | None
 
 @dataclass(frozen=True)
 class Reading:
-    """What the paper does not state; the same for all methods. docs/results.md shows what another reading of (4) does.
+    """What the paper does not state; the same for all methods. docs/results.md shows what another
+    reading of (4) does.
 
     Attributes:
         sigma: of eq. (10), as a share of the silhouette's own weight.
@@ -119,13 +124,16 @@ class Film:
             InputError: the first frame shows nobody, or there are several cameras.
         """
         if len(recording.rig) != 1:
-            raise InputError(f"{recording.folder} has {len(recording.rig)} cameras: choose one with --camera NAME")
-        lens = StraightLens.of(recording.rig.cameras[0], LONG_SIDE_PX)
+            raise InputError(
+                f"{recording.folder} has {len(recording.rig)} cameras: choose one with --camera"
+                " NAME"
+            )
+        lens = UndistortedView.of(recording.rig.cameras[0], LONG_SIDE_PX)
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         reporter.stage("silhouettes", recording.frame_count)
         bits = []
         for _, _, frames in recording:
-            person = find_person(lens.straighten(silhouettes.of(frames)[recording.rig.names[0]]))
+            person = find_person(lens.undistort(silhouettes.of(frames)[recording.rig.names[0]]))
             mask = np.zeros(lens.pinhole.size[::-1], bool) if person is None else person.mask
             bits.append(np.packbits(mask, axis=1))
             reporter.advance()
@@ -133,7 +141,10 @@ class Film:
         film = cls(lens.pinhole, recording.fps, (height, width), np.stack(bits), 0.0, 0.0)
         first = film.mask(0)
         if not first.any():
-            raise InputError(f"the first frame of {recording.folder} shows nobody: the experiment wants an arm that swings all the time")
+            raise InputError(
+                f"the first frame of {recording.folder} shows nobody: the experiment wants an arm"
+                " that swings all the time"
+            )
         distance = upright_distance(film.camera, first, stature_m)
         pitch = np.degrees(look_at(film.camera, first, distance, STATURE_PX / stature_m).pitch_rad)
         return cls(film.camera, film.fps, film.size, film.bits, distance, float(np.round(pitch)))
@@ -174,26 +185,53 @@ class Truth:
     angles_deg: NDArray[np.float64]
     swings: Sequence[slice]
 
-    def row(self, method: str, degradation: Degradation, angles_deg: NDArray[np.float64], lost: int = 0, paper: Paper = None) -> Row:
+    def row(
+        self,
+        method: str,
+        degradation: Degradation,
+        angles_deg: NDArray[np.float64],
+        lost: int = 0,
+        paper: Paper = None,
+    ) -> Row:
         """Judges an estimate; see Row."""
         error = np.abs(angles_deg - self.angles_deg)
         mean = float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
-        return Row(method, str(degradation), count(self.angles_deg, angles_deg, self.swings), angles_deg, mean, lost, paper)
+        return Row(
+            method,
+            str(degradation),
+            count(self.angles_deg, angles_deg, self.swings),
+            angles_deg,
+            mean,
+            lost,
+            paper,
+        )
 
 
 def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
-    """Says whether the right shoulder is nearer to the camera than the left: truth_m (T, 15, 3), world, m; its first known frame counts."""
+    """Says whether the right shoulder is nearer to the camera than the left: truth_m (T, 15, 3),
+    world, m; its first known frame counts.
+    """
     first = truth_m[np.isfinite(truth_m).all(axis=(1, 2))][0]
-    right, left = (np.linalg.norm(first[LANDMARK_NAMES.index(f"{side}_shoulder")] - camera.center_m) for side in ("right", "left"))
+    right, left = (
+        np.linalg.norm(first[LANDMARK_NAMES.index(f"{side}_shoulder")] - camera.center_m)
+        for side in ("right", "left")
+    )
     return bool(right < left)
 
 
 def follow(
-    film: Film, library: PoseLibrary, method: Method, degradation: Degradation, reading: Reading, reporter: Reporter
+    film: Film,
+    library: PoseLibrary,
+    method: Method,
+    degradation: Degradation,
+    reading: Reading,
+    reporter: Reporter,
 ) -> tuple[NDArray[np.float64], int]:
-    """Tracks a film as the paper does: the likeliest sample of every frame, eq. (12) and (13), from the past alone, unrefined.
+    """HypothesisTracker a film as the paper does: the likeliest sample of every frame, eq. (12) and
+    (13), from the past alone, unrefined.
 
-    The person stands at one place, at the distance of the first frame, so that distance is not estimated.
+    The person stands at one place, at the distance of the first frame, so that distance is not
+    estimated.
 
     Args:
         film: the silhouettes.
@@ -203,29 +241,43 @@ def follow(
         reading: of what the paper leaves open.
         reporter: told of every frame.
 
-    Returns:
-        (T,) degrees: the right upper arm's angle; NaN where the silhouette is empty. And in how many frames the filter was lost.
+    Returns: (T,) degrees: the right upper arm's angle; NaN where the silhouette is empty. And in
+        how many frames the filter was lost.
     """
-    matrix = transitions(library, method.occlusion_aware, np.sqrt(30.0 / film.fps), NEIGHBOURS, reading.normalised)
+    matrix = transitions(
+        library, method.occlusion_aware, np.sqrt(30.0 / film.fps), NEIGHBOURS, reading.normalised
+    )
     tree = TreeFilter(library, matrix, FilterSettings(sigma=reading.sigma, floor=FLOOR))
-    filtering = Forward(tree, film.camera, facing=False, weighting=method.weighting, distance_m=film.distance_m)
+    filtering = ForwardFilter(
+        tree, film.camera, facing=False, weighting=method.weighting, distance_m=film.distance_m
+    )
     joints = np.full((len(film), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0
     for frame in range(len(film)):
-        person = find_person(degrade(film.mask(frame), degradation, np.random.default_rng((_SEED, frame))))
+        person = find_person(
+            degrade(film.mask(frame), degradation, np.random.default_rng((_SEED, frame)))
+        )
         if person is not None:
             belief = filtering.step(frame, frame / film.fps, person)
             lost += belief.lost
             best = candidates_of(tree, belief, [0])
             joints[frame] = landmarks(
-                library.model, *forward(library.model, best.root_m, quaternions(best.root_rotation), best.angles_rad)
+                library.model,
+                *forward(
+                    library.model, best.root_m, quaternions(best.root_rotation), best.angles_rad
+                ),
             )[0]
         reporter.advance()
     return arm_angles(joints), lost
 
 
 def experiment(
-    film: Film, truth: Truth, library: PoseLibrary, degradations: Sequence[Degradation], reading: Reading, reporter: Reporter
+    film: Film,
+    truth: Truth,
+    library: PoseLibrary,
+    degradations: Sequence[Degradation],
+    reading: Reading,
+    reporter: Reporter,
 ) -> list[Row]:
     """Runs all methods on a film, as found and degraded.
 

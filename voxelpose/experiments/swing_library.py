@@ -1,4 +1,6 @@
-"""The pose library of the arm-swing experiment: somebody standing in profile, the right arm moved in many ways."""
+"""The pose library of the arm-swing experiment: somebody standing in profile, the right arm moved
+in many ways.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.estimator import Reporter
-from silhouette_core.library.bases import base_poses
+from silhouette_core.library.base_poses import base_poses
 from silhouette_core.library.build import build_library
-from silhouette_core.library.library import LibrarySettings, PoseLibrary
+from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.transitions import find_neighbours
-from silhouette_core.motion.repertoire.notation import COLUMNS, STANDING, Movement
-from silhouette_core.motion.repertoire.perform import perform
+from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement
+from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.progress import Reporter
 
 NEIGHBOURS = 512
 SAMPLES = 3417  # the paper's
 _NODE_SHARES = (693 / 3417, 3013 / 3417, 3318 / 3417)  # the paper's
 _CLIPS, _KEYS, _BETWEEN_S = 6, 60, 0.7
-# From, to (degrees) of what moves, see silhouette_core.motion.repertoire.notation: the right arm anywhere it reaches in profile ...
+# From, to (degrees) of what moves, see silhouette_core.motion.keyposes.notation: the right arm
+# anywhere it reaches in profile ...
 _ARM = {"r.arm": (-70, 110), "r.out": (0, 35), "r.elbow": (0, 90), "r.turn": (-20, 40)}
 # ... and the rest as somebody stands, the same throughout a clip.
-_STANCE = {"l.arm": (-5, 10), "l.out": (5, 12), "l.elbow": (10, 40), "lean": (-2, 3), "nod": (-4, 6), "straddle": (2, 8)}
+_STANCE = {
+    "l.arm": (-5, 10),
+    "l.out": (5, 12),
+    "l.elbow": (10, 40),
+    "lean": (-2, 3),
+    "nod": (-4, 6),
+    "straddle": (2, 8),
+}
 _SEED = 3
 
 
@@ -31,9 +41,8 @@ _SEED = 3
 class ProfileSettings(LibrarySettings):
     """A library that is seen from around one side only.
 
-    Attributes:
-        middle_deg: yaw of that side: 90 shows the right side, the body facing right in the picture; -90 the left side.
-        sides: how many yaws about it, `yaw_step_deg` apart.
+    Attributes: middle_deg: yaw of that side: 90 shows the right side, the body facing right in the
+        picture; -90 the left side. sides: how many yaws about it, `yaw_step_deg` apart.
     """
 
     middle_deg: float = 90.0
@@ -50,7 +59,13 @@ class ProfileSettings(LibrarySettings):
         return np.radians([[yaw, pitch] for pitch in self.pitches_deg for yaw in yaws])
 
 
-def swing_library(model: BodyModel, near: bool, pitch_deg: float, reporter: Reporter | None = None, samples: int = SAMPLES) -> PoseLibrary:
+def swing_library(
+    model: BodyModel,
+    near: bool,
+    pitch_deg: float,
+    reporter: Reporter | None = None,
+    samples: int = SAMPLES,
+) -> PoseLibrary:
     """Makes the library.
 
     Args:
@@ -60,20 +75,26 @@ def swing_library(model: BodyModel, near: bool, pitch_deg: float, reporter: Repo
         reporter: told of every stage.
         samples: how many at most.
 
-    Returns:
-        About as many samples as in the paper, and as many nodes; the arm goes from one place to another at random, as in no recording.
+    Returns: About as many samples as in the paper, and as many nodes; the arm goes from one place
+        to another at random, as in no recording.
 
     Source: Okada and Stenger, section 7: mostly profile poses, the right arm moved in various ways.
     """
     settings = ProfileSettings(
-        poses=samples, yaw_step_deg=8.0, pitches_deg=(pitch_deg,), mirror=False, node_shares=_NODE_SHARES,
+        poses=samples,
+        yaw_step_deg=8.0,
+        pitches_deg=(pitch_deg,),
+        mirror=False,
+        node_shares=_NODE_SHARES,
         middle_deg=90.0 if near else -90.0,
-    )  # fmt: skip
+    )
     rng = np.random.default_rng(_SEED)
     motions = {f"right arm {k + 1}": perform(_movement(rng), model) for k in range(_CLIPS)}
     library = build_library(base_poses(motions, settings), model, settings, reporter)
     # Hidden arms reach hundreds of so few poses: more than a library usually keeps.
-    return replace(library, neighbours=find_neighbours(library, min(NEIGHBOURS, len(library)), reporter))
+    return replace(
+        library, neighbours=find_neighbours(library, min(NEIGHBOURS, len(library)), reporter)
+    )
 
 
 def _movement(rng: np.random.Generator) -> Movement:

@@ -1,4 +1,6 @@
-"""What the arm-swing experiment found: the paper's table beside ours, and the arm's angle over time."""
+"""What the arm-swing experiment found: the paper's table beside ours, and the arm's angle over
+time.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,18 @@ _SHOWN_SWINGS = 6
 def markdown_table(rows: Sequence[Row]) -> str:
     """Returns the rows as a Markdown table; the paper's counts stand where the paper has that row."""
     lines = [
-        "| silhouettes | method | Fail | Error | Success | paper: Fail / Error / Success | mean error of the angle, deg |",
+        (
+            "| silhouettes | method | Fail | Error | Success | paper: Fail / Error / Success | mean"
+            " error of the angle, deg |"
+        ),
         "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         paper = " / ".join(map(str, row.paper)) if row.paper else "–"
         counts = " | ".join(str(row.counts[verdict]) for verdict in VERDICTS)
-        lines.append(f"| {row.degradation} | {row.method} | {counts} | {paper} | {row.error_deg:.1f} |")
+        lines.append(
+            f"| {row.degradation} | {row.method} | {counts} | {paper} | {row.error_deg:.1f} |"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -45,12 +52,24 @@ def draw_angles(rows: Sequence[Row], truth: Truth, fps: float, path: Path) -> No
     for panel, row in zip(panels, rows, strict=True):
         counted = ", ".join(f"{row.counts[verdict]} {verdict}" for verdict in VERDICTS)
         panel.plot(time_s, truth_deg[shown], color=_TRUE, lw=1.4, label="true")
-        panel.plot(time_s, row.angles_deg[shown], color=_ESTIMATED, lw=1.2, marker=".", ms=3, label="estimated")
-        panel.fill_between(time_s, truth_deg[shown], row.angles_deg[shown], color=_WRONG, alpha=0.15, lw=0)
+        panel.plot(
+            time_s,
+            row.angles_deg[shown],
+            color=_ESTIMATED,
+            lw=1.2,
+            marker=".",
+            ms=3,
+            label="estimated",
+        )
+        panel.fill_between(
+            time_s, truth_deg[shown], row.angles_deg[shown], color=_WRONG, alpha=0.15, lw=0
+        )
         panel.set_title(f"{row.method}, {row.degradation}: {counted}", loc="left", fontsize=9)
         panel.spines[["top", "right"]].set_visible(False)
         panel.grid(alpha=0.15)
-    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, ncols=2, frameon=False)
+    panels[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, ncols=2, frameon=False
+    )
     panels[-1].set_xlabel("seconds")
     figure.supylabel("right upper arm, degrees forward", fontsize=9)
     figure.savefig(path)

@@ -11,20 +11,30 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Reporter, Settings, load_estimator
-from silhouette_core.library.build import HIDDEN_SHARE
-from silhouette_core.library.library import PoseLibrary, describe, require_body
+from silhouette_core.estimator import Settings, load_estimator
+from silhouette_core.library.build import OCCLUDED_SHARE
+from silhouette_core.library.pose_library import PoseLibrary, describe, require_body
 from silhouette_core.library.store import read_library
 from silhouette_core.library.transitions import MAGNIFICATION
 from silhouette_core.motion.kinematics import landmarks
+from silhouette_core.progress import Reporter
 from voxelpose import __version__
 from voxelpose.evaluation import read_truth
-from voxelpose.experiments.arm_swing import DEGRADATIONS, FLOOR, Film, Reading, Row, Truth, experiment, near_side
+from voxelpose.experiments.arm_swing import (
+    DEGRADATIONS,
+    FLOOR,
+    Film,
+    Reading,
+    Row,
+    Truth,
+    experiment,
+    near_side,
+)
 from voxelpose.experiments.degrade import Degradation
 from voxelpose.experiments.swing_library import SAMPLES, swing_library
 from voxelpose.experiments.swing_report import draw_angles, markdown_table
 from voxelpose.experiments.swings import Criterion, arm_angles, split_swings
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 from voxelpose.results import SUMMARY, as_json
 
 TABLE, PLOT = "table.md", "angles.png"
@@ -70,15 +80,28 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
     """
     joints = read_truth(study.truth)
     if len(joints) < recording.first + recording.frame_count:
-        raise InputError(f"{study.truth} has {len(joints)} frames and {recording.folder} more: give the truth of this recording")
+        raise InputError(
+            f"{study.truth} has {len(joints)} frames and {recording.folder} more: give the truth of"
+            " this recording"
+        )
     joints = joints[recording.first : recording.first + recording.frame_count]
     truth_deg = arm_angles(joints)
     truth = Truth(truth_deg, split_swings(truth_deg))
     stature = study.stature_m or recording.subject.stature_m
     if stature is None:
-        raise InputError(f"{recording.folder} has no subject.toml that says how tall the person is: add --stature")
+        raise InputError(
+            f"{recording.folder} has no subject.toml that says how tall the person is: add"
+            " --stature"
+        )
     film = Film.of(recording, stature, reporter)
-    library = _library(study, stature, near_side(joints, film.camera), film.pitch_deg, recording.subject.sex, reporter)
+    library = _library(
+        study,
+        stature,
+        near_side(joints, film.camera),
+        film.pitch_deg,
+        recording.subject.sex,
+        reporter,
+    )
     degradations = DEGRADATIONS if study.degraded else DEGRADATIONS[:1]
     rows = experiment(film, truth, library, degradations, study.reading, reporter)
     shown = rows[:4]
@@ -95,9 +118,12 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         "right_arm": "near" if near_side(joints, film.camera) else "far",
         "distance_m": film.distance_m,
         "criterion": asdict(Criterion()),
-        "filter": asdict(study.reading) | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": HIDDEN_SHARE},
+        "filter": asdict(study.reading)
+        | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": OCCLUDED_SHARE},
         "library": {
-            "samples": len(library), "nodes": [len(level) for level in library.levels], "body": describe(library.model.sizes),
+            "samples": len(library),
+            "nodes": [len(level) for level in library.levels],
+            "body": describe(library.model.sizes),
         },
         "rows": [
             {"method": row.method, "silhouettes": row.degradation, **row.counts, "paper": row.paper}
@@ -106,22 +132,34 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         ],
         "true_deg": truth_deg,
         "estimated_deg": {f"{row.method}, {row.degradation}": row.angles_deg for row in rows},
-    }  # fmt: skip
+    }
     (folder / SUMMARY).write_text(as_json(about), encoding="utf-8")
     return rows
 
 
-def _library(study: Study, stature_m: float, near: bool, pitch_deg: float, sex: str, reporter: Reporter) -> PoseLibrary:
+def _library(
+    study: Study, stature_m: float, near: bool, pitch_deg: float, sex: str, reporter: Reporter
+) -> PoseLibrary:
     if study.library is None:
-        return swing_library(BodyModel.from_sizes(BodySizes(stature_m, sex=sex)), near, pitch_deg, reporter, study.samples)
+        return swing_library(
+            BodyModel.from_sizes(BodySizes(stature_m, sex=sex)),
+            near,
+            pitch_deg,
+            reporter,
+            study.samples,
+        )
     library = read_library(study.library)
     made = library.model.sizes
     require_body(library, BodySizes(stature_m, made.chest_girth_m, made.sex))
     return library
 
 
-def _ours(recording: Recording, study: Study, stature_m: float, truth: Truth, reporter: Reporter) -> Row:
-    """Tracks the recording as `voxelpose track` does: balanced weights, DM2, distance found, refined, looking ahead."""
+def _ours(
+    recording: Recording, study: Study, stature_m: float, truth: Truth, reporter: Reporter
+) -> Row:
+    """HypothesisTracker the recording as `voxelpose track` does: balanced weights, DM2, distance
+    found, refined, looking ahead.
+    """
     options = {"start": "any"} | ({"library": str(study.library)} if study.library else {})
     settings = replace(Settings(stature_m=stature_m, options=options), sex=recording.subject.sex)
     motion = load_estimator("monocular").estimate(recording, settings, reporter).motion

@@ -19,19 +19,25 @@ _ORDER = "ZXY"
 def write_bvh(motion: Motion, path: Path) -> None:
     """Writes a motion as BVH.
 
-    Axis map: x_bvh = x, y_bvh = z, z_bvh = -y; centimetres. With all rotations zero the skeleton stands in the model's rest pose
-    (upright, arms 45 degrees down), facing +z. Every joint has Z, X and Y rotations in degrees, applied as R = Rz Rx Ry; the root
-    has its position before them. The 27 joints carry the names of the body's parts; hands, toes and head end in end sites.
+    Axis map: x_bvh = x, y_bvh = z, z_bvh = -y; centimetres. With all rotations zero the skeleton
+    stands in the model's rest pose (upright, arms 45 degrees down), facing +z. Every joint has Z, X
+    and Y rotations in degrees, applied as R = Rz Rx Ry; the root has its position before them. The
+    27 joints carry the names of the body's parts; hands, toes and head end in end sites.
     Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
 
-    Frames that are lost between the first and the last pose are interpolated, since BVH has no gaps.
+    Frames that are lost between the first and the last pose are interpolated, since BVH has no
+    gaps.
 
     Args:
         motion: at least one pose.
         path: the file.
     """
     local, root = _without_gaps(motion)
-    degrees = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_euler(_ORDER, degrees=True).reshape(len(local), -1, 3)
+    degrees = (
+        Rotation.from_matrix(local.reshape(-1, 3, 3))
+        .as_euler(_ORDER, degrees=True)
+        .reshape(len(local), -1, 3)
+    )
     children = _children(motion.model)
     order = list(_depth_first(0, children))
     with path.open("w", encoding="ascii", newline="\n") as file:
@@ -44,11 +50,18 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
 
 def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns local rotations (F, P, 3, 3) and root positions (F, 3) in centimetres, BVH axes, for every frame from first to last."""
+    """Returns local rotations (F, P, 3, 3) and root positions (F, 3) in centimetres, BVH axes, for
+    every frame from first to last.
+    """
     local, root, frames = local_rotations(motion), motion.parts()[1][:, 0], every_frame(motion)
     if len(frames) > len(motion):
-        root = np.column_stack([np.interp(frames, motion.frames, root[:, axis]) for axis in range(3)])
-        slerped = [Slerp(motion.frames, Rotation.from_matrix(turns))(frames).as_matrix() for turns in np.swapaxes(local, 0, 1)]
+        root = np.column_stack(
+            [np.interp(frames, motion.frames, root[:, axis]) for axis in range(3)]
+        )
+        slerped = [
+            Slerp(motion.frames, Rotation.from_matrix(turns))(frames).as_matrix()
+            for turns in np.swapaxes(local, 0, 1)
+        ]
         local = np.stack(slerped, axis=1)
     return Y_UP_FROM_WORLD @ local @ Y_UP_FROM_WORLD.T, CM_PER_M * root @ Y_UP_FROM_WORLD.T
 
@@ -67,7 +80,14 @@ def _depth_first(part: int, children: list[list[int]]) -> Iterator[int]:
         yield from _depth_first(child, children)
 
 
-def _write_joint(file: TextIO, model: BodyModel, children: list[list[int]], ends: NDArray[np.float64], part: int, depth: int) -> None:
+def _write_joint(
+    file: TextIO,
+    model: BodyModel,
+    children: list[list[int]],
+    ends: NDArray[np.float64],
+    part: int,
+    depth: int,
+) -> None:
     pad = "  " * depth
     parent = model.parents[part]
     offset = np.zeros(3) if parent < 0 else model.joints_m[part] - model.joints_m[parent]

@@ -20,11 +20,13 @@ _BYTES = 16  # of a point in one frame: x, y, z and residual, as float32
 def write_c3d(motion: Motion, path: Path) -> None:
     """Writes the points of `named_points` as C3D.
 
-    Axis map: none: x, y, z are the world's, z up, as motion capture laboratories have it; millimetres. POINT:X_SCREEN and Y_SCREEN say
+    Axis map: none: x, y, z are the world's, z up, as motion capture laboratories have it;
+        millimetres. POINT:X_SCREEN and Y_SCREEN say
     which axes lie across and up a screen: +X and +Z.
 
-    Every frame from the first to the last pose has a place; lost ones hold the residual -1, which C3D means by "not seen", and no
-    position. The first pose is the file's frame 1, whichever frame of the recording it is.
+    Every frame from the first to the last pose has a place; lost ones hold the residual -1, which
+    C3D means by "not seen", and no position. The first pose is the file's frame 1, whichever frame
+    of the recording it is.
 
     Args:
         motion: at least one pose.
@@ -36,7 +38,10 @@ def write_c3d(motion: Motion, path: Path) -> None:
     """
     frames = every_frame(motion)
     if len(frames) > _MOST_FRAMES:
-        raise InputError(f"C3D holds at most {_MOST_FRAMES} frames and this motion spans {len(frames)}: leave c3d out of --to")
+        raise InputError(
+            f"C3D holds at most {_MOST_FRAMES} frames and this motion spans {len(frames)}: leave"
+            " c3d out of --to"
+        )
     names, positions = named_points(motion)
     points = np.full((4, len(names), len(frames)), np.nan)
     points[3] = 1.0

@@ -16,7 +16,7 @@ from silhouette_core.motion.motion import Motion
 _WRITERS = {
     "bvh": {"motion.bvh": ("bvh", "write_bvh")},
     "glb": {"motion.glb": ("gltf", "write_glb")},
-    "trc": {"motion.trc": ("opensim", "write_trc"), "motion.mot": ("opensim", "write_mot")},
+    "trc": {"motion.trc": ("trc", "write_trc"), "motion.mot": ("mot", "write_mot")},
     "c3d": {"motion.c3d": ("c3d", "write_c3d")},
     "csv": {
         "joints.csv": ("joints", "write_joints"),
@@ -28,7 +28,9 @@ _WRITERS = {
 FORMATS = tuple(_WRITERS)
 
 
-def export_motion(motion: Motion, folder: Path | str, formats: Iterable[str] = FORMATS, overwrite: bool = False) -> list[Path]:
+def export_motion(
+    motion: Motion, folder: Path | str, formats: Iterable[str] = FORMATS, overwrite: bool = False
+) -> list[Path]:
     """Writes a motion in several formats.
 
     Args:
@@ -40,8 +42,8 @@ def export_motion(motion: Motion, folder: Path | str, formats: Iterable[str] = F
     Returns:
         The files.
 
-    Raises:
-        InputError: a format is unknown, the motion has no pose, a file exists, or the folder cannot be written to.
+    Raises: InputError: a format is unknown, the motion has no pose, a file exists, or the folder
+        cannot be written to.
     """
     folder, files = Path(folder), {}
     for name in formats:
@@ -53,19 +55,26 @@ def export_motion(motion: Motion, folder: Path | str, formats: Iterable[str] = F
     if not overwrite:
         for name in files:
             if (folder / name).exists():
-                raise InputError(f"{folder / name} exists: give --out another folder, or add --overwrite")
+                raise InputError(
+                    f"{folder / name} exists: give --out another folder, or add --overwrite"
+                )
     made = not folder.exists()
     part = folder / f".export-{uuid.uuid4().hex[:8]}"
     try:
         part.mkdir(parents=True)
         for name, (module, function) in files.items():
-            getattr(importlib.import_module(f"voxelpose.export.{module}"), function)(motion, part / name)
+            getattr(importlib.import_module(f"voxelpose.export.{module}"), function)(
+                motion, part / name
+            )
         for name in files:
             (part / name).replace(folder / name)
         made = False
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise InputError(f"the disk is full: nothing was exported to {folder}; free some space or give --out another disk") from error
+            raise InputError(
+                f"the disk is full: nothing was exported to {folder}; free some space or give --out"
+                " another disk"
+            ) from error
         raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from error
     finally:
         shutil.rmtree(folder if made else part, ignore_errors=True)

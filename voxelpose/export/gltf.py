@@ -1,4 +1,6 @@
-"""Binary glTF (GLB): the fitted body with its skin and its motion, for Blender, three.js, Unity, Unreal and Godot."""
+"""Binary glTF (GLB): the fitted body with its skin and its motion, for Blender, three.js, Unity,
+Unreal and Godot.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,13 @@ _BODY = 0  # node of the mesh; the node of part p is p + 1
 def write_glb(motion: Motion, path: Path) -> None:
     """Writes a motion as a skinned, animated body in one file.
 
-    Axis map: x = x, y = z, z = -y of the world; metres. The skeleton's 27 nodes carry the names of the body's parts; without animation
-    they stand in the rest pose (upright, arms 45 degrees down, facing +z), to which the skin is bound. The one animation, `motion`,
-    turns every node and moves `pelvis`. Its time starts with zero at the first pose.
+    Axis map: x = x, y = z, z = -y of the world; metres. The skeleton's 27 nodes carry the names of
+    the body's parts; without animation they stand in the rest pose (upright, arms 45 degrees down,
+    facing +z), to which the skin is bound. The one animation, `motion`, turns every node and moves
+    `pelvis`. Its time starts with zero at the first pose.
 
-    Lost frames have no key: players interpolate over them, along the shortest turn, as they do between frames.
+    Lost frames have no key: players interpolate over them, along the shortest turn, as they do
+        between frames.
 
     Args:
         motion: at least one pose.
@@ -57,7 +61,9 @@ class _Packer:
     def add(self, array: NDArray, target: int | None = None, bounds: bool = False) -> int:
         """Returns the number of the accessor made for an array."""
         self.data += bytes(-len(self.data) % 4)
-        view = gltf.BufferView(buffer=0, byteOffset=len(self.data), byteLength=array.nbytes, target=target)
+        view = gltf.BufferView(
+            buffer=0, byteOffset=len(self.data), byteLength=array.nbytes, target=target
+        )
         accessor = gltf.Accessor(
             bufferView=len(self.document.bufferViews),
             byteOffset=0,
@@ -79,10 +85,19 @@ def _add_skeleton(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> No
     for part, (name, parent) in enumerate(zip(model.names, model.parents, strict=True)):
         offset = joints[part] - (joints[parent] if parent >= 0 else 0)
         children = (np.flatnonzero(model.parents == part) + 1).tolist()
-        document.nodes.append(gltf.Node(name=name, translation=offset.tolist(), children=children or None))
+        document.nodes.append(
+            gltf.Node(name=name, translation=offset.tolist(), children=children or None)
+        )
     bind = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
     bind[:, 3, :3] = -joints  # glTF keeps matrices by columns: the translation is its last row here
-    document.skins = [gltf.Skin(name="skeleton", joints=list(range(1, len(joints) + 1)), skeleton=1, inverseBindMatrices=packer.add(bind))]
+    document.skins = [
+        gltf.Skin(
+            name="skeleton",
+            joints=list(range(1, len(joints) + 1)),
+            skeleton=1,
+            inverseBindMatrices=packer.add(bind),
+        )
+    ]
 
 
 def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
@@ -90,22 +105,34 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
     weights /= weights.sum(axis=1, keepdims=True)
     parts = np.where(weights > 0, model.skin_parts, 0).astype(np.uint8)
     shape = {
-        "POSITION": packer.add((model.vertices_m @ Y_UP_FROM_WORLD.T).astype(np.float32), gltf.ARRAY_BUFFER, bounds=True),
-        "NORMAL": packer.add((model.vertex_normals @ Y_UP_FROM_WORLD.T).astype(np.float32), gltf.ARRAY_BUFFER),
+        "POSITION": packer.add(
+            (model.vertices_m @ Y_UP_FROM_WORLD.T).astype(np.float32),
+            gltf.ARRAY_BUFFER,
+            bounds=True,
+        ),
+        "NORMAL": packer.add(
+            (model.vertex_normals @ Y_UP_FROM_WORLD.T).astype(np.float32), gltf.ARRAY_BUFFER
+        ),
         "JOINTS_0": packer.add(parts, gltf.ARRAY_BUFFER),
         "WEIGHTS_0": packer.add(weights, gltf.ARRAY_BUFFER),
     }
     corners = packer.add(model.faces.astype(np.uint16).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
     primitive = gltf.Primitive(attributes=gltf.Attributes(**shape), indices=corners, material=0)
     document.meshes = [gltf.Mesh(name="body", primitives=[primitive])]
-    surface = gltf.PbrMetallicRoughness(baseColorFactor=_SKIN_COLOUR, metallicFactor=0.0, roughnessFactor=0.8)
-    document.materials = [gltf.Material(name="body", pbrMetallicRoughness=surface, alphaCutoff=None)]
+    surface = gltf.PbrMetallicRoughness(
+        baseColorFactor=_SKIN_COLOUR, metallicFactor=0.0, roughnessFactor=0.8
+    )
+    document.materials = [
+        gltf.Material(name="body", pbrMetallicRoughness=surface, alphaCutoff=None)
+    ]
 
 
 def _add_animation(document: gltf.GLTF2, packer: _Packer, motion: Motion) -> None:
     turns = _continuous(quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T))
     root = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
-    time = packer.add(((motion.frames - motion.frames[0]) / motion.fps).astype(np.float32), bounds=True)
+    time = packer.add(
+        ((motion.frames - motion.frames[0]) / motion.fps).astype(np.float32), bounds=True
+    )
     animation = gltf.Animation(name="motion")
     for part in range(len(motion.model.names)):
         values = packer.add(turns[:, part, [1, 2, 3, 0]].astype(np.float32))  # glTF has w last
@@ -117,11 +144,15 @@ def _add_animation(document: gltf.GLTF2, packer: _Packer, motion: Motion) -> Non
 def _add_channel(animation: gltf.Animation, time: int, values: int, node: int, path: str) -> None:
     target = gltf.AnimationChannelTarget(node=node, path=path)
     animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers), target=target))
-    animation.samplers.append(gltf.AnimationSampler(input=time, output=values, interpolation=gltf.ANIM_LINEAR))
+    animation.samplers.append(
+        gltf.AnimationSampler(input=time, output=values, interpolation=gltf.ANIM_LINEAR)
+    )
 
 
 def _continuous(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T, P, 4) quaternions, each with the sign that makes it a neighbour of the one before it in time."""
+    """Returns (T, P, 4) quaternions, each with the sign that makes it a neighbour of the one before
+    it in time.
+    """
     agrees = (quaternion[1:] * quaternion[:-1]).sum(axis=-1) >= 0
     signs = np.cumprod(np.where(agrees, 1.0, -1.0), axis=0)
     return np.concatenate([quaternion[:1], quaternion[1:] * signs[..., None]])

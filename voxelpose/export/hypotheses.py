@@ -1,17 +1,40 @@
-"""hypotheses.csv: the likeliest poses of every frame, as the joints of joints.csv with their probabilities."""
+"""hypotheses.csv: the likeliest poses of every frame, as the joints of joints.csv with their
+probabilities.
+"""
 
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import NDArray
 
+from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 
 HYPOTHESES = "hypotheses.csv"
 
 
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One pose of several.
+
+    Attributes: rank: 1 is the likeliest. probability: from 0 to 1. joints_m: (15, 3) float64,
+        world, in the order of LANDMARK_NAMES; NaN where the file has none.
+    """
+
+    rank: int
+    probability: float
+    joints_m: NDArray[np.float64]
+
+
 def write_hypotheses(hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: Path) -> None:
-    """Writes a row per frame, hypothesis and joint, world coordinates in metres; rank 1 is the likeliest.
+    """Writes a row per frame, hypothesis and joint, world coordinates in metres; rank 1 is the
+    likeliest.
 
     Args:
         hypotheses: frame number, probabilities (n,), falling, and joints (n, 15, 3), m.
@@ -23,3 +46,37 @@ def write_hypotheses(hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: P
             for rank, (share, places) in enumerate(zip(probability, joints, strict=True), 1):
                 for name, (x, y, z) in zip(LANDMARK_NAMES, places, strict=True):
                     file.write(f"{frame},{rank},{share:.4f},{name},{x:.4f},{y:.4f},{z:.4f}\n")
+
+
+def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
+    """Reads hypotheses.csv: frame,rank,probability,joint,x_m,y_m,z_m.
+
+    Args:
+        path: the file; where there is none, there are no hypotheses.
+
+    Returns:
+        By frame number, the likeliest first.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    if not path.exists():
+        return {}
+    joints: dict[tuple[int, int], NDArray[np.float64]] = defaultdict(
+        lambda: np.full((len(LANDMARK_NAMES), 3), np.nan)
+    )
+    probability: dict[tuple[int, int], float] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                key = int(row["frame"]), int(row["rank"])
+                probability[key] = float(row["probability"])
+                joints[key][LANDMARK_NAMES.index(row["joint"])] = [
+                    float(row[axis]) for axis in ("x_m", "y_m", "z_m")
+                ]
+    except (KeyError, TypeError, ValueError, OSError) as error:
+        raise InputError(f"{path} is damaged ({error}): fit again, or remove it") from None
+    found: dict[int, list[Hypothesis]] = defaultdict(list)
+    for frame, rank in sorted(joints):
+        found[frame].append(Hypothesis(rank, probability[frame, rank], joints[frame, rank]))
+    return {frame: tuple(some) for frame, some in found.items()}

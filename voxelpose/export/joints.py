@@ -21,4 +21,6 @@ def write_joints(motion: Motion, path: Path) -> None:
         for row, frame in enumerate(motion.frames):
             for joint, name in enumerate(LANDMARK_NAMES):
                 x, y, z = positions[row, joint]
-                file.write(f"{frame},{motion.time_s[row]:.6f},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n")
+                file.write(
+                    f"{frame},{motion.time_s[row]:.6f},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n"
+                )

@@ -13,7 +13,8 @@ from silhouette_core.motion.motion import Motion
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
-    """Writes joints_wide.csv: what joints.csv has, with one row per pose: `frame,time_s,pelvis_x_m,pelvis_y_m,...`.
+    """Writes joints_wide.csv: what joints.csv has, with one row per pose:
+    `frame,time_s,pelvis_x_m,pelvis_y_m,...`.
 
     Axes are the world's, metres. Lost frames have no row.
 
@@ -26,7 +27,8 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
 
 
 def write_angles(motion: Motion, path: Path) -> None:
-    """Writes angles.csv: the anatomical angles of every pose, in degrees: `frame,time_s,pelvis_tilt_deg,...`.
+    """Writes angles.csv: the anatomical angles of every pose, in degrees:
+    `frame,time_s,pelvis_tilt_deg,...`.
 
     What they mean is said in `silhouette_core.motion.anatomical`. Lost frames have no row.
 
@@ -41,11 +43,13 @@ def write_angles(motion: Motion, path: Path) -> None:
 def write_npz(motion: Motion, path: Path) -> None:
     """Writes everything as NumPy arrays, compressed; nothing in it needs pickle.
 
-    Axes are the world's, z up; metres, radians (`angles_rad`) and degrees (`anatomical_deg`). Arrays with a row per pose: `frames`,
-    `time_s`, `root_m`, `root_quaternion` (w x y z), `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world from part,
-    `part_origin` (T, 27, 3) the joints, `landmarks` and `landmark_confidence` (the 15 joints of joints.csv). Beside them `fps`,
-    `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`, `angle_names`, `anatomical_names`, `landmark_names`.
-    Lost frames have no row.
+    Axes are the world's, z up; metres, radians (`angles_rad`) and degrees (`anatomical_deg`).
+    Arrays with a row per pose: `frames`, `time_s`, `root_m`, `root_quaternion` (w x y z),
+    `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world from part, `part_origin` (T,
+    27, 3) the joints, `landmarks` and `landmark_confidence` (the 15 joints of joints.csv). Beside
+    them `fps`,
+    `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`, `angle_names`,
+    `anatomical_names`, `landmark_names`. Lost frames have no row.
 
     Args:
         motion: T poses.
@@ -76,8 +80,12 @@ def write_npz(motion: Motion, path: Path) -> None:
         )
 
 
-def _write(motion: Motion, names: list[str], table: NDArray[np.float64], digits: int, path: Path) -> None:
+def _write(
+    motion: Motion, names: list[str], table: NDArray[np.float64], digits: int, path: Path
+) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(["frame", "time_s", *names]) + "\n")
         for frame, time_s, row in zip(motion.frames.tolist(), motion.time_s, table, strict=True):
-            file.write(f"{frame},{time_s:.6f}," + ",".join(f"{value:.{digits}f}" for value in row) + "\n")
+            file.write(
+                f"{frame},{time_s:.6f}," + ",".join(f"{value:.{digits}f}" for value in row) + "\n"
+            )

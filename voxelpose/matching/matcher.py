@@ -1,4 +1,6 @@
-"""Paper B: a posture from voxels, part by part and breadth first, with interfering parts matched together."""
+"""Paper B: a posture from voxels, part by part and breadth first, with interfering parts matched
+together.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +8,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from silhouette_core.fitting.limbs import LIMBS, TORSO, Limb, sample_angles
-from silhouette_core.fitting.pose import Pose
-from silhouette_core.fitting.solid import Solid
+from silhouette_core.refinement.pose import Pose
 from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.joint_search import best_together
 from voxelpose.matching.kernels.bits import count_common
-from voxelpose.matching.lump import Lump
+from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
+from voxelpose.matching.voxel_set import VoxelSet
 
 
 @dataclass(frozen=True)
 class MatchSettings:
     """How the matcher searches.
 
-    Attributes:
-        step_rad: distance between sampled angles.
-        around_rad: how far from the given pose angles are tried; None: the whole range of every joint.
-        interference: match parts together where their movable areas share voxels; False is the paper's plain matcher.
-        empty_cost: cost of a voxel's worth of a part in empty space, in explained voxels.
-        taken_cost: the same for lying inside a part that is already placed.
+    Attributes: step_rad: distance between sampled angles. around_rad: how far from the given pose
+        angles are tried; None: the whole range of every joint. interference: match parts together
+        where their movable areas share voxels; False is the paper's plain matcher. empty_cost: cost
+        of a voxel's worth of a part in empty space, in explained voxels. taken_cost: the same for
+        lying inside a part that is already placed.
     """
 
     step_rad: float = np.radians(15.0)
@@ -52,14 +53,12 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class LimbPlacements:
     """The sampled placements of one selectable limb.
 
-    Attributes:
-        limb: which.
-        angles_rad: (K, D), one row a placement.
-        bits: (K, words) uint64, the free voxels each covers.
-        cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already placed.
+    Attributes: limb: which. angles_rad: (K, D), one row a placement. bits: (K, words) uint64, the
+        free voxels each covers. cost: (K,) float64, at least 0, for lying in empty space or inside
+        a part that is already placed.
     """
 
     limb: Limb
@@ -80,8 +79,8 @@ class Candidates:
 class _State:
     """The matching under way: the pose so far, and what has been decided."""
 
-    solid: Solid
-    lump: Lump
+    body_volume: BodyVolume
+    voxel_set: VoxelSet
     pose: Pose
     settings: MatchSettings
     taken: np.ndarray
@@ -90,21 +89,30 @@ class _State:
     groups: list[tuple[str, ...]] = field(default_factory=list)
 
 
-def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, settings: MatchSettings | None = None) -> Match:
+def match(
+    body_volume: BodyVolume,
+    grid: VoxelGrid,
+    occupancy: np.ndarray,
+    start: Pose,
+    settings: MatchSettings | None = None,
+) -> Match:
     """Estimates the joint angles of a body whose root part is placed.
 
-    Args:
-        solid: the body.
-        grid: the voxels' places.
-        occupancy: (nx, ny, nz) bool, the voxels of one body.
-        start: places the root part; its other angles are the middle of a local search, or only the first guess of a full one.
-        settings: see MatchSettings.
+    Args: body_volume: the body. grid: the voxels' places. occupancy: (nx, ny, nz) bool, the voxels
+        of one body. start: places the root part; its other angles are the middle of a local search,
+        or only the first guess of a full one. settings: see MatchSettings.
 
-    Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for empty space, the exact joint
-    search; the torso's voxels are taken before the limbs are matched.
+    Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for
+    empty space, the exact joint search; the torso's voxels are taken before the limbs are matched.
     """
-    lump = Lump(grid, occupancy)
-    state = _State(solid, lump, start, settings or MatchSettings(), np.zeros(lump.words, np.uint64))
+    voxel_set = VoxelSet(grid, occupancy)
+    state = _State(
+        body_volume,
+        voxel_set,
+        start,
+        settings or MatchSettings(),
+        np.zeros(voxel_set.words, np.uint64),
+    )
     bits, cost = _cover(state, TORSO, start.angles_rad[None])
     _decide(state, [TORSO], [bits[0]], start.angles_rad, float(cost[0]))
     decided = {TORSO.name}
@@ -113,20 +121,37 @@ def match(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, start: Pose, set
         if not selectable:
             break
         candidates = [candidate_placements(state, limb) for limb in selectable]
-        groups = interference_groups(candidates) if state.settings.interference else [[c] for c in candidates]
-        # All groups of one level are judged on the voxels that the levels before left: breadth first.
-        found = [(group, *best_together([c.bits for c in group], [c.cost for c in group])) for group in groups]
+        groups = (
+            interference_groups(candidates)
+            if state.settings.interference
+            else [[c] for c in candidates]
+        )
+        # All groups of one level are judged on the voxels that the levels before left: breadth
+        # first.
+        found = [
+            (group, *best_together([c.bits for c in group], [c.cost for c in group]))
+            for group in groups
+        ]
         before = state.pose.angles_rad
         for group, choice, _ in found:
             angles = state.pose.angles_rad.copy()
             for candidate, k in zip(group, choice, strict=True):
-                # Against the angles that the candidates were sampled from: what other groups have decided since then stays.
+                # Against the angles that the candidates were sampled from: what other groups have
+                # decided since then stays.
                 changed = candidate.angles_rad[k] != before
                 angles[changed] = candidate.angles_rad[k][changed]
             cost = sum(float(c.cost[k]) for c, k in zip(group, choice, strict=True))
-            _decide(state, [c.limb for c in group], [c.bits[k] for c, k in zip(group, choice, strict=True)], angles, cost)
+            _decide(
+                state,
+                [c.limb for c in group],
+                [c.bits[k] for c, k in zip(group, choice, strict=True)],
+                angles,
+                cost,
+            )
         decided |= {limb.name for limb in selectable}
-    return Match(state.pose, state.score, state.covered / max(len(state.lump), 1), tuple(state.groups))
+    return Match(
+        state.pose, state.score, state.covered / max(len(state.voxel_set), 1), tuple(state.groups)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +171,18 @@ class Reach:
     disputed: np.ndarray
 
 
-def movable_areas(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, pose: Pose, settings: MatchSettings | None = None) -> list[Reach]:
-    """Returns the movable area of every limb but the torso, with what is above it placed as in a given pose.
+def movable_areas(
+    body_volume: BodyVolume,
+    grid: VoxelGrid,
+    occupancy: np.ndarray,
+    pose: Pose,
+    settings: MatchSettings | None = None,
+) -> list[Reach]:
+    """Returns the movable area of every limb but the torso, with what is above it placed as in a
+    given pose.
 
     Args:
-        solid: the body.
+        body_volume: the body.
         grid: the voxels' places.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
         pose: places the limbs that are decided before each.
@@ -158,8 +190,14 @@ def movable_areas(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, pose: Po
 
     Source: Iiyama, Kameda and Minoh, section 3.
     """
-    lump = Lump(grid, occupancy)
-    state = _State(solid, lump, pose, settings or MatchSettings(), np.zeros(lump.words, np.uint64))
+    voxel_set = VoxelSet(grid, occupancy)
+    state = _State(
+        body_volume,
+        voxel_set,
+        pose,
+        settings or MatchSettings(),
+        np.zeros(voxel_set.words, np.uint64),
+    )
     decided: set[str] = set()
     found = []
     selectable = [TORSO]
@@ -168,23 +206,36 @@ def movable_areas(solid: Solid, grid: VoxelGrid, occupancy: np.ndarray, pose: Po
         for group in interference_groups(candidates):
             for one in group:
                 others = [other.movable_area for other in group if other is not one]
-                shared = one.movable_area & np.bitwise_or.reduce(others) if others else np.zeros(lump.words, np.uint64)
+                shared = (
+                    one.movable_area & np.bitwise_or.reduce(others)
+                    if others
+                    else np.zeros(voxel_set.words, np.uint64)
+                )
                 names = tuple(other.limb.name for other in group)
-                found.append(Reach(one.limb, lump.voxels(one.movable_area), names, lump.voxels(shared)))
+                found.append(
+                    Reach(
+                        one.limb,
+                        voxel_set.voxels(one.movable_area),
+                        names,
+                        voxel_set.voxels(shared),
+                    )
+                )
         for limb in selectable:
-            lump.take(_cover(state, limb, pose.angles_rad[None])[0][0])
+            voxel_set.take(_cover(state, limb, pose.angles_rad[None])[0][0])
             decided.add(limb.name)
         selectable = [limb for limb in LIMBS if limb.name not in decided and limb.parent in decided]
     return found
 
 
-def candidate_placements(state: _State, limb: Limb) -> Candidates:
+def candidate_placements(state: _State, limb: Limb) -> LimbPlacements:
     """Samples and scores the placements of one selectable limb."""
-    angles = sample_angles(limb, state.pose.angles_rad, state.settings.step_rad, state.settings.around_rad)
-    return Candidates(limb, angles, *_cover(state, limb, angles))
+    angles = sample_angles(
+        limb, state.pose.angles_rad, state.settings.step_rad, state.settings.around_rad
+    )
+    return LimbPlacements(limb, angles, *_cover(state, limb, angles))
 
 
-def interference_groups(candidates: list[Candidates]) -> list[list[Candidates]]:
+def interference_groups(candidates: list[LimbPlacements]) -> list[list[LimbPlacements]]:
     """Groups the limbs whose movable areas share voxels, directly or through others.
 
     Source: Iiyama, Kameda and Minoh, section 3.
@@ -196,23 +247,28 @@ def interference_groups(candidates: list[Candidates]) -> list[list[Candidates]]:
             if count_common(areas[i], areas[j]):
                 old, new = group[i], group[j]
                 group = [new if g == old else g for g in group]
-    return [[c for c, g in zip(candidates, group, strict=True) if g == label] for label in sorted(set(group))]
+    return [
+        [c for c, g in zip(candidates, group, strict=True) if g == label]
+        for label in sorted(set(group))
+    ]
 
 
 def _cover(state: _State, limb: Limb, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bits (K, words) and cost (K,) of a limb's placements."""
-    placements = state.solid.placements(limb, state.pose, angles)
-    bits, empty, inside = state.lump.cover(state.solid.points[limb.name], *placements)
+    placements = state.body_volume.placements(limb, state.pose, angles)
+    bits, empty, inside = state.voxel_set.cover(state.body_volume.points[limb.name], *placements)
     return bits, state.settings.empty_cost * empty + state.settings.taken_cost * inside
 
 
-def _decide(state: _State, limbs: list[Limb], bits: list[np.ndarray], angles: np.ndarray, cost: float) -> None:
+def _decide(
+    state: _State, limbs: list[Limb], bits: list[np.ndarray], angles: np.ndarray, cost: float
+) -> None:
     union = np.bitwise_or.reduce(bits)
     # Without interference two groups of one level may claim the same voxel; it counts once.
     explained = int(np.bitwise_count(union & ~state.taken).sum())
     state.taken |= union
     state.pose = Pose(state.pose.root_m, state.pose.root_rotation, angles)
-    state.lump.take(union)
+    state.voxel_set.take(union)
     state.score += explained - cost
     state.covered += explained
     state.groups.append(tuple(limb.name for limb in limbs))

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silhouette_core.fitting.pose import Pose
-from silhouette_core.fitting.solid import Solid
 from silhouette_core.motion.kinematics import forward, quaternions
-from voxelpose.matching.lump import Lump
-from voxelpose.matching.sequence import Sight
+from silhouette_core.refinement.pose import Pose
+from voxelpose.matching.body_volume import BodyVolume
+from voxelpose.matching.observe import FrameObservation
+from voxelpose.matching.voxel_set import VoxelSet
 
 _UNSUPPORTED = 0.2
 
@@ -19,11 +19,11 @@ _UNSUPPORTED = 0.2
 class Quality:
     """How one frame's pose and hull lie over each other.
 
-    Attributes:
-        part_overlap: (27,) share of each part's volume inside the hull; NaN for one smaller than a voxel.
-        part_unsupported: (27,) bool, hardly any voxel speaks for the part.
-        unexplained: share of the hull's voxels that no part covers. A hull of few cameras is larger than the body in it.
-        unexplained_voxels: (n, 3) int64, those voxels' indices in the sight's grid.
+    Attributes: part_overlap: (27,) share of each part's volume inside the hull; NaN for one smaller
+        than a voxel. part_unsupported: (27,) bool, hardly any voxel speaks for the part.
+        unexplained: share of the hull's voxels that no part covers. A hull of few cameras is larger
+        than the body in it. unexplained_voxels: (n, 3) int64, those voxels' indices in the sight's
+        grid.
     """
 
     part_overlap: np.ndarray
@@ -32,16 +32,23 @@ class Quality:
     unexplained_voxels: np.ndarray
 
 
-def assess(solid: Solid, pose: Pose, sight: Sight) -> Quality:
+def assess(body_volume: BodyVolume, pose: Pose, observed: FrameObservation) -> Quality:
     """Lays a posed body over the hull."""
-    lump = Lump(sight.grid, sight.occupancy)
-    rotation, origin = forward(solid.model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None])
-    overlap = np.full(len(solid.model.names), np.nan)
-    union = np.zeros(lump.words, np.uint64)
-    for part, points in enumerate(solid.part_points):
+    voxel_set = VoxelSet(observed.grid, observed.occupancy)
+    rotation, origin = forward(
+        body_volume.model,
+        pose.root_m[None],
+        quaternions(pose.root_rotation[None]),
+        pose.angles_rad[None],
+    )
+    overlap = np.full(len(body_volume.model.names), np.nan)
+    union = np.zeros(voxel_set.words, np.uint64)
+    for part, points in enumerate(body_volume.part_points):
         if len(points):
-            bits, empty, _ = lump.cover(points, rotation[0, part][None], origin[0, part][None])
+            bits, empty, _ = voxel_set.cover(points, rotation[0, part][None], origin[0, part][None])
             overlap[part] = 1 - empty[0] / len(points)
             union |= bits[0]
-    unexplained = lump.voxels(~union)
-    return Quality(overlap, overlap < _UNSUPPORTED, len(unexplained) / max(len(lump), 1), unexplained)
+    unexplained = voxel_set.voxels(~union)
+    return Quality(
+        overlap, overlap < _UNSUPPORTED, len(unexplained) / max(len(voxel_set), 1), unexplained
+    )

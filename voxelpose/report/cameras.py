@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from calib.agreement import agreement
 from calib.camera import Camera
 from calib.errors import InputError
-from calib.tangency import Track
+from calib.tangency import OutlineTrack
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
-from voxelpose.view.exhibit import Exhibit
+from voxelpose.view.viewer.result_scenes import ResultScenes
 
 _MOMENTS = 12
 _APART = 0.06  # from the median camera
@@ -23,14 +23,12 @@ _APART = 0.06  # from the median camera
 class CameraLine:
     """One camera's agreement.
 
-    Attributes:
-        camera: its name.
-        overlap: mean intersection over union of the fitted body's outline and the silhouette, 0 to 1.
-        uncovered: mean share of the silhouette that the body leaves free.
-        beyond: mean share of the body's outline that lies outside the silhouette.
-        moments: at how many moments it saw the body.
-        outline_px: how far its outlines are from fitting to the others', whatever the body; None where that cannot be measured.
-        apart: whether it agrees clearly less than the others.
+    Attributes: camera: its name. overlap: mean intersection over union of the fitted body's outline
+        and the silhouette, 0 to 1. uncovered: mean share of the silhouette that the body leaves
+        free. beyond: mean share of the body's outline that lies outside the silhouette. moments: at
+        how many moments it saw the body. outline_px: how far its outlines are from fitting to the
+        others', whatever the body; None where that cannot be measured. apart: whether it agrees
+        clearly less than the others.
     """
 
     camera: str
@@ -55,8 +53,9 @@ class CameraCheck:
     words: str = ""
 
 
-def check_cameras(exhibit: Exhibit, moments: int = _MOMENTS) -> CameraCheck:
-    """Lays the fitted body over the silhouettes, and the outlines over one another, at moments spread over the recording.
+def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
+    """Lays the fitted body over the silhouettes, and the outlines over one another, at moments
+    spread over the recording.
 
     Returns:
         The check; empty where the recording is gone.
@@ -64,48 +63,70 @@ def check_cameras(exhibit: Exhibit, moments: int = _MOMENTS) -> CameraCheck:
     Raises:
         InputError: the recording cannot be read.
     """
-    motion = exhibit.motion
-    if motion is None or exhibit.recording is None:
+    motion = scenes.motion
+    if motion is None or scenes.recording is None:
         return CameraCheck()
     rows = np.unique(np.linspace(0, len(motion) - 1, min(moments, len(motion))).round().astype(int))
-    masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in exhibit.rig.names}
-    seen: dict[str, list[tuple[float, float, float]]] = {name: [] for name in exhibit.rig.names}
+    masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in scenes.rig.names}
+    seen: dict[str, list[tuple[float, float, float]]] = {name: [] for name in scenes.rig.names}
     cameras: dict[str, Camera] = {}
     for frame in motion.frames[rows].tolist():
-        body = exhibit.body(frame)
-        for shot in exhibit.shots(frame):
-            if body is not None and shot.mask is not None:
-                cameras[shot.camera.name] = shot.camera
-                masks[shot.camera.name].append(shot.mask)
-                drawn = _outline(motion.model, body.vertices_m, shot.camera)
-                if drawn.any() and shot.mask.any():
-                    seen[shot.camera.name].append(_compare(drawn, shot.mask))
+        body = scenes.body(frame)
+        for camera_frame in scenes.camera_frames(frame):
+            if body is not None and camera_frame.mask is not None:
+                cameras[camera_frame.camera.name] = camera_frame.camera
+                masks[camera_frame.camera.name].append(camera_frame.mask)
+                drawn = _outline(motion.model, body.vertices_m, camera_frame.camera)
+                if drawn.any() and camera_frame.mask.any():
+                    seen[camera_frame.camera.name].append(_compare(drawn, camera_frame.mask))
     pixels, culprits, words = _outlines(cameras, masks, motion.time_s[rows])
     means = {name: np.mean(found, axis=0) for name, found in seen.items() if found}
     middle = float(np.median([mean[0] for mean in means.values()])) if means else 0.0
     lines = []
     for name, (overlap, uncovered, beyond) in means.items():
         apart = name in culprits or (len(means) > 2 and bool(overlap < middle - _APART))
-        lines.append(CameraLine(name, float(overlap), float(uncovered), float(beyond), len(seen[name]), pixels.get(name), apart))
+        lines.append(
+            CameraLine(
+                name,
+                float(overlap),
+                float(uncovered),
+                float(beyond),
+                len(seen[name]),
+                pixels.get(name),
+                apart,
+            )
+        )
     return CameraCheck(tuple(lines), words)
 
 
 def _outlines(
-    cameras: dict[str, Camera], masks: dict[str, list[NDArray[np.bool_]]], times_s: NDArray[np.float64]
+    cameras: dict[str, Camera],
+    masks: dict[str, list[NDArray[np.bool_]]],
+    times_s: NDArray[np.float64],
 ) -> tuple[dict[str, float], tuple[str, ...], str]:
     """Returns every camera's error in px, the cameras to blame, and a sentence."""
     if len(cameras) < 2:
         return {}, (), ""
     try:
-        found = agreement([Track.from_masks(camera, times_s, masks[name]) for name, camera in cameras.items()], times_s)
+        found = agreement(
+            [
+                OutlineTrack.from_masks(camera, times_s, masks[name])
+                for name, camera in cameras.items()
+            ],
+            times_s,
+        )
     except InputError:  # too little is seen at once
         return {}, (), ""
     return {line.camera: line.error_px for line in found.table}, found.culprits, found.words
 
 
-def _outline(model: BodyModel, vertices_m: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
+def _outline(
+    model: BodyModel, vertices_m: NDArray[np.float64], camera: Camera
+) -> NDArray[np.bool_]:
     in_camera = vertices_m @ camera.rotation.T + camera.translation
-    parts, _ = render_parts(in_camera, model.faces, model.face_part, camera.matrix, camera.size, cull_back=True)
+    parts, _ = render_parts(
+        in_camera, model.faces, model.face_part, camera.matrix, camera.size, cull_back=True
+    )
     return parts > 0
 
 

@@ -1,4 +1,6 @@
-"""Charts as SVG that can stand in a page: text stays text, colours follow the page, nothing points outside."""
+"""Charts as SVG that can stand in a page: text stays text, colours follow the page, nothing points
+outside.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from voxelpose.view.legend import overlap_colours
+from voxelpose.view.viewer.legend import overlap_colours
 
 # A colour that is replaced by the page's own.
 _INK = "#123456"
@@ -28,7 +30,17 @@ _STYLE: dict[Any, Any] = {
     "axes.grid": True,
     "grid.alpha": 0.15,
     "lines.linewidth": 1.6,
-    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color", "grid.color"), _INK),
+    **dict.fromkeys(
+        (
+            "text.color",
+            "axes.edgecolor",
+            "axes.labelcolor",
+            "xtick.color",
+            "ytick.color",
+            "grid.color",
+        ),
+        _INK,
+    ),
 }
 _GAP = 1.5  # frame periods without a pose that break a line
 
@@ -52,7 +64,12 @@ class TimeChart:
     below: float | None = None
 
 
-def time_chart(chart: TimeChart, time_s: NDArray[np.float64], name: str, size_in: tuple[float, float] = (3.7, 2.1)) -> str:
+def time_chart(
+    chart: TimeChart,
+    time_s: NDArray[np.float64],
+    name: str,
+    size_in: tuple[float, float] = (3.7, 2.1),
+) -> str:
     """Draws curves.
 
     Args:
@@ -69,7 +86,9 @@ def time_chart(chart: TimeChart, time_s: NDArray[np.float64], name: str, size_in
         axes = figure.add_subplot()
         times, gaps = _with_gaps(time_s)
         for label, (values, colour) in chart.curves.items():
-            axes.plot(times, np.insert(np.asarray(values, float), gaps, np.nan), color=colour, label=label)
+            axes.plot(
+                times, np.insert(np.asarray(values, float), gaps, np.nan), color=colour, label=label
+            )
         axes.set_title(chart.title, fontsize=10, loc="left")
         axes.set_ylabel(chart.unit)
         if chart.limits:
@@ -78,15 +97,20 @@ def time_chart(chart: TimeChart, time_s: NDArray[np.float64], name: str, size_in
             axes.axhspan(axes.get_ylim()[0], chart.below, color=BAD, alpha=0.12, lw=0)
         _time_axis(axes, time_s)
         said = ", ".join(
-            f"{label or chart.title} from {np.nanmin(values):.3g} to {np.nanmax(values):.3g} {chart.unit}"
+            f"{label or chart.title} from {np.nanmin(values):.3g} to {np.nanmax(values):.3g}"
+            f" {chart.unit}"
             for label, (values, _) in chart.curves.items()
             if np.isfinite(values).any()
         )
         return _svg(figure, axes, time_s, name, f"{chart.title} over time: {said}")
 
 
-def part_chart(overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64], name: str) -> str:
-    """Draws the share of every part inside the hull, a row per part: overlap (T, P), colours as in the viewer."""
+def part_chart(
+    overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64], name: str
+) -> str:
+    """Draws the share of every part inside the hull, a row per part: overlap (T, P), colours as in
+    the viewer.
+    """
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name, "axes.grid": False}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")
         axes = figure.add_subplot()
@@ -98,7 +122,13 @@ def part_chart(overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDAr
         axes.imshow(colours, aspect="auto", interpolation="none", extent=extent)
         axes.set_yticks(range(len(labels)), labels, fontsize=7.5)
         _time_axis(axes, time_s)
-        return _svg(figure, axes, time_s, name, "share of every body part inside the carved hull over time; a table follows")
+        return _svg(
+            figure,
+            axes,
+            time_s,
+            name,
+            "share of every body part inside the carved hull over time; a table follows",
+        )
 
 
 def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
@@ -110,21 +140,34 @@ def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
 def _with_gaps(time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Returns the times with one more in every gap, and where."""
     steps = np.diff(time_s)
-    gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1 if len(steps) else np.zeros(0, np.int64)
+    gaps = (
+        np.flatnonzero(steps > _GAP * np.median(steps)) + 1 if len(steps) else np.zeros(0, np.int64)
+    )
     return np.insert(time_s, gaps, time_s[gaps - 1]), gaps
 
 
 def _svg(figure: Figure, axes: Axes, time_s: NDArray[np.float64], name: str, words: str) -> str:
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    figure.savefig(
+        buffer,
+        format="svg",
+        transparent=True,
+        metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+    )
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href").replace(_INK, "currentColor")
+    text = (
+        re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
+        .replace("xlink:href", "href")
+        .replace(_INK, "currentColor")
+    )
     text = text.replace('id="cursor"', 'class="cursor"')
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
     # How far the cursor goes, so that the page's player can move it.
     width = axes.get_window_extent().width * 72 / figure.dpi
     span = f'data-from="{time_s[0]:.4f}" data-to="{time_s[-1]:.4f}" data-width="{width:.2f}"'
-    return re.sub(r"<svg ", f'<svg role="img" aria-label="{escape(words)}" {span} ', text, count=1).replace("\n", " ")
+    return re.sub(
+        r"<svg ", f'<svg role="img" aria-label="{escape(words)}" {span} ', text, count=1
+    ).replace("\n", " ")

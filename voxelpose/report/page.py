@@ -15,15 +15,15 @@ import jinja2
 import numpy as np
 
 from calib.errors import InputError
-from silhouette_core.estimator import Reporter, Silent
 from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
-from voxelpose.report.reel import data_uri, make_reel
+from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
 from voxelpose.results import Result
-from voxelpose.view.exhibit import Exhibit
-from voxelpose.view.legend import spoken
+from voxelpose.view.viewer.legend import spoken
+from voxelpose.view.viewer.result_scenes import ResultScenes
 
 REPORT = "report.html"
 _GENERATOR = '<meta name="generator" content="voxelpose'
@@ -81,7 +81,9 @@ class ReportSettings:
     overwrite: bool = False
 
 
-def write_report(folder: Path, settings: ReportSettings | None = None, reporter: Reporter | None = None) -> Path:
+def write_report(
+    folder: Path, settings: ReportSettings | None = None, reporter: Reporter | None = None
+) -> Path:
     """Writes report.html: one page without anything outside of it.
 
     Args:
@@ -95,16 +97,18 @@ def write_report(folder: Path, settings: ReportSettings | None = None, reporter:
     Raises:
         InputError: it is no result, or the file cannot be written.
     """
-    settings, reporter = settings or ReportSettings(), reporter or Silent()
+    settings, reporter = settings or ReportSettings(), reporter or SilentReporter()
     result = Result.open(folder)
     out = settings.out or folder / REPORT
     if out.exists() and not settings.overwrite and not _is_report(out):
-        raise InputError(f"{out} exists and is not a report: give --out another name, or add --overwrite")
-    exhibit = Exhibit(folder, settings.recording)
+        raise InputError(
+            f"{out} exists and is not a report: give --out another name, or add --overwrite"
+        )
+    scenes = ResultScenes(folder, settings.recording)
     try:
-        text = _render(_contents(result, exhibit, reporter))
+        text = _render(_contents(result, scenes, reporter))
     finally:
-        exhibit.close()
+        scenes.close()
     beside = out.with_name(f".{out.name}.{os.getpid()}")
     try:
         beside.write_text(text, encoding="utf-8")
@@ -122,12 +126,12 @@ def _is_report(path: Path) -> bool:
         return False
 
 
-def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str, object]:
+def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[str, object]:
     reporter.stage("pictures")
-    reel = make_reel(result, exhibit)
+    preview = make_preview(result, scenes)
     sheet = _sheet(result.folder)
     reporter.stage("cameras")
-    cameras = check_cameras(exhibit)
+    cameras = check_cameras(scenes)
     reporter.stage("charts")
     summary: Any = result.summary
     found = findings(result, cameras)
@@ -140,7 +144,7 @@ def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str,
         "level": level,
         "sentence": sentence,
         "findings": found,
-        "reel": reel,
+        "reel": preview,
         "sheet": sheet,
         "angles": angles,
         "quality": quality,
@@ -150,11 +154,15 @@ def _contents(result: Result, exhibit: Exhibit, reporter: Reporter) -> dict[str,
         "doubtful": DOUBTFUL,
         "cameras": cameras.lines,
         "agreement": cameras.words,
-        "missing": exhibit.missing,
+        "missing": scenes.missing,
         "stages": _stages(summary["seconds"]),
-        "settings": _told(result.settings),
+        "settings": _settings_table(result.settings),
         "rig": [_camera(camera) for camera in result.rig],
-        "files": [(pattern, words) for pattern, words in _FILES.items() if any(result.folder.glob(pattern))],
+        "files": [
+            (pattern, words)
+            for pattern, words in _FILES.items()
+            if any(result.folder.glob(pattern))
+        ],
         "left": LEFT,
         "right": RIGHT,
     }
@@ -166,23 +174,40 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
     found = anatomical_angles(motion)
     angles = []
     for k, (title, note, name) in enumerate(_ANGLES):
-        sides = {"left": ("left", LEFT), "right": ("right", RIGHT)} if "{}" in name else {"": ("", MIDDLE)}
-        curves = {label: (found[name.format(side)], colour) for label, (side, colour) in sides.items()}
-        angles.append((time_chart(TimeChart(title, "degrees", curves), motion.time_s, f"angle{k}"), note))
+        sides = (
+            {"left": ("left", LEFT), "right": ("right", RIGHT)}
+            if "{}" in name
+            else {"": ("", MIDDLE)}
+        )
+        curves = {
+            label: (found[name.format(side)], colour) for label, (side, colour) in sides.items()
+        }
+        angles.append(
+            (time_chart(TimeChart(title, "degrees", curves), motion.time_s, f"angle{k}"), note)
+        )
     quality = []
-    for name, title, below in (("confidence", "Confidence", DOUBTFUL), ("unexplained", "Unexplained share of the hull", None)):
+    for name, title, below in (
+        ("confidence", "Confidence", DOUBTFUL),
+        ("unexplained", "Unexplained share of the hull", None),
+    ):
         if name in motion.quality:
             values = np.asarray(motion.quality[name], float)
             chart = TimeChart(title, "share", {"": (values, LEFT)}, (0.0, 1.0), below)
             quality.append(time_chart(chart, motion.time_s, name, (7.6, 2.0)))
     overlap = motion.quality.get("part_overlap")
     labels = [spoken(name) for name in motion.model.names]
-    parts = None if overlap is None else part_chart(np.asarray(overlap, float), labels, motion.time_s, "parts")
+    parts = (
+        None
+        if overlap is None
+        else part_chart(np.asarray(overlap, float), labels, motion.time_s, "parts")
+    )
     return angles, quality, parts
 
 
 def _part_table(result: Result) -> list[tuple[str, float, float]]:
-    """Returns name, mean share inside the hull, and share of frames under COVERED, of every part; the weakest first."""
+    """Returns name, mean share inside the hull, and share of frames under COVERED, of every part;
+    the weakest first.
+    """
     overlap = result.motion.quality.get("part_overlap")
     if overlap is None:
         return []
@@ -197,13 +222,16 @@ def _part_table(result: Result) -> list[tuple[str, float, float]]:
 
 def _stages(seconds: Mapping[str, Any]) -> list[tuple[str, float, float | None, float]]:
     """Returns stage, seconds in all, median milliseconds per step, and share of the longest."""
-    rows = [(name, spread["sum"], 1000 * spread["median"] if "median" in spread else None) for name, spread in seconds["stages"].items()]
+    rows = [
+        (name, spread["sum"], 1000 * spread["median"] if "median" in spread else None)
+        for name, spread in seconds["stages"].items()
+    ]
     rows.append(("pictures", seconds["pictures"], None))
     longest = max(row[1] for row in rows) or 1.0
     return [(name, total, median, total / longest) for name, total, median in rows]
 
 
-def _told(settings: Mapping[str, object]) -> list[tuple[str, str, str]]:
+def _settings_table(settings: Mapping[str, object]) -> list[tuple[str, str, str]]:
     rows = []
     for name, value in settings.items():
         if isinstance(value, Mapping):
@@ -218,7 +246,13 @@ def _camera(camera: Any) -> dict[str, object]:
     width, height = camera.size
     wide = 2 * np.degrees(np.arctan(width / (2 * camera.matrix[0, 0])))
     place = ", ".join(f"{value:.2f}" for value in camera.center_m)
-    return {"name": camera.name, "size": f"{width} × {height}", "wide": f"{wide:.0f}°", "place": place, "bends": not camera.is_pinhole}
+    return {
+        "name": camera.name,
+        "size": f"{width} × {height}",
+        "wide": f"{wide:.0f}°",
+        "place": place,
+        "bends": not camera.is_pinhole,
+    }
 
 
 def _sheet(folder: Path) -> str | None:
@@ -229,9 +263,15 @@ def _sheet(folder: Path) -> str | None:
         return None
     scale = min(1.0, _SHEET_PX / image.shape[1])
     size = round(image.shape[1] * scale), round(image.shape[0] * scale)
-    return data_uri(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), ".jpg", 82)
+    return data_uri(
+        np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), ".jpg", 82
+    )
 
 
 def _render(contents: Mapping[str, object]) -> str:
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(resources.files("voxelpose.report").joinpath("page.html").read_text("utf-8")).render(contents)
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    return environment.from_string(
+        resources.files("voxelpose.report").joinpath("page.html").read_text("utf-8")
+    ).render(contents)

@@ -1,1 +1,3 @@
-"""The template bodies, and the maker that models them from anthropometric measures (the maker needs the `dev` extra)."""
+"""The template bodies, and the maker that models them from anthropometric measures (the maker needs
+the `dev` extra).
+"""

@@ -1,7 +1,8 @@
 """The measures of the two template bodies, in units of stature unless said.
 
-Breadths, depths and girths follow published surveys (ANSUR II, ISO 7250-1 and ISO/TR 7250-2, JIS L4004/L4005 for the choice of stature
-and chest), scaled to a lean adult; how flesh is shared out between front and back, and along a limb, is modelled by eye on anatomy.
+Breadths, depths and girths follow published surveys (ANSUR II, ISO 7250-1 and ISO/TR 7250-2, JIS
+L4004/L4005 for the choice of stature and chest), scaled to a lean adult; how flesh is shared out
+between front and back, and along a limb, is modelled by eye on anatomy.
 Positions: x to the left, y to the back, z up, origin on the floor under the pelvis joint.
 """
 
@@ -21,7 +22,8 @@ ARM_UP = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
 
 @dataclass(frozen=True)
 class Figure:
-    """One body's measures. Tables: rows of position, outer, inner, front and back radius (see `implicit.Loft`).
+    """One body's measures. Tables: rows of position, outer, inner, front and back radius (see
+    `implicit.Loft`).
 
     Attributes:
         name: of the template file.
@@ -68,7 +70,16 @@ class Figure:
     def joint_array(self) -> NDArray[np.float64]:
         """Returns the (27, 3) joints in the order of the parts."""
         mirror = np.array([-1.0, 1.0, 1.0])
-        return np.stack([self.joints[n] if n in self.joints else self.joints[n.replace("right", "left")] * mirror for n in PART_NAMES])
+        return np.stack(
+            [
+                (
+                    self.joints[n]
+                    if n in self.joints
+                    else self.joints[n.replace("right", "left")] * mirror
+                )
+                for n in PART_NAMES
+            ]
+        )
 
 
 def _joints(hip: float, shoulder: float, forearm: float) -> dict[str, NDArray[np.float64]]:

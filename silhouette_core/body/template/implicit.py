@@ -1,4 +1,6 @@
-"""Solids as signed functions: negative inside, roughly a distance in their own unit, joined by smooth unions."""
+"""Solids as signed functions: negative inside, roughly a distance in their own unit, joined by
+smooth unions.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +14,9 @@ FAR = 1.0
 """What a solid returns where it is too far away to matter."""
 
 
-def smooth_union(a: NDArray[np.floating], b: NDArray[np.floating], reach: float) -> NDArray[np.floating]:
+def smooth_union(
+    a: NDArray[np.floating], b: NDArray[np.floating], reach: float
+) -> NDArray[np.floating]:
     """Joins two solids with a fillet.
 
     Args:
@@ -58,11 +62,10 @@ class Ellipsoid:
 class Loft:
     """Ellipse-like cross-sections strung along a straight axis, each with four radii of its own.
 
-    Attributes:
-        start: (3,) where t = 0.
-        end: (3,) where t = 1.
-        front: (3,) direction of the front radius; made perpendicular to the axis. The outer radius is perpendicular to both, toward +x.
-        stations: rows of t, outer, inner, front and back radius; monotone cubics run between them. Beyond the first and the last row
+    Attributes: start: (3,) where t = 0. end: (3,) where t = 1. front: (3,) direction of the front
+        radius; made perpendicular to the axis. The outer radius is perpendicular to both, toward
+        +x. stations: rows of t, outer, inner, front and back radius; monotone cubics run between
+        them. Beyond the first and the last row
             the solid ends flat.
         power: exponent of the cross-section; 2 is an ellipse, more is squarer.
     """
@@ -73,7 +76,9 @@ class Loft:
     stations: Sequence[Sequence[float]]
     power: float = 2.0
 
-    def frame(self) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating], float]:
+    def frame(
+        self,
+    ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating], float]:
         """Returns the unit vectors along, outward and to the front, and the length of the axis."""
         axis = np.asarray(self.end, np.float64) - np.asarray(self.start, np.float64)
         length = float(np.linalg.norm(axis))
@@ -99,12 +104,18 @@ class Loft:
         u, v = offset @ outward, offset @ front
         inside = np.clip(t, table[0, 0], table[-1, 0])
         outer, inner, fore, back = PchipInterpolator(table[:, 0], table[:, 1:])(inside).T
-        relative = (np.abs(u / np.where(u > 0, outer, inner)) ** self.power + np.abs(v / np.where(v > 0, fore, back)) ** self.power) ** (
-            1 / self.power
-        )
-        # Radial distance to the outline; on the axis itself, where no direction is nearest, minus the smallest radius.
+        relative = (
+            np.abs(u / np.where(u > 0, outer, inner)) ** self.power
+            + np.abs(v / np.where(v > 0, fore, back)) ** self.power
+        ) ** (1 / self.power)
+        # Radial distance to the outline; on the axis itself, where no direction is nearest, minus
+        # the smallest radius.
         radial = np.hypot(u, v)
-        side = np.where(relative > 1e-6, radial * (1 - 1 / np.maximum(relative, 1e-6)), -np.minimum(np.minimum(outer, inner), fore))
+        side = np.where(
+            relative > 1e-6,
+            radial * (1 - 1 / np.maximum(relative, 1e-6)),
+            -np.minimum(np.minimum(outer, inner), fore),
+        )
         beyond = np.abs(t - inside) * length
         return np.where(beyond > 0, np.hypot(np.maximum(side, 0), beyond), side)
 
@@ -112,8 +123,12 @@ class Loft:
 Solid = Ellipsoid | Loft
 
 
-def union_values(solids: Sequence[tuple[Solid, float]], points: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Returns the signed values (N,) of a smooth union at points (N, 3); every solid comes with the reach of its union."""
+def union_values(
+    solids: Sequence[tuple[Solid, float]], points: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Returns the signed values (N,) of a smooth union at points (N, 3); every solid comes with the
+    reach of its union.
+    """
     values = solids[0][0].values(points)
     for solid, reach in solids[1:]:
         values = smooth_union(values, solid.values(points), reach)
@@ -149,9 +164,18 @@ class Lattice:
         for solid, reach in solids:
             low, high = solid.bounds()
             box = tuple(
-                slice(int(np.searchsorted(axis, lo - margin)), int(np.searchsorted(axis, hi + margin)))
+                slice(
+                    int(np.searchsorted(axis, lo - margin)), int(np.searchsorted(axis, hi + margin))
+                )
                 for axis, lo, hi in zip(axes, low, high, strict=True)
             )
-            points = np.stack(np.meshgrid(*(axis[cut] for axis, cut in zip(axes, box, strict=True)), indexing="ij"), -1)
-            field[box] = smooth_union(field[box], solid.values(points.reshape(-1, 3)).reshape(points.shape[:3]), reach)
+            points = np.stack(
+                np.meshgrid(
+                    *(axis[cut] for axis, cut in zip(axes, box, strict=True)), indexing="ij"
+                ),
+                -1,
+            )
+            field[box] = smooth_union(
+                field[box], solid.values(points.reshape(-1, 3)).reshape(points.shape[:3]), reach
+            )
         return field

@@ -1,8 +1,11 @@
-"""Even triangles for a surface: edges are split, collapsed and flipped until they have the wished length.
+"""Even triangles for a surface: edges are split, collapsed and flipped until they have the wished
+length.
 
-An even mesh bends well at the joints, where the long slivers that a quadric simplification leaves along limbs would not.
-Source: Botsch and Kobbelt, A Remeshing Approach to Multiresolution Modeling (2004), with a length that varies in space, borders that
-stay in their plane, and vertices put back on the implicit surface itself.
+An even mesh bends well at the joints, where the long slivers that a quadric simplification leaves
+along limbs would not.
+Source: Botsch and Kobbelt, A Remeshing Approach to Multiresolution Modeling (2004), with a length
+that varies in space, borders that stay in their plane, and vertices put back on the implicit
+surface itself.
 """
 
 from collections.abc import Callable
@@ -16,7 +19,13 @@ Field = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 class Remesher:
     """A triangle mesh under reconstruction."""
 
-    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer], surface: Field, length: Field) -> None:
+    def __init__(
+        self,
+        vertices: NDArray[np.floating],
+        faces: NDArray[np.integer],
+        surface: Field,
+        length: Field,
+    ) -> None:
         """Takes over a mesh.
 
         Args:
@@ -32,7 +41,9 @@ class Remesher:
         self.points: list[NDArray[np.floating]] = list(vertices)
         self.wished: list[float] = self.length(vertices).tolist()
         self.border: list[bool] = (np.abs(vertices[:, 0]) < 1e-9).tolist()
-        self.faces: dict[int, tuple[int, int, int]] = {k: (int(a), int(b), int(c)) for k, (a, b, c) in enumerate(faces)}
+        self.faces: dict[int, tuple[int, int, int]] = {
+            k: (int(a), int(b), int(c)) for k, (a, b, c) in enumerate(faces)
+        }
         self.around: list[set[int]] = [set() for _ in self.points]
         for key, face in self.faces.items():
             for v in face:
@@ -60,7 +71,10 @@ class Remesher:
 
     def _edges(self) -> list[tuple[int, int]]:
         faces = np.array(list(self.faces.values()))
-        pairs = np.unique(np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
+        pairs = np.unique(
+            np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1),
+            axis=0,
+        )
         return [(int(a), int(b)) for a, b in pairs]
 
     def _relative(self, a: int, b: int) -> float:
@@ -83,7 +97,9 @@ class Remesher:
     def _normal(self, face: tuple[int, ...]) -> NDArray[np.floating]:
         a, b, c = (self.points[v] for v in face)
         x, y = b - a, c - a
-        normal = np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
+        normal = np.array(
+            [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
+        )
         return normal / max(float(np.sqrt(normal @ normal)), 1e-15)
 
     def _split_long(self) -> None:
@@ -111,7 +127,9 @@ class Remesher:
                 self._collapse(a, b)
 
     def _collapse(self, keep: int, drop: int) -> None:
-        """Merges two neighbours where the surface stays a surface, edges stay short and no triangle turns over."""
+        """Merges two neighbours where the surface stays a surface, edges stay short and no triangle
+        turns over.
+        """
         shared = self.around[keep] & self.around[drop]
         if not shared or (self.border[keep] and self.border[drop] and len(shared) == 2):
             return
@@ -120,13 +138,19 @@ class Remesher:
         near_keep, near_drop = self._neighbours(keep), self._neighbours(drop)
         if len(near_keep & near_drop) != len(shared):
             return
-        place = (self.points[keep] + self.points[drop]) / 2 if self.border[keep] == self.border[drop] else self.points[keep]
+        place = (
+            (self.points[keep] + self.points[drop]) / 2
+            if self.border[keep] == self.border[drop]
+            else self.points[keep]
+        )
         old = self.points[keep], self.points[drop]
         kept = (self.around[keep] | self.around[drop]) - shared
         before = [self._normal(self.faces[key]) for key in kept]
         self.points[keep] = self.points[drop] = place
         fine = all(self._relative(keep, v) < 4 / 3 for v in (near_keep | near_drop) - {keep, drop})
-        fine = fine and all(n @ self._normal(self.faces[key]) > 0.4 for n, key in zip(before, kept, strict=True))
+        fine = fine and all(
+            n @ self._normal(self.faces[key]) > 0.4 for n, key in zip(before, kept, strict=True)
+        )
         if not fine:
             self.points[keep], self.points[drop] = old
             return
@@ -138,18 +162,25 @@ class Remesher:
             self._add(*(keep if v == drop else v for v in face))
 
     def _flip(self) -> None:
-        """Turns edges whose four corners come nearer to six neighbours (four on the border) that way."""
+        """Turns edges whose four corners come nearer to six neighbours (four on the border) that
+        way.
+        """
         for a, b in self._edges():
             shared = self.around[a] & self.around[b]
             if len(shared) != 2:
                 continue
             first, second = shared
-            if not any(self.faces[first][k] == a and self.faces[first][(k + 1) % 3] == b for k in range(3)):
+            if not any(
+                self.faces[first][k] == a and self.faces[first][(k + 1) % 3] == b for k in range(3)
+            ):
                 first, second = second, first
             c, d = (next(v for v in self.faces[key] if v not in (a, b)) for key in (first, second))
             if self.around[c] & self.around[d]:
                 continue
-            change = sum(self._excess(v, step) - self._excess(v, 0) for v, step in ((a, -1), (b, -1), (c, 1), (d, 1)))
+            change = sum(
+                self._excess(v, step) - self._excess(v, 0)
+                for v, step in ((a, -1), (b, -1), (c, 1), (d, 1))
+            )
             old = self._normal(self.faces[first]), self._normal(self.faces[second])
             new = self._normal((a, d, c)), self._normal((d, b, c))
             if change >= 0 or old[0] @ old[1] < 0.7 or min(n @ o for n in new for o in old) < 0.7:
@@ -164,7 +195,9 @@ class Remesher:
         return (len(self.around[v]) + step - wanted) ** 2
 
     def _relax(self) -> None:
-        """Moves vertices toward the middle of their neighbours along the surface, then back onto it."""
+        """Moves vertices toward the middle of their neighbours along the surface, then back onto
+        it.
+        """
         points, border = np.array(self.points), np.array(self.border)
         faces = np.array(list(self.faces.values()))
         a, b = np.array(self._edges()).T
@@ -183,7 +216,9 @@ class Remesher:
         self.points, self.wished = list(points), self.length(points).tolist()
 
 
-def vertex_normals(points: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.floating]:
+def vertex_normals(
+    points: NDArray[np.floating], faces: NDArray[np.integer]
+) -> NDArray[np.floating]:
     """Returns the (V, 3) area-weighted unit normals."""
     corners = points[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -196,11 +231,21 @@ def vertex_normals(points: NDArray[np.floating], faces: NDArray[np.integer]) -> 
 def gradient(points: NDArray[np.floating], surface: Field) -> NDArray[np.floating]:
     """Returns the (N, 3) gradient of a signed function by central differences."""
     step = 2e-4
-    return np.stack([(surface(points + move) - surface(points - move)) / (2 * step) for move in step * np.eye(3)], -1)
+    return np.stack(
+        [
+            (surface(points + move) - surface(points - move)) / (2 * step)
+            for move in step * np.eye(3)
+        ],
+        -1,
+    )
 
 
-def project(points: NDArray[np.floating], border: NDArray[np.bool_], surface: Field, times: int = 2) -> NDArray[np.floating]:
-    """Moves points onto the zero set along the gradient, those of the border within the plane x = 0."""
+def project(
+    points: NDArray[np.floating], border: NDArray[np.bool_], surface: Field, times: int = 2
+) -> NDArray[np.floating]:
+    """Moves points onto the zero set along the gradient, those of the border within the plane x =
+    0.
+    """
     for _ in range(times):
         slope = gradient(points, surface)
         slope[border, 0] = 0
@@ -210,8 +255,15 @@ def project(points: NDArray[np.floating], border: NDArray[np.bool_], surface: Fi
     return points
 
 
-def fill_out(points: NDArray[np.floating], faces: NDArray[np.integer], border: NDArray[np.bool_], surface: Field) -> NDArray[np.floating]:
-    """Pushes vertices out until the flat triangles lie as much outside a round surface as inside, so that no girth is lost."""
+def fill_out(
+    points: NDArray[np.floating],
+    faces: NDArray[np.integer],
+    border: NDArray[np.bool_],
+    surface: Field,
+) -> NDArray[np.floating]:
+    """Pushes vertices out until the flat triangles lie as much outside a round surface as inside,
+    so that no girth is lost.
+    """
     middles = points[faces].mean(1)
     slope = np.maximum(np.linalg.norm(gradient(middles, surface), axis=1), 0.3)
     depth = np.clip(surface(middles) / slope, -0.003, 0.003)

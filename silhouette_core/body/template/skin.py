@@ -1,7 +1,8 @@
 """Which parts move a vertex, and how much: every joint has a zone across which its two parts blend.
 
-The zone lies along a plane through the joint and is about as wide as the limb. A limb takes its share of the surface by being nearer
-than the trunk, so that an arm pulls at the armpit but not at the flank; left and right meet only within a finger's breadth of the crotch.
+The zone lies along a plane through the joint and is about as wide as the limb. A limb takes its
+share of the surface by being nearer than the trunk, so that an arm pulls at the armpit but not at
+the flank; left and right meet only within a finger's breadth of the crotch.
 """
 
 from collections.abc import Sequence
@@ -10,13 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import PART_NAMES
-from silhouette_core.body.template import surface
+from silhouette_core.body.template import mesh
 from silhouette_core.body.template.figures import ARM, Figure
 
-MIRROR = np.array([PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right")) for n in PART_NAMES], np.int32)
+MIRROR = np.array(
+    [
+        PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right"))
+        for n in PART_NAMES
+    ],
+    np.int32,
+)
 """The part on the other side of the body."""
 
-# Parts before their children: plane normal (None: along the arm), half width of the zone, shift of the plane from the joint.
+# Parts before their children: plane normal (None: along the arm), half width of the zone, shift of
+# the plane from the joint.
 Plane = tuple[tuple[float, float, float], float, tuple[float, float, float]]
 _HERE = (0.0, 0.0, 0.0)
 _UPWARD = (0.0, 0.0, 1.0)
@@ -49,22 +57,31 @@ def dense_weights(vertices: NDArray[np.floating], figure: Figure) -> NDArray[np.
     left = vertices * [1, 1, 1]
     left[:, 0] = np.abs(left[:, 0])
     weights = np.zeros((len(vertices), len(PART_NAMES)))
-    nearness = _distance(left, surface.trunk(figure, 1.0)) - _distance(left, surface.arm(figure))
+    nearness = _distance(left, mesh.trunk(figure, 1.0)) - _distance(left, mesh.arm(figure))
     arm = _ramp(nearness, 0.012) * _beyond(left, figure, "left_upper_arm", SHOULDER)
     leg = _beyond(left, figure, "left_thigh", HIP) * (1 - arm)
     trunk = 1 - arm - leg
-    clavicle = _beyond(left, figure, "left_clavicle", CLAVICLE) * (1 - _beyond(left, figure, *SPINE[4])) * trunk
+    clavicle = (
+        _beyond(left, figure, "left_clavicle", CLAVICLE)
+        * (1 - _beyond(left, figure, *SPINE[4]))
+        * trunk
+    )
     _share(weights, trunk - clavicle, "pelvis", SPINE, left, figure)
     weights[:, PART_NAMES.index("left_clavicle")] = clavicle
     _share(weights, arm, "left_upper_arm", ARM_CHAIN, left, figure)
     _thumb(weights, left, figure)
     _share(weights, leg, "left_thigh", LEG_CHAIN, left, figure)
-    # Limbs so far moved both sides: hand over the right half's share, crossing over within the crotch.
+    # Limbs so far moved both sides: hand over the right half's share, crossing over within the
+    # crotch.
     side = _ramp(vertices[:, 0], 0.010)[:, None]
-    return weights * side + weights[:, MIRROR] * (1 - side) if np.any(vertices[:, 0] < 0) else weights
+    return (
+        weights * side + weights[:, MIRROR] * (1 - side) if np.any(vertices[:, 0] < 0) else weights
+    )
 
 
-def strongest(weights: NDArray[np.floating], count: int = 4) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def strongest(
+    weights: NDArray[np.floating], count: int = 4
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Keeps the largest shares of each vertex and makes them sum to 1.
 
     Args:
@@ -92,13 +109,15 @@ def _ramp(value: NDArray[np.floating], half_width: float) -> NDArray[np.float64]
     return t * t * (3 - 2 * t)
 
 
-def _beyond(points: NDArray[np.floating], figure: Figure, joint: str, plane: Plane) -> NDArray[np.float64]:
+def _beyond(
+    points: NDArray[np.floating], figure: Figure, joint: str, plane: Plane
+) -> NDArray[np.float64]:
     normal, half_width, shift = plane
     unit = np.array(normal) / np.linalg.norm(normal)
     return _ramp((points - figure.joints[joint] - shift) @ unit, half_width)
 
 
-def _distance(points: NDArray[np.floating], group: surface.Group) -> NDArray[np.float64]:
+def _distance(points: NDArray[np.floating], group: mesh.Group) -> NDArray[np.float64]:
     return np.min([solid.values(points) for solid, _ in group], axis=0)
 
 
@@ -122,7 +141,7 @@ def _share(
 
 def _thumb(weights: NDArray[np.float64], points: NDArray[np.floating], figure: Figure) -> None:
     """Gives the thumb what is nearer to it than to the palm, from hand and fingers alike."""
-    *_, palm, thumb = (solid for solid, _ in surface.arm(figure))
+    *_, palm, thumb = (solid for solid, _ in mesh.arm(figure))
     share = _ramp(palm.values(points) - thumb.values(points) - 0.002, 0.006)
     share *= _ramp((points - figure.joints["left_thumb"]) @ ARM - 0.006, 0.012)
     hand, fingers, own = (PART_NAMES.index(f"left_{name}") for name in ("hand", "fingers", "thumb"))

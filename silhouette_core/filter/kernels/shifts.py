@@ -7,7 +7,8 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 @kernel
 def interleave(prefixes, shifts, margin, table):
-    """Fills table (h, w + 1, C): what every combination of prefix image (P, h + 2 m, w + 2 m + 1) and shift (S, 2) holds at a place.
+    """Fills table (h, w + 1, C): what every combination of prefix image (P, h + 2 m, w + 2 m + 1)
+    and shift (S, 2) holds at a place.
 
     Combination c is image c // S moved by shift c % S.
     """
@@ -23,9 +24,11 @@ def interleave(prefixes, shifts, margin, table):
 
 @parallel_kernel
 def shifted_distances(table, bases, rows, starts, ends, offsets, which, distances):
-    """Fills distances (K, C): bases (C,) + the signed weights under the runs of silhouettes `which` (K,), for every combination.
+    """Fills distances (K, C): bases (C,) + the signed weights under the runs of silhouettes `which`
+    (K,), for every combination.
 
-    The combinations lie next to each other, so that one run is looked up for all of them by a few vector instructions.
+    The combinations lie next to each other, so that one run is looked up for all of them by a few
+    vector instructions.
     """
     width, room = table.shape[1], table.shape[2]
     flat = table.reshape(-1)

@@ -1,4 +1,6 @@
-"""Background subtraction, pixel by pixel. Plain arrays only; the door is `silhouette_core.image.background`."""
+"""Background subtraction, pixel by pixel. Plain arrays only; the door is
+`silhouette_core.image.background`.
+"""
 
 import numpy as np
 
@@ -24,7 +26,9 @@ def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
 
 
 @parallel_kernel
-def paper_mask(frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask):
+def paper_mask(
+    frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
+):
     """Okada and Stenger, section 5.1: unlikely direction of colour, or a clearly different colour."""
     height, width = mask.shape
     limit = raw_threshold * raw_threshold
@@ -40,14 +44,19 @@ def paper_mask(frame, mean, unit_mean, half_precision, log_peak, log_threshold, 
             scale = np.float32(1.0) / max(np.sqrt(squares), np.float32(1.0))
             log_likelihood = log_peak[row, column]
             for channel in range(3):
-                step = np.float32(frame[row, column, channel]) * scale - unit_mean[row, column, channel]
+                step = (
+                    np.float32(frame[row, column, channel]) * scale
+                    - unit_mean[row, column, channel]
+                )
                 log_likelihood -= step * step * half_precision[row, column, channel]
             mask[row, column] = log_likelihood < log_threshold or difference > limit
 
 
 @parallel_kernel
-def median_and_spread(stack, median, spread):
-    """Median over time of stack (T, H, W, 3) uint8, and the median distance from it; both (H, W, 3) float32."""
+def median_and_deviation(stack, median, deviation):
+    """Median over time of stack (T, H, W, 3) uint8, and the median distance from it; both (H, W, 3)
+    float32.
+    """
     count, height, width = stack.shape[0], stack.shape[1], stack.shape[2]
     half = (count + 1) // 2
     for row in prange(height):
@@ -71,4 +80,4 @@ def median_and_spread(stack, median, spread):
                     if middle + distance < 256:
                         seen += histogram[middle + distance]
                 median[row, column, channel] = middle
-                spread[row, column, channel] = distance
+                deviation[row, column, channel] = distance

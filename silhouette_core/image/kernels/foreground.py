@@ -1,4 +1,6 @@
-"""From a frame's residuals to a silhouette with sharp edges. Plain arrays only; the door is `silhouette_core.image.foreground`."""
+"""From a frame's residuals to a silhouette with sharp edges. Plain arrays only; the door is
+`silhouette_core.image.foreground`.
+"""
 
 import numpy as np
 
@@ -7,10 +9,11 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 @kernel
 def _split(frame, mean, tools, gain, row, column):
-    """Splits a pixel's colour, its channels' gain undone, into a multiple of the background's colour and the rest.
+    """Splits a pixel's colour, its channels' gain undone, into a multiple of the background's
+    colour and the rest.
 
-    tools (H, W, 3) holds 1 / |background|^2, 1 / noise and |background| / noise. Returns the rest's three components, in noise, and
-    the multiple.
+    tools (H, W, 3) holds 1 / |background|^2, 1 / noise and |background| / noise. Returns the rest's
+    three components, in noise, and the multiple.
     """
     background_0 = mean[row, column, 0]
     background_1 = mean[row, column, 1]
@@ -18,7 +21,9 @@ def _split(frame, mean, tools, gain, row, column):
     colour_0 = np.float32(frame[row, column, 0]) * gain[0]
     colour_1 = np.float32(frame[row, column, 1]) * gain[1]
     colour_2 = np.float32(frame[row, column, 2]) * gain[2]
-    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * tools[row, column, 0]
+    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * tools[
+        row, column, 0
+    ]
     scale = tools[row, column, 1]
     rest_0 = (colour_0 - ratio * background_0) * scale
     rest_1 = (colour_1 - ratio * background_1) * scale
@@ -52,15 +57,17 @@ def sampled_chroma(frame, mean, tools, gain, clip, radius, step, out):
 def evidence(frame, mean, tools, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
     """What is to be pooled, and the pixels that need no pooling.
 
-    Fills parts (H, W, 4) int16, in 1 / unit of the noise: the chromatic rest cut to length clip, and the brightness beyond
-    [shadow, highlight] cut to twice its limit. Fills strong (H, W) bool.
+    Fills parts (H, W, 4) int16, in 1 / unit of the noise: the chromatic rest cut to length clip,
+    and the brightness beyond [shadow, highlight] cut to twice its limit. Fills strong (H, W) bool.
     """
     height, width = strong.shape
     for row in prange(height):
         for column in range(width):
             rest_0, rest_1, rest_2, ratio = _split(frame, mean, tools, gain, row, column)
             square = rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2
-            beyond = max(max(shadow - ratio, ratio - highlight), np.float32(0.0)) * tools[row, column, 2]
+            beyond = (
+                max(max(shadow - ratio, ratio - highlight), np.float32(0.0)) * tools[row, column, 2]
+            )
             strong[row, column] = (square > clip * clip) | (beyond > np.float32(1.5) * beyond_limit)
             kept = unit
             if square > clip * clip:
@@ -86,7 +93,9 @@ def decide(pooled, strong, chroma_limit, beyond_limit, mask):
     for row in prange(height):
         for column in range(width):
             unlike = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
-            mask[row, column] = strong[row, column] | unlike | (pooled[row, column, 3] > beyond_limit)
+            mask[row, column] = (
+                strong[row, column] | unlike | (pooled[row, column, 3] > beyond_limit)
+            )
 
 
 @parallel_kernel
@@ -115,12 +124,18 @@ def count_colours(frame, where, shift, counts):
     for row in range(where.shape[0]):
         for column in range(where.shape[1]):
             if where[row, column]:
-                counts[frame[row, column, 0] >> shift, frame[row, column, 1] >> shift, frame[row, column, 2] >> shift] += np.float32(1.0)
+                counts[
+                    frame[row, column, 0] >> shift,
+                    frame[row, column, 1] >> shift,
+                    frame[row, column, 2] >> shift,
+                ] += np.float32(1.0)
 
 
 @kernel
 def log_shares(counts, out):
-    """Logarithm of each colour's share, out (n, n, n) float32, after counts have spread to the 26 neighbouring colours."""
+    """Logarithm of each colour's share, out (n, n, n) float32, after counts have spread to the 26
+    neighbouring colours.
+    """
     bins = counts.shape[0]
     total = np.float64(0.0)
     for blue in range(bins):
@@ -131,7 +146,12 @@ def log_shares(counts, out):
                 for b in range(-1, 2):
                     for g in range(-1, 2):
                         for r in range(-1, 2):
-                            weight = np.float32(2 - abs(b)) * np.float32(2 - abs(g)) * np.float32(2 - abs(r)) / np.float32(64.0)
+                            weight = (
+                                np.float32(2 - abs(b))
+                                * np.float32(2 - abs(g))
+                                * np.float32(2 - abs(r))
+                                / np.float32(64.0)
+                            )
                             y = min(max(blue + b, 0), bins - 1)
                             x = min(max(green + g, 0), bins - 1)
                             z = min(max(red + r, 0), bins - 1)
@@ -151,15 +171,22 @@ def look_up(frame, table, shift, out):
     height, width = out.shape
     for row in prange(height):
         for column in range(width):
-            out[row, column] = table[frame[row, column, 0] >> shift, frame[row, column, 1] >> shift, frame[row, column, 2] >> shift]
+            out[row, column] = table[
+                frame[row, column, 0] >> shift,
+                frame[row, column, 1] >> shift,
+                frame[row, column, 2] >> shift,
+            ]
 
 
 @parallel_kernel
-def sharpen(frame, mean, least_light, most_light, band, inside, outside, reach, least_contrast, mask):
+def sharpen(
+    frame, mean, least_light, most_light, band, inside, outside, reach, least_contrast, mask
+):
     """Sets mask in the band to where more than half of a pixel's colour is the person's.
 
-    The person's colour is the mean of the window's inside pixels. The background's is the model's, times what light and shadow make
-    of it on the window's outside pixels. Pixels with too few of either, or too little contrast, keep their label.
+    The person's colour is the mean of the window's inside pixels. The background's is the model's,
+    times what light and shadow make of it on the window's outside pixels. Pixels with too few of
+    either, or too little contrast, keep their label.
     """
     height, width = mask.shape
     stride = max(1, reach // 4)
@@ -191,7 +218,12 @@ def sharpen(frame, mean, least_light, most_light, band, inside, outside, reach, 
             share = np.float32(0.0)
             contrast = np.float32(0.0)
             for channel in range(3):
-                light = min(max(seen[channel] / max(empty[channel], np.float32(1e-3)), least_light[channel]), most_light[channel])
+                light = min(
+                    max(
+                        seen[channel] / max(empty[channel], np.float32(1e-3)), least_light[channel]
+                    ),
+                    most_light[channel],
+                )
                 background = mean[row, column, channel] * light
                 step = person[channel] / count_inside - background
                 share += (np.float32(frame[row, column, channel]) - background) * step

@@ -1,7 +1,8 @@
 """Loops of the part-number raster: plain arrays in, two images out.
 
-Screen positions are rounded to 1/256 pixel and kept as integers, so that the edge tests are exact: two triangles that share an edge
-see the same number with opposite signs, and the top-left rule gives every pixel centre on it to exactly one of them.
+Screen positions are rounded to 1/256 pixel and kept as integers, so that the edge tests are exact:
+two triangles that share an edge see the same number with opposite signs, and the top-left rule
+gives every pixel centre on it to exactly one of them.
 """
 
 import numpy as np
@@ -21,8 +22,12 @@ def _to_screen(pixel):
 
 @kernel
 def _row_span(dx, dy, start_x, start_y, row, first, last):
-    """Narrows [first, last] to the pixels of a row on the inner side of an edge that starts at `start` and runs along (dx, dy)."""
-    inclusive = dy < 0 or (dy == 0 and dx > 0)  # left edges and flat top edges own the pixel centres on them
+    """Narrows [first, last] to the pixels of a row on the inner side of an edge that starts at
+    `start` and runs along (dx, dy).
+    """
+    inclusive = dy < 0 or (
+        dy == 0 and dx > 0
+    )  # left edges and flat top edges own the pixel centres on them
     constant = dx * (row * SUBPIXELS - start_y) + dy * start_x - (0 if inclusive else 1)
     slope = -dy * SUBPIXELS  # inside where constant + slope * column >= 0
     if slope > 0:
@@ -36,7 +41,9 @@ def _row_span(dx, dy, start_x, start_y, row, first, last):
 
 @kernel
 def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
-    """Draws one triangle given in subpixels; aw, bw, cw are inverse depths, which are linear on the screen."""
+    """Draws one triangle given in subpixels; aw, bw, cw are inverse depths, which are linear on the
+    screen.
+    """
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     if area == 0 or (cull and area > 0):
         return
@@ -59,7 +66,9 @@ def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
         first, last = _row_span(ax - cx, ay - cy, cx, cy, row, first, last)
         for column in range(first, last + 1):
             w = aw + w_dx * (column * SUBPIXELS - ax) + w_dy * (row * SUBPIXELS - ay)
-            z = np.float32(1.0 / min(max(w, farthest), nearest))  # slivers have steep planes: stay within the corners
+            z = np.float32(
+                1.0 / min(max(w, farthest), nearest)
+            )  # slivers have steep planes: stay within the corners
             if z < depth[row, column]:
                 depth[row, column] = z
                 parts[row, column] = label
@@ -76,9 +85,14 @@ def _fill_clipped(corners, label, matrix, near, cull, parts, depth):
         for crossing in range(2):
             if (crossing == 0 and not inside) or (crossing == 1 and inside == next_inside):
                 continue
-            px, py, pz = np.float64(corners[i, 0]), np.float64(corners[i, 1]), np.float64(corners[i, 2])
+            px, py, pz = (
+                np.float64(corners[i, 0]),
+                np.float64(corners[i, 1]),
+                np.float64(corners[i, 2]),
+            )
             if crossing == 1:
-                # From the inner to the outer corner whatever the winding, so that neighbours cut at the same point.
+                # From the inner to the outer corner whatever the winding, so that neighbours cut at
+                # the same point.
                 inner, outer = (i, j) if inside else (j, i)
                 share = (corners[inner, 2] - near) / (corners[inner, 2] - corners[outer, 2])
                 px = corners[inner, 0] + share * (corners[outer, 0] - corners[inner, 0])
@@ -89,7 +103,21 @@ def _fill_clipped(corners, label, matrix, near, cull, parts, depth):
             w[count] = 1.0 / pz
             count += 1
     for k in range(2, count):
-        _fill(x[0], y[0], w[0], x[k - 1], y[k - 1], w[k - 1], x[k], y[k], w[k], label, cull, parts, depth)
+        _fill(
+            x[0],
+            y[0],
+            w[0],
+            x[k - 1],
+            y[k - 1],
+            w[k - 1],
+            x[k],
+            y[k],
+            w[k],
+            label,
+            cull,
+            parts,
+            depth,
+        )
 
 
 @kernel
@@ -98,7 +126,11 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
     count = len(vertices)
     x, y, w = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
     for i in range(count):
-        vx, vy, vz = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
+        vx, vy, vz = (
+            np.float64(vertices[i, 0]),
+            np.float64(vertices[i, 1]),
+            np.float64(vertices[i, 2]),
+        )
         x[i], y[i], w[i] = 0, 0, 0.0
         if not np.isfinite(vx + vy + vz):
             w[i] = -1.0
@@ -117,13 +149,19 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
         else:
             corners = np.empty((3, 3))
             for k in range(3):
-                corners[0, k], corners[1, k], corners[2, k] = vertices[a, k], vertices[b, k], vertices[c, k]
+                corners[0, k], corners[1, k], corners[2, k] = (
+                    vertices[a, k],
+                    vertices[b, k],
+                    vertices[c, k],
+                )
             _fill_clipped(corners, label, matrix, near, cull, parts, depth)
 
 
 @parallel_kernel
 def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
-    """Draws every pose (N, V, 3) into its own image of `parts` (N, h, w); the depth buffers are thrown away."""
+    """Draws every pose (N, V, 3) into its own image of `parts` (N, h, w); the depth buffers are
+    thrown away.
+    """
     for n in prange(len(vertices)):
         depth = np.full(parts.shape[1:], np.inf, np.float32)
         draw(vertices[n], faces, face_part, matrix, near, cull, parts[n], depth)

@@ -16,10 +16,12 @@ def _bucket(cell, mask):
 
 @kernel
 def thin_rows(rows, first, grid, tolerance, kept):
-    """Marks in kept (N,) the rows (N, K) that no earlier kept row is near to in every column; rows before `first` are kept unasked.
+    """Marks in kept (N,) the rows (N, K) that no earlier kept row is near to in every column; rows
+    before `first` are kept unasked.
 
-    The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the box of rows near to one touches at most
-    two cells a column, 2^G in all. Kept rows of a bucket form a linked list; other cells that share the bucket cost a comparison each.
+    The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the box of
+    rows near to one touches at most two cells a column, 2^G in all. Kept rows of a bucket form a
+    linked list; other cells that share the bucket cost a comparison each.
     """
     size = 16
     while size < 2 * rows.shape[0]:
@@ -28,13 +30,22 @@ def thin_rows(rows, first, grid, tolerance, kept):
     head = np.full(size, -1, np.int64)
     following = np.full(rows.shape[0], -1, np.int64)
     dimensions = grid.shape[0]
-    cell, low, high = np.empty(dimensions, np.int64), np.empty(dimensions, np.int64), np.empty(dimensions, np.int64)
+    cell, low, high = (
+        np.empty(dimensions, np.int64),
+        np.empty(dimensions, np.int64),
+        np.empty(dimensions, np.int64),
+    )
     width = 2.001 * tolerance
     for n in range(rows.shape[0]):
         for g in range(dimensions):
             x = rows[n, grid[g]]
-            reach = 1.0001 * tolerance  # a little more than needed: rounding must not hide a neighbour
-            low[g], high[g] = np.int64(np.floor((x - reach) / width)), np.int64(np.floor((x + reach) / width))
+            reach = (
+                1.0001 * tolerance
+            )  # a little more than needed: rounding must not hide a neighbour
+            low[g], high[g] = (
+                np.int64(np.floor((x - reach) / width)),
+                np.int64(np.floor((x + reach) / width)),
+            )
         free = True
         corner = 0
         while n >= first and free and corner < 1 << dimensions:

@@ -8,11 +8,15 @@ from silhouette_core.jit import parallel_kernel, prange
 
 
 @parallel_kernel
-def nearest_samples(sources, bases, squares, orientation, per_root, views, same_pitch, index, found):
-    """Fills index (n, K) and found (n, K): the samples nearest to each source, nearest first, by squared distance in sigmas.
+def nearest_samples(
+    sources, bases, squares, orientation, per_root, views, same_pitch, index, found
+):
+    """Fills index (n, K) and found (n, K): the samples nearest to each source, nearest first, by
+    squared distance in sigmas.
 
-    Candidates are base poses (n, C) in order of their joints' squared distance (n, C); the orientation's, times per_root (n,), is added
-    for every view of the source's pitch. Of equally far samples the one that comes first is kept.
+    Candidates are base poses (n, C) in order of their joints' squared distance (n, C); the
+    orientation's, times per_root (n,), is added for every view of the source's pitch. Of equally
+    far samples the one that comes first is kept.
     """
     for n in prange(len(sources)):
         source = sources[n]

@@ -5,14 +5,25 @@ import pytest
 import trimesh
 
 from calib.errors import InputError
-from silhouette_core.body.joints import FREEDOMS, LANDMARK_NAMES, LANDMARK_PART, PARENTS, PART_NAMES, TREE, landmark_part
+from silhouette_core.body.joints import (
+    DOFS,
+    LANDMARK_NAMES,
+    LANDMARK_PART,
+    PARENTS,
+    PART_NAMES,
+    TREE,
+    landmark_part,
+)
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.shape import bone_directions
-from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SPREAD, BodySizes
+from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.body.volume import sample_volume
 
 AXIS = {axis.name: k for k, axis in enumerate(SHAPE_AXES)}
-MIRROR = [PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right")) for n in PART_NAMES]
+MIRROR = [
+    PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right"))
+    for n in PART_NAMES
+]
 
 
 @pytest.fixture(scope="module", params=["male", "female"])
@@ -30,31 +41,36 @@ def deviation(**values):
 def test_tree_is_the_one_of_27_parts():
     assert len(PART_NAMES) == len(set(PART_NAMES)) == 27
     assert PARENTS[0] == -1 and (PARENTS[1:] < np.arange(1, 27)).all() and (PARENTS[1:] >= 0).all()
-    assert [part for part, _ in FREEDOMS] == sorted(part for part, _ in FREEDOMS)
-    assert len(set(BodyModel.dof_names)) == len(FREEDOMS) == BodyModel.dof_limits_rad.shape[0]
+    assert [part for part, _ in DOFS] == sorted(part for part, _ in DOFS)
+    assert len(set(BodyModel.dof_names)) == len(DOFS) == BodyModel.dof_limits_rad.shape[0]
 
 
 def test_limits_hold_the_rest_pose_and_axes_are_orthonormal():
     low, high = BodyModel.dof_limits_rad.T
     assert (low < 0).all() and (high > 0).all() and (high - low <= np.pi * 1.2).all()
-    for _, _, freedoms in TREE:
-        axes = np.array([f.axis for f in freedoms]).reshape(-1, 3)
+    for _, _, dofs in TREE:
+        axes = np.array([f.axis for f in dofs]).reshape(-1, 3)
         np.testing.assert_allclose(axes @ axes.T, np.eye(len(axes)), atol=1e-12)
 
 
 def test_right_is_the_mirror_of_left():
-    table = {(PART_NAMES[part], f.name): f for part, f in FREEDOMS}
-    for (part, name), freedom in table.items():
+    table = {(PART_NAMES[part], f.name): f for part, f in DOFS}
+    for (part, name), dof in table.items():
         if part.startswith("left_"):
             other = table[part.replace("left_", "right_"), name]
-            assert other.limits_deg == freedom.limits_deg and other.held == freedom.held
+            assert other.limits_deg == dof.limits_deg and other.fixed == dof.fixed
             # The mirror image of a turn about a is the turn about (a_x, -a_y, -a_z).
-            np.testing.assert_allclose(other.axis, np.multiply(freedom.axis, (1, -1, -1)))
+            np.testing.assert_allclose(other.axis, np.multiply(dof.axis, (1, -1, -1)))
     np.testing.assert_array_equal(PARENTS[MIRROR][1:], np.array(MIRROR)[PARENTS[1:]])
 
 
 def test_landmarks_know_their_parts():
-    assert [PART_NAMES[p] for p in LANDMARK_PART[:4]] == ["pelvis", "left_thigh", "left_shin", "left_foot"]
+    assert [PART_NAMES[p] for p in LANDMARK_PART[:4]] == [
+        "pelvis",
+        "left_thigh",
+        "left_shin",
+        "left_foot",
+    ]
     assert PART_NAMES[landmark_part("head_top")] == "head" and len(LANDMARK_NAMES) == 15
 
 
@@ -63,7 +79,9 @@ def test_body_has_the_stature_asked_for(model):
     assert model.vertices_m[:, 2].min() == pytest.approx(0, abs=1e-3)
     small = BodyModel.from_sizes(BodySizes(1.2, sex=model.sizes.sex))
     np.testing.assert_allclose(small.vertices_m * 1.5, model.vertices_m, atol=1e-9)
-    np.testing.assert_allclose(small.space.joints_change * 1.5, model.space.joints_change, atol=1e-9)
+    np.testing.assert_allclose(
+        small.space.joints_change * 1.5, model.space.joints_change, atol=1e-9
+    )
 
 
 def test_a_larger_chest_makes_a_stouter_body_of_the_same_height():
@@ -72,11 +90,21 @@ def test_a_larger_chest_makes_a_stouter_body_of_the_same_height():
     np.testing.assert_allclose(stout.joints_m, usual.joints_m, atol=1e-9)
     assert stout.shape[AXIS["trunk_width"]] > 0.05
     assert stout.shape[AXIS["thigh_girth"]] == pytest.approx(0.5 * stout.shape[AXIS["trunk_width"]])
-    volume = [trimesh.Trimesh(body.vertices_m, body.faces, process=False).volume for body in (usual, stout)]
+    volume = [
+        trimesh.Trimesh(body.vertices_m, body.faces, process=False).volume
+        for body in (usual, stout)
+    ]
     assert volume[1] > 1.1 * volume[0]
 
 
-@pytest.mark.parametrize("wrong", [{"stature_m": 175.0}, {"stature_m": 1.7, "chest_girth_m": 96.0}, {"stature_m": 1.7, "sex": "m"}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"stature_m": 175.0},
+        {"stature_m": 1.7, "chest_girth_m": 96.0},
+        {"stature_m": 1.7, "sex": "m"},
+    ],
+)
 def test_measures_of_nobody_are_refused(wrong):
     with pytest.raises(InputError, match="give"):
         BodySizes(**wrong)
@@ -84,7 +112,7 @@ def test_measures_of_nobody_are_refused(wrong):
 
 def test_shape_is_linear(model):
     rng = np.random.default_rng(0)
-    a, b = rng.normal(size=(2, len(SHAPE_AXES))) * SHAPE_SPREAD
+    a, b = rng.normal(size=(2, len(SHAPE_AXES))) * SHAPE_SIGMA
     for name in ("joints_m", "vertices_m", "landmarks_m"):
         rest = getattr(model.reshaped(np.zeros(len(SHAPE_AXES))), name)
         both, one, other = (getattr(model.reshaped(shape), name) for shape in (a + b, a, b))
@@ -93,7 +121,10 @@ def test_shape_is_linear(model):
 
 def test_reshaping_does_not_add_up(model):
     shape = deviation(thigh_length=0.1)
-    np.testing.assert_allclose(model.reshaped(deviation(head_girth=0.1)).reshaped(shape).vertices_m, model.reshaped(shape).vertices_m)
+    np.testing.assert_allclose(
+        model.reshaped(deviation(head_girth=0.1)).reshaped(shape).vertices_m,
+        model.reshaped(shape).vertices_m,
+    )
 
 
 @pytest.mark.parametrize(
@@ -110,7 +141,9 @@ def test_a_longer_bone_moves_the_joints_beyond_it_alone(model, axis, start, end)
     longer = model.reshaped(deviation(**{axis: 0.1})).joints_m
     length = [np.linalg.norm(np.subtract(*joints[bone])) for joints in (longer, model.joints_m)]
     assert length[0] == pytest.approx(1.1 * length[1])
-    np.testing.assert_allclose(bone_directions(longer)[bone[0]], bone_directions(model.joints_m)[bone[0]], atol=1e-9)
+    np.testing.assert_allclose(
+        bone_directions(longer)[bone[0]], bone_directions(model.joints_m)[bone[0]], atol=1e-9
+    )
     moved = np.linalg.norm(longer - model.joints_m, axis=1) > 1e-9
     sides = {start.partition("_")[2]}
     expected = [any(PART_NAMES[a].partition("_")[2] in sides for a in _above(p)) for p in range(27)]
@@ -136,24 +169,38 @@ def test_girths_leave_every_joint_where_it_is(model, axis):
 @pytest.mark.parametrize("seed", range(4))
 def test_no_seam_opens(model, seed):
     """Bodies of many shapes stay closed, and no edge is torn or folded away."""
-    shape = np.clip(np.random.default_rng(seed).normal(size=len(SHAPE_AXES)), -2, 2) * SHAPE_SPREAD
+    shape = np.clip(np.random.default_rng(seed).normal(size=len(SHAPE_AXES)), -2, 2) * SHAPE_SIGMA
     body = model.reshaped(shape)
     mesh = trimesh.Trimesh(body.vertices_m, body.faces, process=False)
     assert mesh.is_watertight and mesh.is_winding_consistent
-    assert 0.6 < mesh.volume / trimesh.Trimesh(model.vertices_m, model.faces, process=False).volume < 1.6
+    assert (
+        0.6
+        < mesh.volume / trimesh.Trimesh(model.vertices_m, model.faces, process=False).volume
+        < 1.6
+    )
     edges = model.faces[:, [0, 1]]
-    before, after = (np.linalg.norm(np.subtract(*v[edges].swapaxes(0, 1)), axis=1) for v in (model.vertices_m, body.vertices_m))
+    before, after = (
+        np.linalg.norm(np.subtract(*v[edges].swapaxes(0, 1)), axis=1)
+        for v in (model.vertices_m, body.vertices_m)
+    )
     assert (after / before).max() < 2.0 and (after / before).min() > 0.4
-    normals = [trimesh.Trimesh(v, model.faces, process=False).face_normals for v in (model.vertices_m, body.vertices_m)]
+    normals = [
+        trimesh.Trimesh(v, model.faces, process=False).face_normals
+        for v in (model.vertices_m, body.vertices_m)
+    ]
     assert (normals[0] * normals[1]).sum(1).min() > 0
 
 
 def test_stature_follows_the_lengths_of_legs_trunk_and_head(model):
-    height = lambda body: body.landmarks_m[LANDMARK_NAMES.index("head_top"), 2] - body.vertices_m[:, 2].min()  # noqa: E731
+    height = lambda body: (
+        body.landmarks_m[LANDMARK_NAMES.index("head_top"), 2] - body.vertices_m[:, 2].min()
+    )  # noqa: E731
     for name in ("thigh_length", "shin_length", "trunk_length", "head_length"):
         assert height(model.reshaped(deviation(**{name: 0.05}))) > height(model) + 0.003
     for name in ("thigh_girth", "upper_arm_length", "shoulder_width", "trunk_width"):
-        assert height(model.reshaped(deviation(**{name: 0.05}))) == pytest.approx(height(model), abs=0.002)
+        assert height(model.reshaped(deviation(**{name: 0.05}))) == pytest.approx(
+            height(model), abs=0.002
+        )
 
 
 def test_parts_fill_the_mesh(model):

@@ -1,4 +1,6 @@
-"""The shipped template bodies: closed, symmetric, of the stated size, with sensible skin; and that their maker still makes such."""
+"""The shipped template bodies: closed, symmetric, of the stated size, with sensible skin; and that
+their maker still makes such.
+"""
 
 import json
 from pathlib import Path
@@ -15,7 +17,12 @@ from silhouette_core.body.joints import LANDMARK_NAMES, PARENTS, PART_NAMES
 FOLDER = Path(template.__file__).parent
 LEFT = np.array([n.startswith("left") for n in PART_NAMES])
 RIGHT = np.array([n.startswith("right") for n in PART_NAMES])
-MIRROR = np.array([PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right")) for n in PART_NAMES])
+MIRROR = np.array(
+    [
+        PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right"))
+        for n in PART_NAMES
+    ]
+)
 
 
 @pytest.fixture(params=["man", "woman"])
@@ -32,11 +39,17 @@ def assert_body(arrays, about, tolerance=0.005):
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.body_count == 1
     assert mesh.euler_number == 2
     assert 0.0120 < mesh.volume / stature**3 < 0.0145  # body mass indices of about 19.5 to 24
-    np.testing.assert_allclose([vertices[:, 2].min(), vertices[:, 2].max()], [0, stature], atol=1e-4)
-    assert (np.bincount(arrays["face_part"], minlength=27) > 0).all() and arrays["face_part"].max() == 26
+    np.testing.assert_allclose(
+        [vertices[:, 2].min(), vertices[:, 2].max()], [0, stature], atol=1e-4
+    )
+    assert (np.bincount(arrays["face_part"], minlength=27) > 0).all() and arrays[
+        "face_part"
+    ].max() == 26
     check_skin(arrays)
     check_mirrored(arrays)
-    np.testing.assert_allclose(chest_girth(mesh, stature), float(about["chest_girth"]), rtol=tolerance)
+    np.testing.assert_allclose(
+        chest_girth(mesh, stature), float(about["chest_girth"]), rtol=tolerance
+    )
 
 
 def check_skin(arrays):
@@ -48,7 +61,10 @@ def check_skin(arrays):
     np.add.at(dense, (np.arange(len(parts))[:, None], parts), weights)
     x = arrays["vertices_m"][:, 0]
     assert dense[x > 0.025][:, RIGHT].max() == 0 and dense[x < -0.025][:, LEFT].max() == 0
-    arm = [PART_NAMES.index(f"left_{name}") for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")]
+    arm = [
+        PART_NAMES.index(f"left_{name}")
+        for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")
+    ]
     leg = [PART_NAMES.index(f"left_{name}") for name in ("thigh", "shin", "foot", "toes")]
     assert (np.minimum(dense[:, arm].sum(1), dense[:, leg].sum(1)) == 0).all()
     height = float(arrays["vertices_m"][:, 2].max())
@@ -59,7 +75,11 @@ def check_skin(arrays):
     blended = dense[np.arange(len(dense)), second] > 0.2
     a, b = first[blended], second[blended]
     assert (
-        (PARENTS[a] == b) | (PARENTS[b] == a) | (PARENTS[a] == PARENTS[b]) | (PARENTS[PARENTS[a]] == b) | (PARENTS[PARENTS[b]] == a)
+        (PARENTS[a] == b)
+        | (PARENTS[b] == a)
+        | (PARENTS[a] == PARENTS[b])
+        | (PARENTS[PARENTS[a]] == b)
+        | (PARENTS[PARENTS[b]] == a)
     ).all()
 
 
@@ -82,14 +102,21 @@ def test_shipped_files(body):
     arrays, about = body
     assert_body(arrays, about)
     assert 4000 < len(arrays["faces"]) < 5000
-    assert json.loads(about["parts"]) == list(PART_NAMES) and json.loads(about["landmarks"]) == list(LANDMARK_NAMES)
+    assert json.loads(about["parts"]) == list(PART_NAMES) and json.loads(
+        about["landmarks"]
+    ) == list(LANDMARK_NAMES)
 
 
 def test_joints_lie_inside_their_limbs(body):
     arrays, _ = body
-    vertices, faces, joints = arrays["vertices_m"].astype(float), arrays["faces"], arrays["joints_m"].astype(float)
+    vertices, faces, joints = (
+        arrays["vertices_m"].astype(float),
+        arrays["faces"],
+        arrays["joints_m"].astype(float),
+    )
     for joint, name in zip(joints, PART_NAMES, strict=True):
-        # The solid angle of a closed surface seen from inside is the whole sphere (van Oosterom and Strackee).
+        # The solid angle of a closed surface seen from inside is the whole sphere (van Oosterom and
+        # Strackee).
         a, b, c = (vertices[faces[:, k]] - joint for k in range(3))
         la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
         volume = (a * np.cross(b, c)).sum(1)
@@ -106,9 +133,11 @@ def test_triangles_are_even_enough_to_bend(body):
 
 @pytest.mark.slow
 def test_the_maker_makes_such_bodies_again():
-    pytest.importorskip("skimage", reason="the maker of the templates needs scikit-image (the dev extra)")
+    pytest.importorskip(
+        "skimage", reason="the maker of the templates needs scikit-image (the dev extra)"
+    )
     from silhouette_core.body.template.figures import MAN
-    from silhouette_core.body.template.make import make_template
+    from silhouette_core.body.template.make_templates import make_template
 
     arrays, about = make_template(MAN, triangles=1800, spacing=0.007)
     assert_body(arrays, about, tolerance=0.015)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from silhouette_core.filter.tree_filter import SPREAD, TreeFilter
-from silhouette_core.library.bases import base_poses
+from silhouette_core.filter.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.library.base_poses import base_poses
 from silhouette_core.library.build import build_library
-from silhouette_core.library.library import LibrarySettings
+from silhouette_core.library.pose_library import LibrarySettings
 from silhouette_core.library.store import write_library
 from silhouette_core.library.transitions import transitions
 from tests.silhouette_core.filter.filming import MOVEMENTS, body, performed
@@ -16,7 +16,9 @@ SETTINGS = LibrarySettings(poses=80 * 24, mirror=False, thresholds=(0.03, 0.018,
 @pytest.fixture(scope="session")
 def library():
     """About 1,900 samples: 80 poses from 24 sides."""
-    return build_library(base_poses({name: performed(name) for name in MOVEMENTS}, SETTINGS), body(), SETTINGS)
+    return build_library(
+        base_poses({name: performed(name) for name in MOVEMENTS}, SETTINGS), body(), SETTINGS
+    )
 
 
 @pytest.fixture(scope="session")
@@ -28,4 +30,4 @@ def library_file(library, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def tree(library):
-    return TreeFilter(library, transitions(library, occlusion_aware=True, spread=SPREAD))
+    return TreeFilter(library, transitions(library, occlusion_aware=True, sigma_scale=SIGMA_SCALE))

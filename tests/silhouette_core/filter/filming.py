@@ -7,19 +7,23 @@ import numpy as np
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.fitting.agreement import posed_mesh
-from silhouette_core.fitting.pose import Pose
 from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.keyposes.notation import movements
+from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.repertoire.notation import movements
-from silhouette_core.motion.repertoire.perform import perform
+from silhouette_core.refinement.pose import Pose
+from silhouette_core.refinement.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
 MOVEMENTS = ("walk", "wave", "arm swing both", "reach aside", "squat", "kick")
 
 
-def camera_at(center_m: Sequence[float], target_m: Sequence[float] = (0, 0, 0.95), size: tuple[int, int] = (480, 360)) -> Camera:
+def camera_at(
+    center_m: Sequence[float],
+    target_m: Sequence[float] = (0, 0, 0.95),
+    size: tuple[int, int] = (480, 360),
+) -> Camera:
     """Returns a level camera that looks at a point."""
     center = np.asarray(center_m, float)
     forward = np.asarray(target_m, float) - center
@@ -27,13 +31,19 @@ def camera_at(center_m: Sequence[float], target_m: Sequence[float] = (0, 0, 0.95
     right = np.cross(forward, [0, 0, 1.0])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
-    matrix = np.array([[1.1 * size[1], 0, (size[0] - 1) / 2], [0, 1.1 * size[1], (size[1] - 1) / 2], [0, 0, 1.0]])
+    matrix = np.array(
+        [[1.1 * size[1], 0, (size[0] - 1) / 2], [0, 1.1 * size[1], (size[1] - 1) / 2], [0, 0, 1.0]]
+    )
     return Camera("cam_1", size, matrix, np.zeros(0), rotation, -rotation @ center)
 
 
 def body(shape: Sequence[float] = ()) -> BodyModel:
     model = BodyModel.from_sizes(BodySizes(STATURE_M))
-    return model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))])) if len(shape) else model
+    return (
+        model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))]))
+        if len(shape)
+        else model
+    )
 
 
 def performed(name: str, model: BodyModel | None = None) -> Motion:

@@ -6,41 +6,51 @@ import pytest
 from silhouette_core.filter.evidence import SHIFTS_PX, Evidence, relative_weights
 from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import pixel_weights
-from silhouette_core.library.pictures import STATURE_PX, masks_of, silhouette_levels
+from silhouette_core.library.rendering import STATURE_PX, masks_of, silhouette_levels
 from tests.silhouette_core.filter.filming import STATURE_M, camera_at, films, performed
 
 
 @pytest.fixture(scope="module")
 def windows():
-    camera = camera_at((0.6, -3.8, 1.2), (0.75, 0, 0.95), (400, 300))  # the person near the border: some of the window is not seen
+    camera = camera_at(
+        (0.6, -3.8, 1.2), (0.75, 0, 0.95), (400, 300)
+    )  # the person near the border: some of the window is not seen
     motion = performed("wave")
     mask = films(motion, camera, [20])[0]
     return [look_at(camera, mask, distance, STATURE_PX / STATURE_M) for distance in (4.0, 3.7)]
 
 
 def twin(windows, images, reduction, weighting):
-    """The least weighted disagreement of every image (K, h, w) with the windows, every pixel looked at."""
+    """The least weighted disagreement of every image (K, h, w) with the windows, every pixel looked
+    at.
+    """
     found = []
     for window in windows:
         picture, weights = relative_weights(window, weighting, reduction)
         wide, margins = np.pad(picture, 1), np.pad(weights, 1, mode="edge")
         for right, down in SHIFTS_PX:
             moved = np.zeros((len(images), *wide.shape), bool)
-            moved[:, 1 + down : 1 + down + picture.shape[0], 1 + right : 1 + right + picture.shape[1]] = images
+            moved[
+                :, 1 + down : 1 + down + picture.shape[0], 1 + right : 1 + right + picture.shape[1]
+            ] = images
             found.append(np.where(moved ^ wide, margins, 0).sum((1, 2)))
     return np.array(found)
 
 
 @pytest.mark.parametrize(("level", "reduction"), [(0, 4), (1, 2), (2, 1)])
 @pytest.mark.parametrize("weighting", ["nwxor", "balanced"])
-def test_distances_are_those_of_a_search_pixel_by_pixel(library, windows, level, reduction, weighting):
+def test_distances_are_those_of_a_search_pixel_by_pixel(
+    library, windows, level, reduction, weighting
+):
     assert not windows[0].seen.all()
     own = library.levels[level]
     nodes = np.random.default_rng(level).permutation(len(own))[:40]
     found = Evidence(windows, weighting).distances(own.spans, nodes, reduction)
     every = twin(windows, masks_of(own.spans, nodes, own.size_px), reduction, weighting)
     np.testing.assert_allclose(found.distance, every.min(0), atol=1e-6)
-    row = found.scale * len(SHIFTS_PX) + [SHIFTS_PX.tolist().index((shift // reduction).tolist()) for shift in found.shift_px]
+    row = found.scale * len(SHIFTS_PX) + [
+        SHIFTS_PX.tolist().index((shift // reduction).tolist()) for shift in found.shift_px
+    ]
     np.testing.assert_allclose(every[row, np.arange(len(nodes))], every.min(0), atol=1e-6)
     assert len(np.unique(found.shift_px, axis=0)) > 3
     # What nwXOR lets stand out of the silhouette costs little, so that the larger fits better.
@@ -53,7 +63,11 @@ def test_weights_are_the_papers_over_the_silhouettes_own(windows):
     paper = pixel_weights(window.picture, "nwxor")
     assert (picture == window.picture).all()
     assert weights[picture].sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(weights[window.seen] / weights[picture].max(), paper[window.seen] / paper[picture].max(), rtol=1e-5)
+    np.testing.assert_allclose(
+        weights[window.seen] / weights[picture].max(),
+        paper[window.seen] / paper[picture].max(),
+        rtol=1e-5,
+    )
     assert (weights[~window.seen] == 0).all()
 
 
@@ -67,7 +81,17 @@ def test_the_silhouette_itself_has_no_distance(library):
     camera = camera_at((0, -4, 1.2))
     window = look_at(camera, films(performed("walk"), camera, [5])[0], 4.0, STATURE_PX / STATURE_M)
     mask = masks_of(library.levels[2].spans, np.array([33]))[0]
-    copied = type(window)(mask, np.ones_like(mask), window.world_from_virtual, window.center_m, window.focal_px, window.axis_px, 4.0)
-    found = Evidence([copied]).distances(library.levels[2].spans, np.arange(len(library.levels[2])), 1)
+    copied = type(window)(
+        mask,
+        np.ones_like(mask),
+        window.world_from_virtual,
+        window.center_m,
+        window.focal_px,
+        window.axis_px,
+        4.0,
+    )
+    found = Evidence([copied]).distances(
+        library.levels[2].spans, np.arange(len(library.levels[2])), 1
+    )
     assert found.distance[33] == pytest.approx(0, abs=1e-9) and (found.shift_px[33] == 0).all()
     assert (found.distance > 1e-3).sum() >= len(found.distance) - 3

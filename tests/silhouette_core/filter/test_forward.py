@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silhouette_core.filter.forward import Forward, candidates_of
+from silhouette_core.filter.forward import ForwardFilter, candidates_of
 from silhouette_core.filter.person import Person
 from tests.silhouette_core.filter.filming import camera_at, films, performed
 
@@ -23,28 +23,32 @@ def follow(forward, masks, step_s=1 / 30):
 
 def test_somebody_who_comes_nearer_is_seen_to(tree, walk):
     places, masks = walk
-    beliefs = follow(Forward(tree, CAMERA), masks)
+    filter_frames = follow(ForwardFilter(tree, CAMERA), masks)
     truth = np.linalg.norm(places - CAMERA.center_m, axis=1)
-    found = np.array([belief.distance_m for belief in beliefs])
+    found = np.array([filter_frame.distance_m for filter_frame in filter_frames])
     assert np.ptp(truth) > 0.8
     np.testing.assert_allclose(found, truth, rtol=0.10)
-    assert not any(belief.lost for belief in beliefs)
+    assert not any(filter_frame.lost for filter_frame in filter_frames)
 
 
 def test_a_distance_that_is_told_is_kept(tree, walk):
-    beliefs = follow(Forward(tree, CAMERA, distance_m=3.9), walk[1][:2])
-    assert [belief.distance_m for belief in beliefs] == pytest.approx([3.9, 3.9]) and len(beliefs[0].windows) == 1
+    filter_frames = follow(ForwardFilter(tree, CAMERA, distance_m=3.9), walk[1][:2])
+    assert [filter_frame.distance_m for filter_frame in filter_frames] == pytest.approx(
+        [3.9, 3.9]
+    ) and len(filter_frames[0].windows) == 1
 
 
 def test_who_faces_the_camera_is_likelier_at_first(tree, walk):
     def facing(forward):
-        belief = forward.step(0, 0.0, Person(walk[1][0], False))
+        filter_frame = forward.step(0, 0.0, Person(walk[1][0], False))
         library = tree.library
-        yaw = library.views[library.sample_view[belief.posterior.samples], 0]
-        return belief.posterior.probability[np.cos(yaw) > 0].sum()
+        yaw = library.views[library.sample_view[filter_frame.posterior.samples], 0]
+        return filter_frame.posterior.probability[np.cos(yaw) > 0].sum()
 
-    assert facing(Forward(tree, CAMERA, facing=True)) > facing(Forward(tree, CAMERA, facing=False))
-    assert facing(Forward(tree, CAMERA, facing=True)) > 0.7
+    assert facing(ForwardFilter(tree, CAMERA, facing=True)) > facing(
+        ForwardFilter(tree, CAMERA, facing=False)
+    )
+    assert facing(ForwardFilter(tree, CAMERA, facing=True)) > 0.7
 
 
 def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
@@ -52,16 +56,16 @@ def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
     box = np.zeros_like(masks[0])
     box[150:210, 100:380] = True
     masks[5] = box
-    lost = [belief.lost for belief in follow(Forward(tree, CAMERA), masks)]
+    lost = [filter_frame.lost for filter_frame in follow(ForwardFilter(tree, CAMERA), masks)]
     assert lost == [k == 5 for k in range(len(masks))]
 
 
 def test_candidates_stand_where_the_silhouette_is(tree, walk):
     places, masks = walk
-    belief = follow(Forward(tree, CAMERA), masks[:1])[0]
-    found = candidates_of(tree, belief, np.arange(5))
+    filter_frame = follow(ForwardFilter(tree, CAMERA), masks[:1])[0]
+    found = candidates_of(tree, filter_frame, np.arange(5))
     pixels, _ = CAMERA.project(found.root_m)
     true, _ = CAMERA.project(places[:1])
     assert np.linalg.norm(pixels - true, axis=1).max() < 15
     np.testing.assert_allclose(np.linalg.det(found.root_rotation), 1.0, atol=1e-6)
-    assert found.angles_rad.shape == (5, tree.library.model.dof_count) == found.hidden.shape
+    assert found.angles_rad.shape == (5, tree.library.model.dof_count) == found.occluded.shape

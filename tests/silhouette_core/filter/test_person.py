@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from silhouette_core.filter.person import find_person, upright_distance
-from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at, performed, poses_of, silhouette
+from tests.silhouette_core.filter.filming import (
+    STATURE_M,
+    body,
+    camera_at,
+    performed,
+    poses_of,
+    silhouette,
+)
 
 
 def picture(*boxes, shape=(240, 320)):
@@ -39,7 +46,9 @@ def test_a_piece_where_the_person_was_wins_over_a_larger_one():
     assert near is not None and (near.mask == picture(BODY)).all()
 
 
-@pytest.mark.parametrize("box", [(0, 140, 120, 180), (120, 140, 240, 180), (60, 0, 200, 40), (60, 280, 200, 320)])
+@pytest.mark.parametrize(
+    "box", [(0, 140, 120, 180), (120, 140, 240, 180), (60, 0, 200, 40), (60, 280, 200, 320)]
+)
 def test_a_person_at_the_border_is_cut(box):
     found = find_person(picture(box))
     assert found is not None and found.cut

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from silhouette_core.filter.evidence import Evidence
-from silhouette_core.filter.tree_filter import SPREAD, FilterSettings, TreeFilter
+from silhouette_core.filter.tree_filter import SIGMA_SCALE, FilterSettings, TreeFilter
 from silhouette_core.filter.window import look_at
-from silhouette_core.library.pictures import STATURE_PX
+from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.library.transitions import transitions
 from tests.silhouette_core.filter.filming import STATURE_M, camera_at, films, performed
 
@@ -19,7 +19,10 @@ EVERY_NODE = FilterSettings(survivors=0.0, most=10**9)
 def evidence():
     camera = camera_at((0, -4.0, 1.4))
     mask = films(performed("wave"), camera, [20])[0]
-    return Evidence([look_at(camera, mask, distance, STATURE_PX / STATURE_M) for distance in (4.0, 3.8)], "balanced")
+    return Evidence(
+        [look_at(camera, mask, distance, STATURE_PX / STATURE_M) for distance in (4.0, 3.8)],
+        "balanced",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +33,17 @@ def prior(library):
 def leaves(library):
     """The leaf of every sample."""
     of = np.empty(len(library), np.int64)
-    of[library.leaf_samples] = np.repeat(np.arange(len(library.levels[-1])), np.diff(library.leaf_offsets))
+    of[library.leaf_samples] = np.repeat(
+        np.arange(len(library.levels[-1])), np.diff(library.leaf_offsets)
+    )
     return of
 
 
 def dense_posterior(library, prior, evidence, sigma):
     """Every sample's prior times the likelihood of its leaf's representative, (10)-(13)."""
-    distance = evidence.distances(library.levels[-1].spans, np.arange(len(library.levels[-1])), 1).distance
+    distance = evidence.distances(
+        library.levels[-1].spans, np.arange(len(library.levels[-1])), 1
+    ).distance
     likelihood = np.exp(-(distance[leaves(library)] ** 2) / (2 * sigma**2))
     return likelihood * prior / (likelihood * prior).sum(), distance
 
@@ -69,7 +76,9 @@ def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, prio
 
 @pytest.mark.parametrize("most", [1, 7])
 def test_not_more_nodes_are_kept_than_allowed(library, tree, evidence, prior, most):
-    found = TreeFilter(library, tree.transitions, replace(EVERY_NODE, most=most)).update(prior, evidence)
+    found = TreeFilter(library, tree.transitions, replace(EVERY_NODE, most=most)).update(
+        prior, evidence
+    )
     assert len(np.unique(leaves(library)[found.samples])) == most
 
 
@@ -84,14 +93,16 @@ def test_the_prior_is_the_dense_sum(library, tree, evidence, prior, steps):
     posterior = tree.update(prior, evidence)
     belief = filled(posterior, len(library))
     for _ in range(steps):
-        belief = sum(weight * tree.transitions[[n]].toarray()[0] for n, weight in enumerate(belief) if weight)
+        belief = sum(
+            weight * tree.transitions[[n]].toarray()[0] for n, weight in enumerate(belief) if weight
+        )
     floor = tree.settings.floor
     expected = (1 - floor) * belief / belief.sum() + floor / len(library)
     np.testing.assert_allclose(tree.predict(posterior, steps), expected, rtol=1e-5, atol=1e-12)
 
 
 def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
-    dm1, dm2 = (transitions(library, aware, 4 * SPREAD) for aware in (False, True))
+    dm1, dm2 = (transitions(library, aware, 4 * SIGMA_SCALE) for aware in (False, True))
     moving = np.unique(library.model.dof_part[library.base_angles.std(0) > np.radians(3)])
     some, none = library.occluded[:, moving].any(1), ~library.occluded.any(1)
     assert some.any() and none.any()

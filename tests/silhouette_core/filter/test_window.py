@@ -4,22 +4,33 @@ import numpy as np
 import pytest
 
 from silhouette_core.filter.window import SIZE, look_at
-from silhouette_core.fitting.pose import Pose
-from silhouette_core.library.pictures import STATURE_PX, pose_surfaces, take_pictures
+from silhouette_core.library.rendering import STATURE_PX, pose_surfaces, take_pictures
 from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.refinement.pose import Pose
 from tests.silhouette_core.filter.filming import STATURE_M, camera_at, silhouette
 
 METRE_PX = STATURE_PX / STATURE_M
-PLACES = [((0, -4.0, 1.3), (0, 0)), ((0, -4.0, 1.3), (0.9, 0.1)), ((2.5, -3.5, 2.2), (-0.5, 0.3)), ((-3.6, 1.5, 0.7), (0.2, -0.4))]
+PLACES = [
+    ((0, -4.0, 1.3), (0, 0)),
+    ((0, -4.0, 1.3), (0.9, 0.1)),
+    ((2.5, -3.5, 2.2), (-0.5, 0.3)),
+    ((-3.6, 1.5, 0.7), (0.2, -0.4)),
+]
 
 
 def seen(place, ground, base, library, heading=0.5):
-    """A library pose, turned, somewhere in a camera's picture; with the distance of the pelvis along the viewing ray."""
+    """A library pose, turned, somewhere in a camera's picture; with the distance of the pelvis
+    along the viewing ray.
+    """
     camera = camera_at(place, size=(640, 480))
     half = heading / 2
     turn = rotation_matrices(np.array([[np.cos(half), 0, 0, np.sin(half)]]))[0]
     rotation = turn @ rotation_matrices(library.base_quaternion[[base]].astype(float))[0]
-    pose = Pose(np.array([*ground, library.base_height_m[base]]), rotation, library.base_angles[base].astype(float))
+    pose = Pose(
+        np.array([*ground, library.base_height_m[base]]),
+        rotation,
+        library.base_angles[base].astype(float),
+    )
     return camera, pose, silhouette(library.model, pose, camera)
 
 
@@ -30,19 +41,29 @@ def test_a_pose_anywhere_looks_as_in_the_library(library, place, ground):
     distance = float(np.linalg.norm(pose.root_m - camera.center_m))
     window = look_at(camera, mask, distance, METRE_PX)
     rows, columns = np.nonzero(window.picture)
-    assert abs(columns.mean() - (SIZE[0] - 1) / 2) < 0.7 and abs(rows.mean() - (SIZE[1] - 1) / 2) < 0.7
+    assert (
+        abs(columns.mean() - (SIZE[0] - 1) / 2) < 0.7 and abs(rows.mean() - (SIZE[1] - 1) / 2) < 0.7
+    )
     yaw, pitch = heading - window.heading_rad, window.pitch_rad
     found = from_library(library, base, yaw, pitch)
-    assert np.count_nonzero(window.picture) == pytest.approx(np.count_nonzero(found.windows), rel=0.03)
-    # The centroid leaves a pixel open; the library sees from 4 m, where perspective is a little different.
+    assert np.count_nonzero(window.picture) == pytest.approx(
+        np.count_nonzero(found.windows), rel=0.03
+    )
+    # The centroid leaves a pixel open; the library sees from 4 m, where perspective is a little
+    # different.
     assert overlap(found.windows[0] > 0, window.picture) > 0.93
     np.testing.assert_allclose(window.pixels(pose.root_m[None])[0], found.pelvis_px[0], atol=2.5)
     for wrong in (-0.3, 0.3):
-        assert overlap(from_library(library, base, yaw + wrong, pitch).windows[0] > 0, window.picture) < 0.9
+        assert (
+            overlap(from_library(library, base, yaw + wrong, pitch).windows[0] > 0, window.picture)
+            < 0.9
+        )
 
 
 def from_library(library, base, yaw, pitch):
-    surfaces, _ = pose_surfaces(library.model, library.base_quaternion[[base]], library.base_angles[[base]])
+    surfaces, _ = pose_surfaces(
+        library.model, library.base_quaternion[[base]], library.base_angles[[base]]
+    )
     return take_pictures(library.model, surfaces, np.zeros(1, int), np.array([[yaw, pitch]]))
 
 
@@ -92,7 +113,9 @@ def test_a_middle_that_is_given_is_kept(library):
     camera, pose, mask = seen(*PLACES[0], 3, library)
     pixel = camera.project(pose.root_m[None])[0][0]
     window = look_at(camera, mask, 4.0, METRE_PX, pixel)
-    np.testing.assert_allclose(window.pixels(pose.root_m[None])[0], (np.array(SIZE) - 1) / 2, atol=1e-6)
+    np.testing.assert_allclose(
+        window.pixels(pose.root_m[None])[0], (np.array(SIZE) - 1) / 2, atol=1e-6
+    )
 
 
 def test_an_empty_or_misshapen_mask_is_refused():

@@ -10,7 +10,11 @@ SIZE = (48, 64)
 
 def scene(rng: np.random.Generator) -> np.ndarray:
     """An empty room: smooth light over a coloured wall, (H, W, 3) float."""
-    light = 110 + 60 * np.linspace(0, 1, SIZE[1])[None, :, None] + 20 * np.linspace(0, 1, SIZE[0])[:, None, None]
+    light = (
+        110
+        + 60 * np.linspace(0, 1, SIZE[1])[None, :, None]
+        + 20 * np.linspace(0, 1, SIZE[0])[:, None, None]
+    )
     return light * np.array([1.0, 0.9, 0.8])
 
 
@@ -18,15 +22,23 @@ def shot(picture: np.ndarray, rng: np.random.Generator, noise: float = 1.5) -> n
     return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
 
 
-def paper_reference(frames: list[np.ndarray], frame: np.ndarray, settings: BackgroundSettings) -> np.ndarray:
+def paper_reference(
+    frames: list[np.ndarray], frame: np.ndarray, settings: BackgroundSettings
+) -> np.ndarray:
     """Section 5.1 as near to its sentences as NumPy allows."""
     colours = np.stack(frames).astype(np.float64)
     units = colours / np.linalg.norm(colours, axis=3, keepdims=True)
     mean, unit_mean = colours.mean(0), units.mean(0)
-    variance = np.maximum(units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2)
+    variance = np.maximum(
+        units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2
+    )
     unit = frame / np.linalg.norm(frame.astype(np.float64), axis=2, keepdims=True)
-    likelihood = np.prod(np.exp(-((unit - unit_mean) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance), axis=2)
-    return (likelihood < np.exp(settings.log_likelihood)) | (np.linalg.norm(frame - mean, axis=2) > settings.raw_difference)
+    likelihood = np.prod(
+        np.exp(-((unit - unit_mean) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance), axis=2
+    )
+    return (likelihood < np.exp(settings.log_likelihood)) | (
+        np.linalg.norm(frame - mean, axis=2) > settings.raw_difference
+    )
 
 
 def test_paper_method_is_the_papers_formula():

@@ -1,4 +1,6 @@
-"""Silhouette distances: the equations, the dense loop and the runs agree; thinning is Guo and Hall's."""
+"""Silhouette distances: the equations, the dense loop and the runs agree; thinning is Guo and
+Hall's.
+"""
 
 import cv2
 import numpy as np
@@ -6,8 +8,14 @@ import pytest
 from scipy.spatial import cKDTree
 from skimage.morphology import thin as thin_of_scikit_image
 
-from silhouette_core.image.distance import WEIGHTINGS, Target, pixel_weights, silhouette_distances, thin
-from silhouette_core.scoring.backend import Spans
+from silhouette_core.image.distance import (
+    WEIGHTINGS,
+    Target,
+    pixel_weights,
+    silhouette_distances,
+    thin_silhouette,
+)
+from silhouette_core.image.spans import Spans
 
 
 def figure(rng, shape=(60, 80)):
@@ -15,7 +23,9 @@ def figure(rng, shape=(60, 80)):
     image = np.zeros(shape, np.uint8)
     h = shape[0]
     middle = np.array([shape[1] / 2, h / 2]) + rng.uniform(-0.04, 0.04, 2) * h
-    cv2.ellipse(image, middle.astype(int).tolist(), (h // 12, h // 6), rng.uniform(-20, 20), 0, 360, 1, -1)
+    cv2.ellipse(
+        image, middle.astype(int).tolist(), (h // 12, h // 6), rng.uniform(-20, 20), 0, 360, 1, -1
+    )
     for _ in range(5):
         angle = rng.uniform(0, 2 * np.pi)
         end = middle + np.array([np.cos(angle), np.sin(angle)]) * h * rng.uniform(0.2, 0.4)
@@ -35,8 +45,12 @@ def weights_as_written(mask, weighting):
     inside, outside = to_set(~mask, mask.shape), to_set(mask, mask.shape)
     if weighting == "wxor":
         return (inside + outside) * 240 / len(mask)
-    middle = to_set(thin(mask), mask.shape)
-    outside = np.minimum(outside / (0.05 * len(mask)), 1) if weighting == "balanced" else outside / outside.max()
+    middle = to_set(thin_silhouette(mask), mask.shape)
+    outside = (
+        np.minimum(outside / (0.05 * len(mask)), 1)
+        if weighting == "balanced"
+        else outside / outside.max()
+    )
     return np.where(mask, inside / np.where(mask, inside + middle, 1), 0) + outside
 
 
@@ -52,7 +66,7 @@ def test_normalised_weights_are_one_on_the_middle_lines_of_thick_and_thin_parts(
     mask = np.zeros((240, 320), bool)
     mask[60:180, 100:151] = mask[100:109, 150:300] = True
     weights = pixel_weights(mask, "nwxor")
-    middle = thin(mask)
+    middle = thin_silhouette(mask)
     assert (weights[middle] == 1).all()
     assert middle[100:109, 200:280].any() and middle[80:160, 110:140].any()
     assert weights[104, 220] == 1 and weights[100, 220] < 0.3
@@ -64,7 +78,10 @@ def test_resolutions_agree():
     for weighting in WEIGHTINGS:
         large = [figure(rng, (240, 320)) for _ in range(8)]
         small = [mask.reshape(60, 4, 80, 4).mean((1, 3)) >= 0.5 for mask in large]
-        fine, coarse = (silhouette_distances(m[0], np.stack(m[1:]), pixel_weights(m[0], weighting)) for m in (large, small))
+        fine, coarse = (
+            silhouette_distances(m[0], np.stack(m[1:]), pixel_weights(m[0], weighting))
+            for m in (large, small)
+        )
         # A pixel at a contour lies one whole pixel inside, of whatever size.
         np.testing.assert_allclose(coarse, fine, rtol=0.05 if weighting == "xor" else 0.3)
 
@@ -75,10 +92,19 @@ def test_three_forms_agree(weighting, dtype):
     rng = np.random.default_rng(2)
     masks = np.stack([figure(rng) for _ in range(600)])  # enough for the parallel loop
     mask, weights = masks[0], pixel_weights(masks[0], weighting)
-    expected = np.array([weights[mask ^ other].sum(dtype=np.float64) for other in masks]) / mask.size
-    np.testing.assert_allclose(silhouette_distances(mask, masks, weights), expected, rtol=1e-12, atol=1e-15)
+    expected = (
+        np.array([weights[mask ^ other].sum(dtype=np.float64) for other in masks]) / mask.size
+    )
+    np.testing.assert_allclose(
+        silhouette_distances(mask, masks, weights), expected, rtol=1e-12, atol=1e-15
+    )
     spans = Spans.from_masks(masks)
-    spans = Spans(spans.rows.astype(dtype), spans.starts.astype(dtype), spans.ends.astype(dtype), spans.offsets)
+    spans = Spans(
+        spans.rows.astype(dtype),
+        spans.starts.astype(dtype),
+        spans.ends.astype(dtype),
+        spans.offsets,
+    )
     target = Target.of(mask, weighting)
     found = target.distances(spans)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
@@ -98,8 +124,14 @@ def test_shifted_silhouettes_are_scored_beyond_the_window():
     weights = np.pad(pixel_weights(masks[0], "nwxor"), margin, mode="edge")
     wide = np.pad(masks, ((0, 0), (margin, margin), (margin, margin)))
     for row, (right, down) in zip(found, shifts, strict=True):
-        moved = np.roll(wide, (down, right), (1, 2))  # the rim is wide enough that nothing comes round
-        np.testing.assert_allclose(row, [weights[wide[0] ^ other].sum(dtype=float) / masks[0].size for other in moved], rtol=1e-9)
+        moved = np.roll(
+            wide, (down, right), (1, 2)
+        )  # the rim is wide enough that nothing comes round
+        np.testing.assert_allclose(
+            row,
+            [weights[wide[0] ^ other].sum(dtype=float) / masks[0].size for other in moved],
+            rtol=1e-9,
+        )
     assert (found[0] == target.distances(Spans.from_masks(masks))).all()
     with pytest.raises(ValueError, match="margin"):
         target.distances(Spans.from_masks(masks), shifts_px=np.array([[31, 0]]))
@@ -107,9 +139,16 @@ def test_shifted_silhouettes_are_scored_beyond_the_window():
 
 def test_thinning_is_that_of_scikit_image():
     rng = np.random.default_rng(4)
-    masks = [figure(rng, (120, 160)) for _ in range(20)] + [rng.random((40, 50)) < share for share in (0.3, 0.6, 0.9)]
-    for mask in [*masks, np.ones((9, 12), bool), np.zeros((5, 5), bool), np.pad(np.ones((2, 2), bool), 2)]:
-        assert (thin(mask) == thin_of_scikit_image(mask)).all()
+    masks = [figure(rng, (120, 160)) for _ in range(20)] + [
+        rng.random((40, 50)) < share for share in (0.3, 0.6, 0.9)
+    ]
+    for mask in [
+        *masks,
+        np.ones((9, 12), bool),
+        np.zeros((5, 5), bool),
+        np.pad(np.ones((2, 2), bool), 2),
+    ]:
+        assert (thin_silhouette(mask) == thin_of_scikit_image(mask)).all()
 
 
 def test_silhouettes_without_a_contour_weigh_one():
@@ -124,4 +163,6 @@ def test_wrong_arguments_are_refused():
     with pytest.raises(ValueError, match="weighting"):
         pixel_weights(np.zeros((3, 4), bool), "and")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="which"):
-        Target.of(np.zeros((3, 4), bool)).distances(Spans.from_masks([np.ones((3, 4), bool)]), np.array([1]))
+        Target.of(np.zeros((3, 4), bool)).distances(
+            Spans.from_masks([np.ones((3, 4), bool)]), np.array([1])
+        )

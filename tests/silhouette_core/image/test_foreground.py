@@ -30,9 +30,15 @@ def model(room: np.ndarray) -> BackgroundModel:
 
 @pytest.fixture(scope="module")
 def person() -> np.ndarray:
-    """A head, a trunk, an arm held away from it, and two legs, four times finer than the picture, (4 H, 4 W) uint8."""
+    """A head, a trunk, an arm held away from it, and two legs, four times finer than the picture,
+    (4 H, 4 W) uint8.
+    """
     fine = np.zeros((4 * SIZE[0], 4 * SIZE[1]), np.uint8)
-    for first, second, width in (((600, 200), (600, 240), 90), ((600, 340), (600, 480), 130), ((560, 300), (430, 480), 36)):
+    for first, second, width in (
+        ((600, 200), (600, 240), 90),
+        ((600, 340), (600, 480), 130),
+        ((560, 300), (430, 480), 36),
+    ):
         cv2.line(fine, first, second, 1, width)
     cv2.line(fine, (575, 480), (550, 800), 1, 48)
     cv2.line(fine, (625, 480), (660, 800), 1, 48)
@@ -43,10 +49,16 @@ def shot(picture: np.ndarray, rng: np.random.Generator, noise: float = NOISE) ->
     return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
 
 
-def filmed(room: np.ndarray, person: np.ndarray, colour: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Puts the person into the room with a cast shadow; returns the picture and the true silhouette."""
+def filmed(
+    room: np.ndarray, person: np.ndarray, colour: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Puts the person into the room with a cast shadow; returns the picture and the true
+    silhouette.
+    """
     share = cv2.resize(person.astype(np.float32), SIZE[::-1], interpolation=cv2.INTER_AREA)
-    shadow = cv2.warpAffine(share, np.array([[1, -0.9, 130], [0, 0.25, 152]], np.float32), SIZE[::-1])
+    shadow = cv2.warpAffine(
+        share, np.array([[1, -0.9, 130], [0, 0.25, 152]], np.float32), SIZE[::-1]
+    )
     lit = room * (1 - 0.35 * cv2.GaussianBlur(shadow, (0, 0), 1.5))[..., None]
     shading = np.linspace(0.9, 1.1, SIZE[1])[None, :, None]
     picture = share[..., None] * np.array(colour) * shading + (1 - share[..., None]) * lit
@@ -57,7 +69,13 @@ def overlap(found: np.ndarray, truth: np.ndarray) -> float:
     return (found & truth).sum() / (found | truth).sum()
 
 
-CLOTHES = {"red": (40, 40, 150), "grey": (105, 105, 105), "dark": (30, 25, 25), "light": (215, 225, 225), "blue": (150, 90, 60)}
+CLOTHES = {
+    "red": (40, 40, 150),
+    "grey": (105, 105, 105),
+    "dark": (30, 25, 25),
+    "light": (215, 225, 225),
+    "blue": (150, 90, 60),
+}
 
 
 @pytest.mark.parametrize("clothes", CLOTHES)
@@ -71,14 +89,22 @@ def test_it_is_better_than_the_paper(room, person):
     frames = [shot(room, rng) for _ in range(20)]
     picture, truth = filmed(room, person, CLOTHES["grey"])
     frame = shot(picture, rng)
-    paper = BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")).silhouette(frame)
-    assert overlap(BackgroundModel.from_frames(frames).silhouette(frame), truth) > overlap(paper, truth) + 0.05
+    paper = BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")).silhouette(
+        frame
+    )
+    assert (
+        overlap(BackgroundModel.from_frames(frames).silhouette(frame), truth)
+        > overlap(paper, truth) + 0.05
+    )
 
 
 @pytest.mark.parametrize("gain", [(0.85, 0.85, 0.85), (1.1, 1.0, 0.95)])
 def test_exposure_and_white_balance_may_change(room, model, person, gain):
     picture, truth = filmed(room, person, CLOTHES["red"])
-    assert overlap(model.silhouette(shot(picture * np.array(gain), np.random.default_rng(4))), truth) > 0.95
+    assert (
+        overlap(model.silhouette(shot(picture * np.array(gain), np.random.default_rng(4))), truth)
+        > 0.95
+    )
 
 
 def test_a_still_suffices_and_more_noise_is_noticed(room, person):
@@ -159,7 +185,10 @@ def test_evidence_is_the_part_that_brightness_does_not_explain():
 
 def test_shares_of_colours_sum_to_one():
     rng = np.random.default_rng(12)
-    counts, shares = rng.integers(0, 50, (16, 16, 16)).astype(np.float32), np.empty((16, 16, 16), np.float32)
+    counts, shares = (
+        rng.integers(0, 50, (16, 16, 16)).astype(np.float32),
+        np.empty((16, 16, 16), np.float32),
+    )
     counts[:2] = counts[-2:] = 0
     counts[:, :2] = counts[:, -2:] = 0
     counts[:, :, :2] = counts[:, :, -2:] = 0
@@ -169,11 +198,15 @@ def test_shares_of_colours_sum_to_one():
 
 @pytest.mark.parametrize(("name", "camera"), [("walk4", "cam_2"), ("traffic4", "cam_1")])
 def test_rendered_recordings_reach_their_mark(shared, name, camera):
-    from voxelpose.recording import Recording
+    from voxelpose.recording.folder import Recording
 
     recording = Recording.open(shared / "data" / name, frames=(20, 60), cameras=[camera])
     with np.load(shared / "data" / name / "masks/masks.npz") as packed:
         truth = np.unpackbits(packed[camera], axis=2)[:, :, : int(packed["width"])].astype(bool)
     model = BackgroundModel.from_frames(recording.backgrounds()[camera])
-    scores = [overlap(model.silhouette(frames[camera]), truth[index]) for index, _, frames in recording if index % 8 == 0]
+    scores = [
+        overlap(model.silhouette(frames[camera]), truth[index])
+        for index, _, frames in recording
+        if index % 8 == 0
+    ]
     assert np.mean(scores) > 0.97

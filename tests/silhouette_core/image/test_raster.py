@@ -13,7 +13,9 @@ SIZE = (160, 120)
 
 
 def reference(vertices, faces, face_part, matrix, size):
-    """Slow twin for meshes in front of the near plane: every edge function at every pixel, in whole 1/256 pixels."""
+    """Slow twin for meshes in front of the near plane: every edge function at every pixel, in whole
+    1/256 pixels.
+    """
     width, height = size
     parts, depth = np.zeros((height, width), np.uint8), np.full((height, width), np.inf)
     homogeneous = vertices @ matrix.T
@@ -49,7 +51,11 @@ def blobs(seed=0):
         meshes.append(mesh)
         parts += [part] * len(mesh.faces)
     whole = trimesh.util.concatenate(meshes)
-    return np.asarray(whole.vertices, np.float64), np.asarray(whole.faces, np.int32), np.array(parts, np.int32)
+    return (
+        np.asarray(whole.vertices, np.float64),
+        np.asarray(whole.faces, np.int32),
+        np.array(parts, np.int32),
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -61,11 +67,15 @@ def test_same_as_the_slow_twin(seed):
     seen = parts > 0
     np.testing.assert_allclose(depth[seen], expected_depth[seen], rtol=1e-5)
     assert np.isinf(depth[~seen]).all()
-    assert (parts == expected_parts).mean() > 0.9999  # only equal depths, rounded differently, may change hands
+    assert (
+        parts == expected_parts
+    ).mean() > 0.9999  # only equal depths, rounded differently, may change hands
 
 
 def ray_distances(rays, a, b, c):
-    """Distances along rays from the origin to one triangle, infinite where missed (Moeller and Trumbore)."""
+    """Distances along rays from the origin to one triangle, infinite where missed (Moeller and
+    Trumbore).
+    """
     across = np.cross(rays, c - a)
     determinant = across @ (b - a)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -79,13 +89,16 @@ def test_agrees_with_ray_casting_away_from_the_outlines():
     vertices, faces, part = blobs(5)
     parts, depth = render_parts(vertices, faces, part, MATRIX, SIZE)
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
-    rays = np.stack([(x - MATRIX[0, 2]) / MATRIX[0, 0], (y - MATRIX[1, 2]) / MATRIX[1, 1], np.ones(x.shape)], -1).reshape(-1, 3)
+    rays = np.stack(
+        [(x - MATRIX[0, 2]) / MATRIX[0, 0], (y - MATRIX[1, 2]) / MATRIX[1, 1], np.ones(x.shape)], -1
+    ).reshape(-1, 3)
     distance = np.stack([ray_distances(rays, *vertices[face]) for face in faces])
     nearest = distance.argmin(0)
     cast_depth = distance.min(0)
     expected = np.where(np.isfinite(cast_depth), part[nearest] + 1, 0).astype(np.uint8)
     expected = expected.reshape(parts.shape)
-    # Boundary band: a pixel beside another label may fall to either side by the 1/256 pixel rounding.
+    # Boundary band: a pixel beside another label may fall to either side by the 1/256 pixel
+    # rounding.
     kernel = np.ones((3, 3), np.uint8)
     band = cv2.dilate(expected, kernel) != cv2.erode(expected, kernel)
     np.testing.assert_array_equal(parts[~band], expected[~band])
@@ -95,32 +108,49 @@ def test_agrees_with_ray_casting_away_from_the_outlines():
 
 
 def test_shared_edges_are_drawn_once():
-    """A fan around a pixel centre, with corners on pixel centres: the pieces tile the square exactly."""
-    ring = np.array([[10, 10], [20, 10], [30, 10], [30, 20], [30, 30], [20, 30], [10, 30], [10, 20]], float)
+    """A fan around a pixel centre, with corners on pixel centres: the pieces tile the square
+    exactly.
+    """
+    ring = np.array(
+        [[10, 10], [20, 10], [30, 10], [30, 20], [30, 30], [20, 30], [10, 30], [10, 20]], float
+    )
     pixels = np.vstack([[20.0, 20.0], ring])
     vertices = np.column_stack([pixels, np.ones(9)])
     faces = np.array([[0, i, i % 8 + 1] for i in range(1, 9)], np.int32)
     count = np.zeros((40, 40), int)
     for i in range(8):
-        count += render_parts(vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (40, 40))[0]
+        count += render_parts(
+            vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (40, 40)
+        )[0]
     expected = np.zeros((40, 40), int)
-    expected[10:30, 10:30] = 1  # left and top edges belong to the square, right and bottom ones do not
+    expected[10:30, 10:30] = (
+        1  # left and top edges belong to the square, right and bottom ones do not
+    )
     np.testing.assert_array_equal(count, expected)
 
 
 def test_random_fans_tile_without_gaps_or_doubles():
     rng = np.random.default_rng(3)
     angles = np.sort(rng.uniform(0, 2 * np.pi, 12))
-    pixels = np.vstack([[50.3, 48.9], np.column_stack([50 + 45 * np.cos(angles), 50 + 45 * np.sin(angles)])])
+    pixels = np.vstack(
+        [[50.3, 48.9], np.column_stack([50 + 45 * np.cos(angles), 50 + 45 * np.sin(angles)])]
+    )
     vertices = np.column_stack([pixels, np.ones(13)]) * rng.uniform(1, 4, (13, 1))
     faces = np.array([[0, i, i % 12 + 1] for i in range(1, 13)], np.int32)
-    count = sum(render_parts(vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (100, 100))[0].astype(int) for i in range(12))
+    count = sum(
+        render_parts(vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (100, 100))[
+            0
+        ].astype(int)
+        for i in range(12)
+    )
     whole = render_parts(vertices, faces, np.zeros(12, np.int32), np.eye(3), (100, 100))[0]
     np.testing.assert_array_equal(count, whole)
 
 
 def test_triangle_through_the_near_plane_is_clipped():
-    """A floor under the camera that reaches behind it fills the lower half of the image and nothing above the horizon."""
+    """A floor under the camera that reaches behind it fills the lower half of the image and nothing
+    above the horizon.
+    """
     vertices = np.array([[-50.0, 1, -20], [50, 1, -20], [50, 1, 400], [-50, 1, 400]])
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     matrix = np.array([[50.0, 0, 49.5], [0, 50, 49.5], [0, 0, 1]])
@@ -138,12 +168,17 @@ def test_corners_that_are_not_finite_drop_their_faces():
     parts, _ = render_parts(vertices, faces, part, MATRIX, SIZE)
     kept = ~(faces == faces[0, 0]).any(1)
     vertices[faces[0, 0]] = 1.0
-    np.testing.assert_array_equal(parts, render_parts(vertices, faces[kept], part[kept], MATRIX, SIZE)[0])
+    np.testing.assert_array_equal(
+        parts, render_parts(vertices, faces[kept], part[kept], MATRIX, SIZE)[0]
+    )
 
 
 def test_culling_keeps_the_silhouette_of_a_closed_mesh():
     vertices, faces, part = blobs(2)
-    kept, culled = (render_parts(vertices, faces, part, MATRIX, SIZE, cull_back=cull)[0] for cull in (False, True))
+    kept, culled = (
+        render_parts(vertices, faces, part, MATRIX, SIZE, cull_back=cull)[0]
+        for cull in (False, True)
+    )
     np.testing.assert_array_equal(kept > 0, culled > 0)
     assert (kept == culled).mean() > 0.999
 
@@ -151,7 +186,9 @@ def test_culling_keeps_the_silhouette_of_a_closed_mesh():
 def test_many_poses_are_each_as_alone_for_any_thread_count():
     vertices, faces, part = blobs()
     poses = (vertices + np.linspace(-0.3, 0.3, 5)[:, None, None] * [1, 0.5, 1]).astype(np.float32)
-    alone = np.stack([render_parts(pose, faces, part, MATRIX, SIZE, cull_back=True)[0] for pose in poses])
+    alone = np.stack(
+        [render_parts(pose, faces, part, MATRIX, SIZE, cull_back=True)[0] for pose in poses]
+    )
     for threads in (1, 2):
         jit.set_threads(threads)
         np.testing.assert_array_equal(render_many(poses, faces, part, MATRIX, SIZE), alone)
@@ -171,7 +208,11 @@ def test_many_poses_are_each_as_alone_for_any_thread_count():
     ],
 )
 def test_wrong_arguments_are_named(change, words):
-    good = {"vertices_cam": np.zeros((4, 3)), "faces": np.zeros((1, 3), int), "face_part": np.zeros(1, int)}
+    good = {
+        "vertices_cam": np.zeros((4, 3)),
+        "faces": np.zeros((1, 3), int),
+        "face_part": np.zeros(1, int),
+    }
     good |= {"matrix": np.eye(3), "size": (8, 8)}
     with pytest.raises(ValueError, match=words):
         render_parts(**{**good, **change})

@@ -4,11 +4,13 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.library.bases import base_poses
-from silhouette_core.library.library import LibrarySettings
+from silhouette_core.library.base_poses import base_poses
+from silhouette_core.library.pose_library import LibrarySettings
 from silhouette_core.motion.motion import Motion
 
-SETTINGS = LibrarySettings(poses=240, yaw_step_deg=60, mirror=False, tolerance_deg=12.0, weighting="nwxor")
+SETTINGS = LibrarySettings(
+    poses=240, yaw_step_deg=60, mirror=False, tolerance_deg=12.0, weighting="nwxor"
+)
 
 
 def swaying(seed: int = 0, frames: int = 200, stature_m: float = 1.75) -> Motion:
@@ -18,7 +20,7 @@ def swaying(seed: int = 0, frames: int = 200, stature_m: float = 1.75) -> Motion
     time = np.arange(frames)[:, None] / 30
     phase, pace = rng.uniform(0, 2 * np.pi, model.dof_count), rng.uniform(0.1, 0.5, model.dof_count)
     angles = 0.45 * np.sin(2 * np.pi * pace * time + phase) + 0.2 * np.sin(5 * pace * time)
-    angles = np.where(model.dof_held, 0, np.clip(angles, *model.dof_limits_rad.T))
+    angles = np.where(model.dof_fixed, 0, np.clip(angles, *model.dof_limits_rad.T))
     half = np.cumsum(rng.normal(0, 0.02, frames))
     quaternion = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
     return Motion(30.0, model, np.tile(model.joints_m[0], (frames, 1)), quaternion, angles)

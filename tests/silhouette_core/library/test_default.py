@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Silent
 from silhouette_core.library import default
+from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.library.small_library import SETTINGS, swaying
 
 
-class Listener(Silent):
+class Listener(SilentReporter):
     def __init__(self):
         self.notes = []
 
@@ -20,8 +20,11 @@ class Listener(Silent):
 
 @pytest.fixture
 def small(monkeypatch):
-    """A short repertoire and few poses."""
-    monkeypatch.setattr("silhouette_core.motion.repertoire.repertoire", lambda model: {"sway": swaying(0, 60, model.sizes.stature_m)})
+    """A short keypose_motions and few poses."""
+    monkeypatch.setattr(
+        "silhouette_core.motion.keyposes.keypose_motions",
+        lambda model: {"sway": swaying(0, 60, model.sizes.stature_m)},
+    )
     monkeypatch.setattr(default, "SETTINGS", replace(SETTINGS, poses=24))
 
 

@@ -9,7 +9,7 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.library.build import build_library
-from silhouette_core.library.library import require_body
+from silhouette_core.library.pose_library import require_body
 from silhouette_core.library.store import is_library, read_library, write_library
 from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
 
@@ -46,7 +46,11 @@ def test_what_is_read_is_what_was_written(made, path):
         assert (array == getattr(made, name)).all() and array.dtype == getattr(made, name).dtype
         assert not array.flags.writeable  # it is the file itself
     for one, other in zip(read.levels, made.levels, strict=True):
-        assert (one.parent == other.parent).all() and (one.spans.starts == other.spans.starts).all() and one.size_px == other.size_px
+        assert (
+            (one.parent == other.parent).all()
+            and (one.spans.starts == other.spans.starts).all()
+            and one.size_px == other.size_px
+        )
     assert all((read.neighbours[name] == made.neighbours[name]).all() for name in made.neighbours)
     assert (read.model.vertices_m == made.model.vertices_m).all()
     require_body(read, made.model.sizes)
@@ -73,7 +77,13 @@ def test_a_changed_description_is_noticed(path):
 
 @pytest.mark.parametrize(
     ("keep", "line"),
-    [(0, "empty"), (5, "not a pose library, or is damaged"), (300, "not a pose library"), (0.7, "truncated"), (-1, "trunc")],
+    [
+        (0, "empty"),
+        (5, "not a pose library, or is damaged"),
+        (300, "not a pose library"),
+        (0.7, "truncated"),
+        (-1, "trunc"),
+    ],
 )
 def test_a_truncated_file_is_refused(path, keep, line):
     content = path.read_bytes()
@@ -88,7 +98,11 @@ def test_other_files_and_versions_are_refused(path, tmp_path):
     (tmp_path / "text").write_text("no library at all, but some text of a certain length")
     with pytest.raises(InputError, match="not a pose library"):
         read_library(tmp_path / "text")
-    assert is_library(path) and not is_library(tmp_path / "text") and not is_library(tmp_path / "nothing")
+    assert (
+        is_library(path)
+        and not is_library(tmp_path / "text")
+        and not is_library(tmp_path / "nothing")
+    )
     content = path.read_bytes()
     length = int.from_bytes(content[:8], "little")
     header = json.loads(content[8 : 8 + length])
@@ -106,9 +120,13 @@ def test_a_library_without_poses_is_refused(made, path):
         read_library(path)
 
 
-@pytest.mark.parametrize("sizes", [BodySizes(1.85), BodySizes(1.75, 1.1), BodySizes(1.75, None, "female")])
+@pytest.mark.parametrize(
+    "sizes", [BodySizes(1.85), BodySizes(1.75, 1.1), BodySizes(1.75, None, "female")]
+)
 def test_another_body_is_refused(made, sizes):
-    with pytest.raises(InputError, match=r"made for another body \(stature 1.75 m.*library build --stature"):
+    with pytest.raises(
+        InputError, match=r"made for another body \(stature 1.75 m.*library build --stature"
+    ):
         require_body(made, sizes)
 
 

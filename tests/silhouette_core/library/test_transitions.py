@@ -24,10 +24,12 @@ def dense_squares(library, occlusion_aware):
     pitch = library.views[library.sample_view, 1]
     found = np.full((len(library), len(library)), np.inf)
     for i in range(len(library)):
-        hidden = library.occluded[i] if occlusion_aware else np.zeros(27, bool)
-        sigma = library.sigma_rad * np.where(hidden[library.model.dof_part], 5, 1)
-        root = library.root_sigma_rad * (5 if hidden[0] else 1)
-        apart = (((angles - angles[i]) / sigma) ** 2).sum(1) + ((rotation[i].inv() * rotation).magnitude() / root) ** 2
+        occluded = library.occluded[i] if occlusion_aware else np.zeros(27, bool)
+        sigma = library.sigma_rad * np.where(occluded[library.model.dof_part], 5, 1)
+        root = library.root_sigma_rad * (5 if occluded[0] else 1)
+        apart = (((angles - angles[i]) / sigma) ** 2).sum(1) + (
+            (rotation[i].inv() * rotation).magnitude() / root
+        ) ** 2
         found[i] = np.where(pitch == pitch[i], apart, np.inf)
     return found
 
@@ -35,10 +37,10 @@ def dense_squares(library, occlusion_aware):
 @pytest.mark.parametrize("occlusion_aware", [False, True])
 def test_all_neighbours_give_the_dense_matrix(made, occlusion_aware):
     library = replace(made, neighbours=find_neighbours(made, kept=len(made)))
-    spread = 4.0
-    gauss = np.exp(-dense_squares(made, occlusion_aware) / (2 * spread**2))
+    sigma_scale = 4.0
+    gauss = np.exp(-dense_squares(made, occlusion_aware) / (2 * sigma_scale**2))
     expected = gauss / gauss.sum(1, keepdims=True)
-    found = transitions(library, occlusion_aware, spread, neighbours=len(made)).toarray()
+    found = transitions(library, occlusion_aware, sigma_scale, neighbours=len(made)).toarray()
     np.testing.assert_allclose(found, expected, rtol=2e-3, atol=1e-6)
     assert np.count_nonzero(expected > 1e-3) > 3 * len(made)
 
@@ -48,28 +50,39 @@ def test_the_nearest_are_kept_with_their_weights(made, occlusion_aware):
     library = replace(made, neighbours=find_neighbours(made, kept=12))
     squares = dense_squares(made, occlusion_aware)
     name = "dm2" if occlusion_aware else "dm1"
-    np.testing.assert_allclose(library.neighbours[f"{name}.square"], np.sort(squares, axis=1)[:, :12], rtol=1e-4, atol=1e-3)
-    matrix = transitions(library, occlusion_aware, spread=3.0)
+    np.testing.assert_allclose(
+        library.neighbours[f"{name}.square"], np.sort(squares, axis=1)[:, :12], rtol=1e-4, atol=1e-3
+    )
+    matrix = transitions(library, occlusion_aware, sigma_scale=3.0)
     assert matrix.shape == (len(made), len(made)) and matrix.nnz == 12 * len(made)
     np.testing.assert_allclose(np.asarray(matrix.sum(1)).ravel(), 1, rtol=1e-5)
-    assert (matrix.diagonal() >= matrix.max(axis=1).toarray().ravel() - 1e-6).all()  # staying is most likely
+    assert (
+        matrix.diagonal() >= matrix.max(axis=1).toarray().ravel() - 1e-6
+    ).all()  # staying is most likely
 
 
 def test_without_normalising_the_nearest_weigh_the_same_from_everywhere(made):
-    plain, shared = (transitions(made, True, 4.0, normalised=flag).toarray() for flag in (False, True))
+    plain, shared = (
+        transitions(made, True, 4.0, normalised=flag).toarray() for flag in (False, True)
+    )
     np.testing.assert_allclose(plain.diagonal(), 1)
-    np.testing.assert_allclose(plain / plain.sum(axis=1, keepdims=True), shared, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(
+        plain / plain.sum(axis=1, keepdims=True), shared, rtol=1e-4, atol=1e-6
+    )
 
 
 def test_hidden_parts_move_more(made):
     assert made.occluded.any() and not made.occluded.all()
-    hidden = np.flatnonzero(made.occluded.sum(1) > 3)
-    dm1, dm2 = (np.asarray(made.neighbours[f"{name}.square"])[hidden, 1:] for name in ("dm1", "dm2"))
+    occluded = np.flatnonzero(made.occluded.sum(1) > 3)
+    dm1, dm2 = (
+        np.asarray(made.neighbours[f"{name}.square"])[occluded, 1:] for name in ("dm1", "dm2")
+    )
     assert (dm2.mean(1) < dm1.mean(1)).mean() > 0.9
 
 
 def test_parts_that_show_little_are_hidden(made):
     share = made.areas / np.percentile(made.areas, 99, axis=0)
     assert (made.occluded == (share < 0.15)).all()
-    # In profile, of two hands of a body standing still one is behind the trunk more often than from the front.
+    # In profile, of two hands of a body standing still one is behind the trunk more often than from
+    # the front.
     assert made.areas.dtype == np.uint16

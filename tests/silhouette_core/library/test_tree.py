@@ -9,7 +9,7 @@ from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import set_threads
 from silhouette_core.library import thresholds
 from silhouette_core.library.build import build_library
-from silhouette_core.library.pictures import masks_of, silhouette_levels
+from silhouette_core.library.rendering import masks_of, silhouette_levels
 from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
 
 
@@ -32,7 +32,10 @@ def literal_tree(library):
         return samples[np.argmin(np.linalg.norm(pose[samples] - pose[samples].mean(0), axis=1))]
 
     def distances(representative, masks, samples):
-        mask, weights = masks[representative], pixel_weights(masks[representative], "nwxor").astype(float)
+        mask, weights = (
+            masks[representative],
+            pixel_weights(masks[representative], "nwxor").astype(float),
+        )
         return {s: weights[mask ^ masks[s]].sum() / mask.size for s in samples}
 
     sets, found = [list(everybody)], []
@@ -51,7 +54,9 @@ def literal_tree(library):
             for s in samples:  # (3)
                 if s not in representatives:
                     groups[int(np.argmin([row[s] for row in table]))].append(s)
-            nodes += [(number, nearest_mean(sorted(group)), sorted(group)) for group in groups]  # (4)
+            nodes += [
+                (number, nearest_mean(sorted(group)), sorted(group)) for group in groups
+            ]  # (4)
         found.append(nodes)
         sets = [samples for _, _, samples in nodes]
     return found
@@ -68,13 +73,18 @@ def test_the_tree_is_the_literal_one(made):
 
 def test_the_tree_holds_every_sample_once_and_in_order(made):
     assert sorted(made.leaf_samples) == list(range(len(made)))
-    for level, below, offsets in zip(made.levels[:-1], made.levels[1:], made.child_offsets, strict=False):
+    for level, below, offsets in zip(
+        made.levels[:-1], made.levels[1:], made.child_offsets, strict=False
+    ):
         assert (np.diff(below.parent) >= 0).all()
         for node in range(len(level)):
             assert (below.parent[offsets[node] : offsets[node + 1]] == node).all()
             assert offsets[node + 1] > offsets[node]
     for node, representative in enumerate(made.levels[-1].representative):
-        assert representative in made.leaf_samples[made.leaf_offsets[node] : made.leaf_offsets[node + 1]]
+        assert (
+            representative
+            in made.leaf_samples[made.leaf_offsets[node] : made.leaf_offsets[node + 1]]
+        )
 
 
 def test_node_counts_come_near_to_what_is_wanted(made):
@@ -143,5 +153,9 @@ def test_threads_and_interruption_make_no_difference(tmp_path):
     for name in ("areas", "pelvis_px", "occluded", "leaf_samples", "leaf_offsets"):
         assert (getattr(library, name) == getattr(alone, name)).all()
     for one, other in zip(library.levels, alone.levels, strict=True):
-        assert (one.representative == other.representative).all() and one.threshold == other.threshold
-    assert all((library.neighbours[name] == alone.neighbours[name]).all() for name in alone.neighbours)
+        assert (
+            one.representative == other.representative
+        ).all() and one.threshold == other.threshold
+    assert all(
+        (library.neighbours[name] == alone.neighbours[name]).all() for name in alone.neighbours
+    )

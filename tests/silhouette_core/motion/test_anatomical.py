@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
 from silhouette_core.motion.motion import Motion
-from tests.takes import waving
+from tests.clips import waving
 
 BODY = BodyModel.from_sizes(BodySizes(1.7))
 
@@ -23,7 +23,9 @@ def posed(degrees: dict[str, float], heading_deg: float = 0.0) -> Motion:
     for name, value in degrees.items():
         angles[0, BODY.dof_names.index(name)] = np.radians(value)
     half = np.radians(heading_deg) / 2
-    return Motion(30.0, BODY, BODY.joints_m[:1].copy(), np.array([[np.cos(half), 0, 0, np.sin(half)]]), angles)
+    return Motion(
+        30.0, BODY, BODY.joints_m[:1].copy(), np.array([[np.cos(half), 0, 0, np.sin(half)]]), angles
+    )
 
 
 def angle(degrees: dict[str, float], name: str) -> float:
@@ -66,7 +68,11 @@ def test_trunk(turn, name, sign):
     if sign is None:  # by geometry: to which side the neck goes, to which side the chest faces
         rotation, origin = posed({f"lumbar.{turn}": 20}).parts()
         chest = rotation[0, PART_NAMES.index("upper_thorax")]
-        right = origin[0, PART_NAMES.index("neck"), 0] < -0.05 if turn == "lateral" else (chest @ [0, -1, 0])[0] > 0.1
+        right = (
+            origin[0, PART_NAMES.index("neck"), 0] < -0.05
+            if turn == "lateral"
+            else (chest @ [0, -1, 0])[0] > 0.1
+        )
         sign = 1 if right else -1
     assert moved == pytest.approx(20 * sign, abs=0.01)
 
@@ -99,7 +105,9 @@ def test_pelvis_leans_the_same_whichever_way_it_faces():
 
 
 def test_obliquity_raises_the_right_side():
-    raised = Rotation.from_euler("y", 15, degrees=True)  # about +y: from z toward x, so the right hip, at -x, goes up
+    raised = Rotation.from_euler(
+        "y", 15, degrees=True
+    )  # about +y: from z toward x, so the right hip, at -x, goes up
     found = replace(posed({}), root_quaternion=raised.as_quat(scalar_first=True)[None])
     hips = found.landmarks()[0, [4, 1], 2]
     assert hips[0] > hips[1]
@@ -110,13 +118,21 @@ def test_obliquity_raises_the_right_side():
 @given(st.integers(0, 2**32 - 1))
 def test_angles_make_the_rotations_again(seed):
     random = np.random.default_rng(seed)
-    motion = replace(posed({}), angles_rad=random.uniform(BODY.dof_limits_rad[:, 0], BODY.dof_limits_rad[:, 1])[None])
+    motion = replace(
+        posed({}),
+        angles_rad=random.uniform(BODY.dof_limits_rad[:, 0], BODY.dof_limits_rad[:, 1])[None],
+    )
     found, rotations = anatomical_angles(motion), joint_rotations(motion)
     for side in ("left", "right"):
-        flexion, adduction, turn = (found[f"{side}_hip_{name}"][0] for name in ("flexion", "adduction", "internal_rotation"))
+        flexion, adduction, turn = (
+            found[f"{side}_hip_{name}"][0] for name in ("flexion", "adduction", "internal_rotation")
+        )
         again = Rotation.from_euler("ZXY", [flexion, adduction, turn], degrees=True).as_matrix()
         np.testing.assert_allclose(again, rotations[f"{side}_hip"][0], atol=1e-9)
-        plane, elevation, axial = (found[f"{side}_shoulder_{name}"][0] for name in ("plane_of_elevation", "elevation", "axial_rotation"))
+        plane, elevation, axial = (
+            found[f"{side}_shoulder_{name}"][0]
+            for name in ("plane_of_elevation", "elevation", "axial_rotation")
+        )
         again = Rotation.from_euler("YXY", [plane, -elevation, axial], degrees=True).as_matrix()
         np.testing.assert_allclose(again, rotations[f"{side}_shoulder"][0], atol=1e-9)
         assert elevation >= 0
@@ -124,7 +140,9 @@ def test_angles_make_the_rotations_again(seed):
     joints = motion.landmarks()[0]
     thigh, shin = joints[4] - joints[5], joints[5] - joints[6]
     between = np.degrees(np.arccos(thigh @ shin / np.linalg.norm(thigh) / np.linalg.norm(shin)))
-    knee = Rotation.from_euler("ZX", [-found["right_knee_flexion"][0], found["right_knee_adduction"][0]], degrees=True).as_matrix()
+    knee = Rotation.from_euler(
+        "ZX", [-found["right_knee_flexion"][0], found["right_knee_adduction"][0]], degrees=True
+    ).as_matrix()
     assert np.degrees(np.arccos(knee[1, 1])) == pytest.approx(between, abs=1e-6)
 
 

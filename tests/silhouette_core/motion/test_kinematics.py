@@ -1,14 +1,22 @@
-"""Forward kinematics against rotations multiplied by scipy, and its derivatives against differences."""
+"""ForwardFilter kinematics against rotations multiplied by scipy, and its derivatives against
+differences.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.joints import FREEDOMS, LANDMARK_NAMES, PARENTS, PART_NAMES
+from silhouette_core.body.joints import DOFS, LANDMARK_NAMES, PARENTS, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts_and_axes, turn
-from silhouette_core.motion.kinematics import forward, landmarks, quaternions, rotation_matrices, skin
+from silhouette_core.motion.kinematics import (
+    forward,
+    landmarks,
+    quaternions,
+    rotation_matrices,
+    skin,
+)
 
 
 @pytest.fixture(scope="module")
@@ -17,35 +25,48 @@ def model():
 
 
 @pytest.fixture
-def take(model):
+def clip(model):
     rng = np.random.default_rng(0)
     low, high = model.dof_limits_rad.T
-    return rng.normal(size=(4, 3)), Rotation.random(4, random_state=1).as_quat(scalar_first=True), rng.uniform(low, high, (4, len(low)))
+    return (
+        rng.normal(size=(4, 3)),
+        Rotation.random(4, random_state=1).as_quat(scalar_first=True),
+        rng.uniform(low, high, (4, len(low))),
+    )
 
 
 def by_hand(model, root, quaternion, angles):
     """Every part's rotation and joint as a plain product down the tree."""
     rotations, origins = [], []
     for part, parent in enumerate(PARENTS):
-        vector = sum((angles[k] * np.array(f.axis) for k, (p, f) in enumerate(FREEDOMS) if p == part), np.zeros(3))
+        vector = sum(
+            (angles[k] * np.array(f.axis) for k, (p, f) in enumerate(DOFS) if p == part),
+            np.zeros(3),
+        )
         own = Rotation.from_rotvec(vector)
-        above = Rotation.from_quat(quaternion, scalar_first=True) if parent < 0 else rotations[parent]
-        origins.append(root if parent < 0 else origins[parent] + above.apply(model.joints_m[part] - model.joints_m[parent]))
+        above = (
+            Rotation.from_quat(quaternion, scalar_first=True) if parent < 0 else rotations[parent]
+        )
+        origins.append(
+            root
+            if parent < 0
+            else origins[parent] + above.apply(model.joints_m[part] - model.joints_m[parent])
+        )
         rotations.append(above * own)
     return np.stack([r.as_matrix() for r in rotations]), np.stack(origins)
 
 
-def test_parts_are_where_the_product_of_rotations_puts_them(model, take):
-    rotation, origin = forward(model, *take)
+def test_parts_are_where_the_product_of_rotations_puts_them(model, clip):
+    rotation, origin = forward(model, *clip)
     assert rotation.shape == (4, 27, 3, 3) and origin.shape == (4, 27, 3)
     for t in range(4):
-        expected = by_hand(model, *(array[t] for array in take))
+        expected = by_hand(model, *(array[t] for array in clip))
         np.testing.assert_allclose(rotation[t], expected[0], atol=1e-12)
         np.testing.assert_allclose(origin[t], expected[1], atol=1e-12)
 
 
-def test_one_part_for_many_angles(model, take):
-    root, quaternion, angles = take
+def test_one_part_for_many_angles(model, clip):
+    root, quaternion, angles = clip
     matrix = rotation_matrices(quaternion[0])
     for part in (0, PART_NAMES.index("head"), PART_NAMES.index("right_toes")):
         rotations, origins = np.empty((4, 3, 3)), np.empty((4, 3))
@@ -57,32 +78,51 @@ def test_one_part_for_many_angles(model, take):
 
 
 def test_at_rest_nothing_moves(model):
-    rotation, origin = forward(model, model.joints_m[:1], np.array([[1.0, 0, 0, 0]]), np.zeros((1, model.dof_count)))
+    rotation, origin = forward(
+        model, model.joints_m[:1], np.array([[1.0, 0, 0, 0]]), np.zeros((1, model.dof_count))
+    )
     np.testing.assert_allclose(rotation[0], np.tile(np.eye(3), (27, 1, 1)), atol=1e-15)
     np.testing.assert_allclose(origin[0], model.joints_m, atol=1e-12)
     np.testing.assert_allclose(skin(model, rotation[0], origin[0]), model.vertices_m, atol=1e-7)
     np.testing.assert_allclose(landmarks(model, rotation, origin)[0], model.landmarks_m, atol=1e-12)
 
 
-def test_axes_are_the_derivatives_of_the_joints(model, take):
-    root, quaternion, angles = (array[0] for array in take)
-    arrays = model.parents, model.joints_m, model.dof_part, model.dof_axis, rotation_matrices(quaternion), root
+def test_axes_are_the_derivatives_of_the_joints(model, clip):
+    root, quaternion, angles = (array[0] for array in clip)
+    arrays = (
+        model.parents,
+        model.joints_m,
+        model.dof_part,
+        model.dof_axis,
+        rotation_matrices(quaternion),
+        root,
+    )
 
     def placed(q):
-        rotation, origin, axis = np.empty((27, 3, 3)), np.empty((27, 3)), np.empty((model.dof_count, 3))
+        rotation, origin, axis = (
+            np.empty((27, 3, 3)),
+            np.empty((27, 3)),
+            np.empty((model.dof_count, 3)),
+        )
         place_parts_and_axes(*arrays, q, rotation, origin, axis)
         return rotation, origin, axis
 
     _, origin, axis = placed(angles)
     step = 1e-6
-    for k, (part, _) in enumerate(FREEDOMS):
-        ahead, behind = (placed(angles + sign * step * np.eye(model.dof_count)[k]) for sign in (1, -1))
+    for k, (part, _) in enumerate(DOFS):
+        ahead, behind = (
+            placed(angles + sign * step * np.eye(model.dof_count)[k]) for sign in (1, -1)
+        )
         moved = (ahead[1] - behind[1]) / (2 * step)
         turned = (ahead[0] - behind[0]) / (2 * step)
         below = np.array([part in _ancestors(p) for p in range(27)])
-        np.testing.assert_allclose(moved[below], np.cross(axis[k], origin[below] - origin[part]), atol=1e-8)
+        np.testing.assert_allclose(
+            moved[below], np.cross(axis[k], origin[below] - origin[part]), atol=1e-8
+        )
         np.testing.assert_allclose(moved[~below], 0, atol=1e-9)
-        np.testing.assert_allclose(turned[part], np.cross(axis[k], placed(angles)[0][part], axisb=0, axisc=0), atol=1e-8)
+        np.testing.assert_allclose(
+            turned[part], np.cross(axis[k], placed(angles)[0][part], axisb=0, axisc=0), atol=1e-8
+        )
 
 
 def _ancestors(part):
@@ -103,34 +143,50 @@ def test_turning_by_small_and_large_vectors(length):
     for k in range(3):
         step = 1e-6 * np.eye(3)[k]
         ahead, behind = (Rotation.from_rotvec(vector + sign * step) for sign in (1, -1))
-        np.testing.assert_allclose(jacobian[:, k], (ahead * behind.inv()).as_rotvec() / 2e-6, atol=1e-8)
+        np.testing.assert_allclose(
+            jacobian[:, k], (ahead * behind.inv()).as_rotvec() / 2e-6, atol=1e-8
+        )
 
 
-def test_skin_is_the_weighted_mean_of_the_parts(model, take):
-    rotation, origin = (array[0] for array in forward(model, *take))
+def test_skin_is_the_weighted_mean_of_the_parts(model, clip):
+    rotation, origin = (array[0] for array in forward(model, *clip))
     expected = np.zeros_like(model.vertices_m)
     for k in range(4):
         part = model.skin_parts[:, k]
-        placed = np.einsum("vij,vj->vi", rotation[part], model.vertices_m - model.joints_m[part]) + origin[part]
+        placed = (
+            np.einsum("vij,vj->vi", rotation[part], model.vertices_m - model.joints_m[part])
+            + origin[part]
+        )
         expected += model.skin_weights[:, k, None] * placed
     np.testing.assert_allclose(skin(model, rotation, origin), expected, atol=1e-12)
 
 
-def test_landmarks_are_the_joints_of_their_names(model, take):
-    rotation, origin = forward(model, *take)
+def test_landmarks_are_the_joints_of_their_names(model, clip):
+    rotation, origin = forward(model, *clip)
     found = landmarks(model, rotation, origin)
-    for name, part in (("left_knee", "left_shin"), ("right_wrist", "right_hand"), ("pelvis", "pelvis"), ("right_hip", "right_thigh")):
-        np.testing.assert_allclose(found[:, LANDMARK_NAMES.index(name)], origin[:, PART_NAMES.index(part)], atol=1e-12)
+    for name, part in (
+        ("left_knee", "left_shin"),
+        ("right_wrist", "right_hand"),
+        ("pelvis", "pelvis"),
+        ("right_hip", "right_thigh"),
+    ):
+        np.testing.assert_allclose(
+            found[:, LANDMARK_NAMES.index(name)], origin[:, PART_NAMES.index(part)], atol=1e-12
+        )
 
 
 def test_positive_angles_make_the_named_movement(model):
-    """Flexing lifts the thigh forward (-y), abduction leads away from the middle, the knee bends backward, on both sides."""
+    """Flexing lifts the thigh forward (-y), abduction leads away from the middle, the knee bends
+    backward, on both sides.
+    """
 
     def moved(turns):
         angles = np.zeros((1, model.dof_count))
         for name, degrees in turns.items():
             angles[0, model.dof_names.index(name)] = np.radians(degrees)
-        placed = landmarks(model, *forward(model, model.joints_m[:1], np.array([[1.0, 0, 0, 0]]), angles))[0]
+        placed = landmarks(
+            model, *forward(model, model.joints_m[:1], np.array([[1.0, 0, 0, 0]]), angles)
+        )[0]
         return {name: placed[k] - model.landmarks_m[k] for k, name in enumerate(LANDMARK_NAMES)}
 
     for side, out in (("left", 1), ("right", -1)):

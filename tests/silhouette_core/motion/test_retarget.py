@@ -10,9 +10,9 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.kinematics import skin
+from silhouette_core.motion.mocap import load_motions, read_clip, retarget
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.recorded import load_motions, read_recorded, retarget
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.export.bvh import write_bvh
 
 BONES = [
@@ -23,7 +23,9 @@ BONES = [
 
 
 def directions(places, index, bones=BONES):
-    lines = np.stack([places[:, index(far)] - places[:, index(near)] for near, far in bones], axis=1)
+    lines = np.stack(
+        [places[:, index(far)] - places[:, index(near)] for near, far in bones], axis=1
+    )
     return lines / np.linalg.norm(lines, axis=-1, keepdims=True)
 
 
@@ -47,10 +49,15 @@ def standing_then(motion: Motion) -> Motion:
 def test_our_own_bvh_comes_back(tmp_path):
     motion = standing_then(waving(12))
     write_bvh(motion, tmp_path / "own.bvh")
-    again = retarget(read_recorded(tmp_path / "own.bvh"), motion.model)
+    again = retarget(read_clip(tmp_path / "own.bvh"), motion.model)
     assert len(again) == len(motion)
     index = motion.model.names.index
-    assert degrees_between(directions(motion.parts()[1], index), directions(again.parts()[1], index)).max() < 3
+    assert (
+        degrees_between(
+            directions(motion.parts()[1], index), directions(again.parts()[1], index)
+        ).max()
+        < 3
+    )
     turn = Rotation.from_quat(again.root_quaternion, scalar_first=True).inv() * Rotation.from_quat(
         motion.root_quaternion, scalar_first=True
     )
@@ -62,7 +69,7 @@ def test_our_own_bvh_comes_back(tmp_path):
 def test_z_up_files_and_other_units_make_no_difference(tmp_path):
     motion = standing_then(waving(8))
     write_bvh(motion, tmp_path / "own.bvh")
-    recorded = read_recorded(tmp_path / "own.bvh")
+    recorded = read_clip(tmp_path / "own.bvh")
     upright = Rotation.from_euler("x", 90, degrees=True).as_matrix()
     inches = recorded.posed(upright @ recorded.rotations, recorded.positions @ upright.T / 2.54)
     inches = type(inches)(**{**inches.__dict__, "offsets": inches.offsets / 2.54})
@@ -74,10 +81,11 @@ def test_z_up_files_and_other_units_make_no_difference(tmp_path):
 def test_limits_hold_and_neighbours_take_over(tmp_path):
     model = BodyModel.from_sizes(BodySizes(1.7))
     motion = waving(8)
-    # The spine bends to its limit everywhere, which leaves the neck to look ahead and the hips to do what the legs need.
+    # The spine bends to its limit everywhere, which leaves the neck to look ahead and the hips to
+    # do what the legs need.
     motion.angles_rad[:, model.dof_names.index("thorax.flexion")] = np.radians(60)
     write_bvh(standing_then(motion), tmp_path / "bent.bvh")
-    again = retarget(read_recorded(tmp_path / "bent.bvh"), model)
+    again = retarget(read_clip(tmp_path / "bent.bvh"), model)
     low, high = model.dof_limits_rad.T
     assert (again.angles_rad >= low - 1e-9).all() and (again.angles_rad <= high + 1e-9).all()
     lumbar = again.angles_rad[-1, model.dof_names.index("lumbar.flexion")]
@@ -96,8 +104,10 @@ def test_feet_touch_the_floor_but_in_jumps(tmp_path):
     lift[10:14] = 0.4
     motion.root_m[:, 2] = motion.model.joints_m[0, 2] + lift
     write_bvh(motion, tmp_path / "jump.bvh")
-    again = retarget(read_recorded(tmp_path / "jump.bvh"), motion.model)
-    lowest = np.array([skin(motion.model, *pose)[:, 2].min() for pose in zip(*again.parts(), strict=True)])
+    again = retarget(read_clip(tmp_path / "jump.bvh"), motion.model)
+    lowest = np.array(
+        [skin(motion.model, *pose)[:, 2].min() for pose in zip(*again.parts(), strict=True)]
+    )
     np.testing.assert_allclose(lowest[lift == 0], 0, atol=0.003)
     np.testing.assert_allclose(lowest[lift > 0], 0.4, atol=0.05)
 
@@ -106,15 +116,21 @@ def test_t_pose_before_the_motion_is_left_out(tmp_path):
     motion = waving(12)
     motion.angles_rad[0] = 0
     for side in ("left", "right"):
-        motion.angles_rad[0, motion.model.dof_names.index(f"{side}_upper_arm.abduction")] = np.radians(45)
-    motion.angles_rad[1:, motion.model.dof_names.index("left_upper_arm.abduction")] = np.radians(-40)
+        motion.angles_rad[0, motion.model.dof_names.index(f"{side}_upper_arm.abduction")] = (
+            np.radians(45)
+        )
+    motion.angles_rad[1:, motion.model.dof_names.index("left_upper_arm.abduction")] = np.radians(
+        -40
+    )
     write_bvh(motion, tmp_path / "t.bvh")
-    assert len(retarget(read_recorded(tmp_path / "t.bvh"), motion.model)) == 11
+    assert len(retarget(read_clip(tmp_path / "t.bvh"), motion.model)) == 11
 
 
-@pytest.mark.parametrize("clip", ["cmu_bvh/002_07.bvh", "cmu_bvh/007_04.bvh", "cmu_expmap/test_basketball_1.csv"])
+@pytest.mark.parametrize(
+    "clip", ["cmu_bvh/002_07.bvh", "cmu_bvh/007_04.bvh", "cmu_expmap/test_basketball_1.csv"]
+)
 def test_limbs_point_where_the_recorded_ones_did(shared, clip):
-    recorded = read_recorded(shared / "data/mocap" / clip).at_rate(30)
+    recorded = read_clip(shared / "data/mocap" / clip).at_rate(30)
     motion = retarget(recorded, BodyModel.from_sizes(BodySizes(1.75)))
     world = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # y up to z up
     theirs = directions(recorded.positions[-len(motion) :] @ world.T, recorded.roles.__getitem__)
@@ -130,10 +146,14 @@ def test_limbs_point_where_the_recorded_ones_did(shared, clip):
         ("traffic4", "cmu_expmap/train_directing_traffic_1.csv", 29, 25),
     ],
 )
-def test_agrees_with_another_program_that_retargeted_the_same_clip(shared, recording, clip, first_frame, joints_mm):
+def test_agrees_with_another_program_that_retargeted_the_same_clip(
+    shared, recording, clip, first_frame, joints_mm
+):
     truth = json.loads((shared / "data" / recording / "truth.json").read_text())
     wanted = np.stack([truth["joints"][name] for name in LANDMARK_NAMES], axis=1).astype(float)
-    (motion,) = load_motions([shared / "data/mocap" / clip], BodyModel.from_sizes(BodySizes(truth["stature"])))
+    (motion,) = load_motions(
+        [shared / "data/mocap" / clip], BodyModel.from_sizes(BodySizes(truth["stature"]))
+    )
     motion = motion.select(slice(first_frame, first_frame + len(wanted)))
     found = motion.landmarks()
     relative = (found - found[:, :1]) - (wanted - wanted[:, :1])

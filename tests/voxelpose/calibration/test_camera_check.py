@@ -13,9 +13,9 @@ from calib.extrinsics import apart
 from calib.files import read_rig, write_rig
 from calib.rotation import matrix_from_rodrigues
 from tests.sources import figure_masks, ring, write_figure
-from voxelpose.calibration.check import CheckSettings, check_recording, exchanged, spread_moments
+from voxelpose.calibration.check import CheckSettings, check_recording, even_moments, exchanged
 from voxelpose.cli import run
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 
 FRAMES = 40
 FPS = 25.0
@@ -24,11 +24,17 @@ FPS = 25.0
 @pytest.fixture(scope="module")
 def rig() -> Rig:
     # On two heights, or four cameras on one circle would hardly see each other's roll.
-    return Rig(tuple(_raised(camera, 0.5 * (index % 2)) for index, camera in enumerate(ring(4, (320, 240)))))
+    return Rig(
+        tuple(
+            _raised(camera, 0.5 * (index % 2)) for index, camera in enumerate(ring(4, (320, 240)))
+        )
+    )
 
 
 def _raised(camera, metres):
-    return replace(camera, translation=camera.translation - camera.rotation @ np.array([0, 0, metres]))
+    return replace(
+        camera, translation=camera.translation - camera.rotation @ np.array([0, 0, metres])
+    )
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +44,16 @@ def films(rig):
 
 def turned(rig: Rig, name: str, degrees: float) -> Rig:
     turn = matrix_from_rodrigues(np.radians(degrees) * np.array([0.8, 0.6, 0]))
-    return Rig(tuple(replace(c, rotation=turn @ c.rotation, translation=turn @ c.translation) if c.name == name else c for c in rig))
+    return Rig(
+        tuple(
+            (
+                replace(c, rotation=turn @ c.rotation, translation=turn @ c.translation)
+                if c.name == name
+                else c
+            )
+            for c in rig
+        )
+    )
 
 
 def checked(capsys, *words: str) -> tuple[int, str]:
@@ -83,7 +98,9 @@ def test_a_late_camera_is_named_and_put_in_step(tmp_path: Path, rig, films, caps
     assert checked(capsys, str(folder))[0] == 0
 
 
-def test_swapped_cameras_are_told_and_their_calibrations_exchanged(tmp_path: Path, rig, films, capsys):
+def test_swapped_cameras_are_told_and_their_calibrations_exchanged(
+    tmp_path: Path, rig, films, capsys
+):
     folder = write_figure(tmp_path, rig, films | {"cam_1": films["cam_4"], "cam_4": films["cam_1"]})
     code, said = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
     assert code == 1
@@ -100,7 +117,10 @@ def test_two_cameras_and_no_background_say_what_cannot_be_known(tmp_path: Path, 
     assert "not which one; a third tells" in said
     for still in (folder / "background").iterdir():
         still.unlink()
-    assert "no empty view of cam_1, cam_2" in checked(capsys, str(folder), "--cameras", "cam_1,cam_2")[1]
+    assert (
+        "no empty view of cam_1, cam_2"
+        in checked(capsys, str(folder), "--cameras", "cam_1,cam_2")[1]
+    )
     write_rig(turned(rig, "cam_1", 4), folder / "calibration.toml")
     code, said = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
     assert code == 1
@@ -121,12 +141,15 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
     with pytest.raises(InputError, match="never sees somebody"):
         black = [np.zeros_like(film[0]) for film in films.values()][:1] * 6
         (tmp_path / "dark").mkdir()
-        check_recording(Recording.open(write_figure(tmp_path / "dark", rig, dict.fromkeys(films, black))), CheckSettings())
+        check_recording(
+            Recording.open(write_figure(tmp_path / "dark", rig, dict.fromkeys(films, black))),
+            CheckSettings(),
+        )
 
 
 def test_the_parts_do_what_they_say(rig):
-    np.testing.assert_array_equal(spread_moments(101, 3), [4, 50, 96])
-    assert len(spread_moments(5, 12)) <= 5
+    np.testing.assert_array_equal(even_moments(101, 3), [4, 50, 96])
+    assert len(even_moments(5, 12)) <= 5
     other = exchanged(rig, "cam_1", "cam_3")
     assert other.names == rig.names
     assert other["cam_1"].center_m.tolist() == rig["cam_3"].center_m.tolist()

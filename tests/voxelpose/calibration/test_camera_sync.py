@@ -8,7 +8,7 @@ import pytest
 from calib.camera import Rig
 from tests.sources import figure_masks, ring, write_figure
 from voxelpose.cli import run
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 
 BEGIN = {"cam_1": 3.0, "cam_2": 0.0, "cam_3": 5.5}
 FPS = 25.0
@@ -20,20 +20,41 @@ def rig() -> Rig:
 
 
 def film(rig: Rig, begin: dict[str, float], count: int = 40) -> dict[str, list[np.ndarray]]:
-    return {camera.name: figure_masks(camera, begin[camera.name] + np.arange(count)) for camera in rig}
+    return {
+        camera.name: figure_masks(camera, begin[camera.name] + np.arange(count)) for camera in rig
+    }
 
 
 def test_offsets_are_found_written_and_used(tmp_path: Path, rig, capsys):
     folder = write_figure(tmp_path, rig, film(rig, BEGIN))
     assert run(["calibrate", "check", str(folder)]) == 1
     capsys.readouterr()
-    assert run(["calibrate", "sync", str(folder), "--most", "0.6", "--reference", "cam_2", "--out", str(folder / "timestamps.csv")]) == 0
+    assert (
+        run(
+            [
+                "calibrate",
+                "sync",
+                str(folder),
+                "--most",
+                "0.6",
+                "--reference",
+                "cam_2",
+                "--out",
+                str(folder / "timestamps.csv"),
+            ]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "its clock counts" in said
     rows = [line.split(",") for line in (folder / "timestamps.csv").read_text().splitlines()]
     assert rows[0] == ["cam_id", "frame_time"]
-    first = {name: next(float(time) for camera, time in rows[1:] if camera == name) for name in rig.names}
-    np.testing.assert_allclose([first[name] * FPS for name in rig.names], list(BEGIN.values()), atol=0.15)
+    first = {
+        name: next(float(time) for camera, time in rows[1:] if camera == name) for name in rig.names
+    }
+    np.testing.assert_allclose(
+        [first[name] * FPS for name in rig.names], list(BEGIN.values()), atol=0.15
+    )
     recording = Recording.open(folder)
     assert 30 <= recording.frame_count <= 35
     assert run(["calibrate", "check", str(folder)]) == 0

@@ -5,15 +5,21 @@ import numpy as np
 from calib.camera import Camera, Rig
 
 
-def look_at(name, centre, target, size=(160, 120), focal=150.0, distortion=(), fisheye=False) -> Camera:
+def look_at(
+    name, centre, target, size=(160, 120), focal=150.0, distortion=(), fisheye=False
+) -> Camera:
     """Makes a camera at `centre` that looks at `target`, upright."""
     centre, target = np.asarray(centre, float), np.asarray(target, float)
     forward = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
-    matrix = np.array([[focal, 0, size[0] / 2 - 0.5], [0, focal * 1.01, size[1] / 2 - 0.3], [0, 0, 1]])
-    return Camera(name, size, matrix, np.array(distortion, float), rotation, -rotation @ centre, fisheye)
+    matrix = np.array(
+        [[focal, 0, size[0] / 2 - 0.5], [0, focal * 1.01, size[1] / 2 - 0.3], [0, 0, 1]]
+    )
+    return Camera(
+        name, size, matrix, np.array(distortion, float), rotation, -rotation @ centre, fisheye
+    )
 
 
 def ring(count=4, radius=3.0, height=1.4, **camera) -> Rig:
@@ -21,7 +27,12 @@ def ring(count=4, radius=3.0, height=1.4, **camera) -> Rig:
     angles = np.linspace(0.1, np.pi + 0.1, count, endpoint=False)
     return Rig(
         tuple(
-            look_at(f"cam_{i}", (radius * np.cos(a), radius * np.sin(a), height + 0.1 * i), (0, 0, 0.9), **camera)
+            look_at(
+                f"cam_{i}",
+                (radius * np.cos(a), radius * np.sin(a), height + 0.1 * i),
+                (0, 0, 0.9),
+                **camera,
+            )
             for i, a in enumerate(angles)
         )
     )

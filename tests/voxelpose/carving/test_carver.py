@@ -15,17 +15,32 @@ PRISM = (-0.2, 0.05, 0.002, 0.001, 0.0, 0.0, 0.0, 0.0, 0.004, -0.001, -0.003, 0.
 TILT = (*PRISM, 0.03, -0.02)
 FISHEYE = (0.05, -0.01, 0.003, -0.001)
 PERSON = VoxelGrid.from_bounds((-0.9, -0.7, -0.1), (0.95, 0.7, 1.95), 0.045)
-WIDE = VoxelGrid.from_bounds((-3.5, -3.4, -1.0), (3.6, 3.5, 3.3), 0.13)  # holds the cameras: much is behind them
+WIDE = VoxelGrid.from_bounds(
+    (-3.5, -3.4, -1.0), (3.6, 3.5, 3.3), 0.13
+)  # holds the cameras: much is behind them
 
 
 @pytest.mark.parametrize("grid", [PERSON, WIDE], ids=["person", "wide"])
 @pytest.mark.parametrize(
     "lens",
-    [{}, {"distortion": BARREL}, {"distortion": RATIONAL}, {"distortion": TILT}, {"distortion": FISHEYE, "fisheye": True, "focal": 90.0}],
+    [
+        {},
+        {"distortion": BARREL},
+        {"distortion": RATIONAL},
+        {"distortion": TILT},
+        {"distortion": FISHEYE, "fisheye": True, "focal": 90.0},
+    ],
     ids=["pinhole", "barrel", "rational", "tilt", "fisheye"],
 )
 @pytest.mark.parametrize(
-    "rule", [CarveRule(), CarveRule(tolerance=1), CarveRule(outside="carve"), CarveRule(1, "carve", 2), CarveRule(0, "keep", 0)]
+    "rule",
+    [
+        CarveRule(),
+        CarveRule(tolerance=1),
+        CarveRule(outside="carve"),
+        CarveRule(1, "carve", 2),
+        CarveRule(0, "keep", 0),
+    ],
 )
 def test_carving_is_the_references_bit_for_bit(lens, grid, rule):
     rig = ring(4, **lens)
@@ -38,20 +53,38 @@ def test_carving_is_the_references_bit_for_bit(lens, grid, rule):
 @pytest.mark.parametrize("seed", range(12))
 def test_any_masks_cameras_and_grids_agree_with_the_reference(seed):
     rng = np.random.default_rng(seed)
-    lenses = [{}, {"distortion": BARREL}, {"distortion": RATIONAL}, {"distortion": FISHEYE, "fisheye": True}]
+    lenses = [
+        {},
+        {"distortion": BARREL},
+        {"distortion": RATIONAL},
+        {"distortion": FISHEYE, "fisheye": True},
+    ]
     rig = Rig(
         tuple(
-            look_at(f"c{i}", rng.normal(size=3) * 2, rng.normal(size=3), tuple(rng.integers(30, 90, 2)), rng.uniform(20, 120), **lens)
+            look_at(
+                f"c{i}",
+                rng.normal(size=3) * 2,
+                rng.normal(size=3),
+                tuple(rng.integers(30, 90, 2)),
+                rng.uniform(20, 120),
+                **lens,
+            )
             for i, lens in enumerate(rng.choice(lenses, 5))
         )
     )
     masks = []
     for camera in rig:
-        noise = cv2.GaussianBlur(rng.normal(size=(camera.size[1], camera.size[0])), None, sigmaX=float(rng.choice([0.5, 4.0, 15.0])))
+        noise = cv2.GaussianBlur(
+            rng.normal(size=(camera.size[1], camera.size[0])),
+            None,
+            sigmaX=float(rng.choice([0.5, 4.0, 15.0])),
+        )
         masks.append(noise > np.quantile(noise, rng.choice([0.02, 0.5, 0.9])))
     grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
     for rule in (CarveRule(), CarveRule(2, "keep", 0), CarveRule(1, "carve", 3)):
-        np.testing.assert_array_equal(carve(rig, masks, grid, rule), reference.carve(rig, masks, grid, rule))
+        np.testing.assert_array_equal(
+            carve(rig, masks, grid, rule), reference.carve(rig, masks, grid, rule)
+        )
 
 
 def test_blocks_larger_than_the_sums_can_count_agree_with_the_reference():
@@ -64,7 +97,12 @@ def test_blocks_larger_than_the_sums_can_count_agree_with_the_reference():
 
 
 def test_the_reference_projects_as_the_camera_does():
-    for lens in ({}, {"distortion": BARREL}, {"distortion": TILT}, {"distortion": FISHEYE, "fisheye": True}):
+    for lens in (
+        {},
+        {"distortion": BARREL},
+        {"distortion": TILT},
+        {"distortion": FISHEYE, "fisheye": True},
+    ):
         rig = ring(1, **lens)
         (camera,) = rig
         points = WIDE.centres(np.argwhere(np.ones(WIDE.shape)))
@@ -114,21 +152,30 @@ def test_what_stands_in_front_of_one_camera_only_is_no_body():
     rig = ring(4)
     masks = {name: np.ones((120, 160), bool) for name in rig.names}
     centre, forward = rig["cam_0"].center_m, rig["cam_0"].rotation[2]
-    behind = VoxelGrid.around(centre + 7.0 * forward, 0.1, (6, 6, 6))  # far behind the others' backs
+    behind = VoxelGrid.around(
+        centre + 7.0 * forward, 0.1, (6, 6, 6)
+    )  # far behind the others' backs
     assert not carve(rig, masks, behind).any()
     assert carve(rig, masks, behind, CarveRule(least_agreeing=1)).any()
     middle = VoxelGrid.around((0, 0, 0.9), 0.1, (6, 6, 6))
     away = Rig((*ring(4), look_at("away", (0, -9, 1), (0, -20, 1))))
     assert carve(away, [*masks.values(), masks["cam_0"]], middle).all()
-    assert not carve(away, [*masks.values(), masks["cam_0"]], middle, CarveRule(outside="carve")).any()
+    assert not carve(
+        away, [*masks.values(), masks["cam_0"]], middle, CarveRule(outside="carve")
+    ).any()
 
 
 def test_masks_that_do_not_fit_are_refused():
     rig = ring(2)
     masks = silhouettes(rig)
-    with pytest.raises(ValueError, match=r"mask of cam_1 must be \(120, 160\) as its camera's image, got \(60, 80\)"):
+    with pytest.raises(
+        ValueError,
+        match=r"mask of cam_1 must be \(120, 160\) as its camera's image, got \(60, 80\)",
+    ):
         carve(rig, {**masks, "cam_1": np.zeros((60, 80), bool)}, PERSON)
-    with pytest.raises(TypeError, match=r"mask of cam_0 must be \(120, 160\) bool, got \(120, 160\) float64"):
+    with pytest.raises(
+        TypeError, match=r"mask of cam_0 must be \(120, 160\) bool, got \(120, 160\) float64"
+    ):
         carve(rig, {**masks, "cam_0": np.zeros((120, 160))}, PERSON)
     with pytest.raises(ValueError, match="no mask for cam_1"):
         carve(rig, {"cam_0": masks["cam_0"]}, PERSON)

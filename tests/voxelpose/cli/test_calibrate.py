@@ -1,4 +1,6 @@
-"""From pictures of a board to a rig, through the command line; and what is said where that cannot be."""
+"""From pictures of a board to a rig, through the command line; and what is said where that cannot
+be.
+"""
 
 import json
 import tomllib
@@ -36,11 +38,16 @@ def truth() -> Rig:
 
 @pytest.fixture(scope="module")
 def studio(truth, tmp_path_factory) -> Path:
-    """Stills of the board before each camera, and videos of it being carried about after it lay on the floor."""
+    """Stills of the board before each camera, and videos of it being carried about after it lay on
+    the floor.
+    """
     folder = tmp_path_factory.mktemp("studio")
     floor = (FACE_UP, FLOOR_M)
     facing = truth.cameras[1].rotation.T
-    walk = [floor, *((facing @ turn, place) for turn, place in waved_poses(18, 3, (0, 0, 1.0), 0.4))]
+    walk = [
+        floor,
+        *((facing @ turn, place) for turn, place in waved_poses(18, 3, (0, 0, 1.0), 0.4)),
+    ]
     (folder / "walk").mkdir()
     for number, camera in enumerate(truth):
         film = Film(camera, BOARD, number)
@@ -70,20 +77,52 @@ def failure(capsys, *words) -> str:
 
 def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_path, capsys):
     calibration = tmp_path / "lenses.toml"
-    assert run(["calibrate", "intrinsics", str(studio / "stills"), *LIKE_THIS, "--out", str(calibration)]) == 0
+    assert (
+        run(
+            [
+                "calibrate",
+                "intrinsics",
+                str(studio / "stills"),
+                *LIKE_THIS,
+                "--out",
+                str(calibration),
+            ]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "used" in said
     assert "distortion" in said
     found = read_rig(calibration)
     for camera in truth:
-        np.testing.assert_allclose(np.diag(found[camera.name].matrix)[:2], np.diag(camera.matrix)[:2], rtol=0.01)
+        np.testing.assert_allclose(
+            np.diag(found[camera.name].matrix)[:2], np.diag(camera.matrix)[:2], rtol=0.01
+        )
     assert tomllib.loads(calibration.read_text())["metadata"]["intrinsics"]["cam_0"]["rms_px"] < 0.3
-    assert json.loads((tmp_path / "lenses_lenses.json").read_text())["cam_1"]["pictures"][0]["picture"] == "00.png"
+    assert (
+        json.loads((tmp_path / "lenses_lenses.json").read_text())["cam_1"]["pictures"][0]["picture"]
+        == "00.png"
+    )
     assert cv2.imread(str(tmp_path / "lenses_coverage.png")).std() > 10
 
     rig_path = tmp_path / "calibration.toml"
-    assert run(["calibrate", "extrinsics", str(studio / "walk"), "--intrinsics", str(calibration), *LIKE_THIS, "--floor", "0",
-                "--out", str(rig_path)]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "calibrate",
+                "extrinsics",
+                str(studio / "walk"),
+                "--intrinsics",
+                str(calibration),
+                *LIKE_THIS,
+                "--floor",
+                "0",
+                "--out",
+                str(rig_path),
+            ]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "reference" in said
     assert "boards that pairs of cameras share: cam_0-cam_1" in said
@@ -104,15 +143,31 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
     again = read_rig(tmp_path / "easymocap")
     for camera in rig:
         assert apart(again[camera.name], camera)[0] < 1e-6
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["calibration.toml", "calibration_places.json", "calibration_rig.png",
-        "easymocap", "lenses.toml", "lenses_coverage.png", "lenses_lenses.json"]  # fmt: skip
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "calibration.toml",
+        "calibration_places.json",
+        "calibration_rig.png",
+        "easymocap",
+        "lenses.toml",
+        "lenses_coverage.png",
+        "lenses_lenses.json",
+    ]
 
 
 def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     stills = sorted((studio / "stills" / "cam_0").glob("*.png"))
     pictures = [cv2.imread(str(still)) for still in stills]
     write_video(tmp_path / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
-    words = ["calibrate", "intrinsics", str(tmp_path / "cam_0.avi"), *LIKE_THIS, "--frames", "8", "--out", str(tmp_path / "lens.toml")]
+    words = [
+        "calibrate",
+        "intrinsics",
+        str(tmp_path / "cam_0.avi"),
+        *LIKE_THIS,
+        "--frames",
+        "8",
+        "--out",
+        str(tmp_path / "lens.toml"),
+    ]
     assert run(words) == 0
     said = capsys.readouterr().out
     assert "shows the board much as another frame does" in said
@@ -129,18 +184,27 @@ def test_boards_that_are_not_there_are_told_of(studio, tmp_path, capsys):
     assert "a board with 8 x 5 inner corners is there, not 9 x 4" in failure(
         capsys, *start, one / "00.png", "--board", "9x4", "--square", "0.15", *out
     )
-    assert "1 of 1 pictures serve, 4 are needed" in failure(capsys, *start, one / "00.png", *LIKE_THIS, *out)
-    assert "give metres, 0.15 for millimetres" in failure(capsys, *start, one, "--board", "8x5", "--square", "150", *out)
-    assert "--board 8by5 is not understood" in failure(capsys, *start, one, "--board", "8by5", "--square", "0.15", *out)
+    assert "1 of 1 pictures serve, 4 are needed" in failure(
+        capsys, *start, one / "00.png", *LIKE_THIS, *out
+    )
+    assert "give metres, 0.15 for millimetres" in failure(
+        capsys, *start, one, "--board", "8x5", "--square", "150", *out
+    )
+    assert "--board 8by5 is not understood" in failure(
+        capsys, *start, one, "--board", "8by5", "--square", "0.15", *out
+    )
     blank = tmp_path / "blank"
     blank.mkdir()
     cv2.imwrite(str(blank / "0.png"), np.full((120, 160), 128, np.uint8))
-    assert "camera blank: the board was found in none of 1 pictures: no board with 8 x 5" in failure(
-        capsys, *start, blank, *LIKE_THIS, *out
+    assert (
+        "camera blank: the board was found in none of 1 pictures: no board with 8 x 5"
+        in failure(capsys, *start, blank, *LIKE_THIS, *out)
     )
     cv2.imwrite(str(blank / "0.png"), cv2.resize(cv2.imread(str(one / "00.png")), (720, 540)))
     (blank / "1.png").write_bytes((one / "00.png").read_bytes())
-    assert "camera blank: pictures of different sizes (1.png 480x360, 0.png 720x540)" in failure(capsys, *start, blank, *LIKE_THIS, *out)
+    assert "camera blank: pictures of different sizes (1.png 480x360, 0.png 720x540)" in failure(
+        capsys, *start, blank, *LIKE_THIS, *out
+    )
     assert "holds no pictures" in failure(capsys, *start, studio, *LIKE_THIS, *out)
     assert not (tmp_path / "lens.toml").exists()
 
@@ -152,8 +216,19 @@ def test_cameras_that_never_see_the_board_together_are_told_of(studio, lenses, t
         capture = cv2.VideoCapture(str(studio / "walk" / f"{name}.avi"))
         frames = [capture.read()[1] for _ in range(19)]
         blank = np.full_like(frames[0], 128)
-        write_video(walk / f"{name}.avi", [frame if index in range(19)[kept] else blank for index, frame in enumerate(frames)])
-    start = ["calibrate", "extrinsics", walk, "--intrinsics", lenses, "--out", tmp_path / "rig.toml"]
+        write_video(
+            walk / f"{name}.avi",
+            [frame if index in range(19)[kept] else blank for index, frame in enumerate(frames)],
+        )
+    start = [
+        "calibrate",
+        "extrinsics",
+        walk,
+        "--intrinsics",
+        lenses,
+        "--out",
+        tmp_path / "rig.toml",
+    ]
     together = failure(capsys, *start, *LIKE_THIS, "--cameras", "cam_0,cam_1")
     assert "no two cameras saw the board at the same moment (moments: cam_0 " in together
     assert "no pictures of cam_2" in failure(capsys, *start, *LIKE_THIS)
@@ -170,8 +245,20 @@ def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
     for name in ("cam_0", "cam_1", "cam_2"):
         capture = cv2.VideoCapture(str(studio / "walk" / f"{name}.avi"))
         frames = [capture.read()[1] for _ in range(19)]
-        write_video(walk / f"{name}.avi", [frame[:, ::-1] if name == "cam_1" else frame for frame in frames])
-    said = failure(capsys, "calibrate", "extrinsics", walk, "--intrinsics", lenses, *LIKE_THIS, "--out", tmp_path / "rig.toml")
+        write_video(
+            walk / f"{name}.avi", [frame[:, ::-1] if name == "cam_1" else frame for frame in frames]
+        )
+    said = failure(
+        capsys,
+        "calibrate",
+        "extrinsics",
+        walk,
+        "--intrinsics",
+        lenses,
+        *LIKE_THIS,
+        "--out",
+        tmp_path / "rig.toml",
+    )
     assert "camera cam_1's pictures are mirrored" in said
 
 
@@ -184,7 +271,16 @@ def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
             lines.append(f"{camera.name},p{index},{pixel[0]},{pixel[1]},{measured}")
     points = tmp_path / "points.csv"
     points.write_text("\n".join(lines))
-    words = ["calibrate", "extrinsics", "--points", str(points), "--intrinsics", str(lenses), "--out", str(tmp_path / "rig.json")]
+    words = [
+        "calibrate",
+        "extrinsics",
+        "--points",
+        str(points),
+        "--intrinsics",
+        str(lenses),
+        "--out",
+        str(tmp_path / "rig.json"),
+    ]
     assert run(words) == 0
     assert "points that pairs of cameras share: cam_0-cam_1 12" in capsys.readouterr().out
     for camera in read_rig(tmp_path / "rig.json"):
@@ -201,16 +297,40 @@ def test_units_are_stated_or_asked_for(truth, tmp_path, capsys):
     (tmp_path / "rig.toml").write_text(text)
     words = ["calibrate", "convert", tmp_path / "rig.toml", tmp_path / "out.json"]
     assert "in which unit are its lengths?" in failure(capsys, *words)
-    assert run([str(word) for word in words] + ["--unit", "mm", "--picture", str(tmp_path / "rig.png")]) == 0
+    assert (
+        run(
+            [str(word) for word in words] + ["--unit", "mm", "--picture", str(tmp_path / "rig.png")]
+        )
+        == 0
+    )
     assert "in metres" in capsys.readouterr().out
-    np.testing.assert_allclose(read_rig(tmp_path / "out.json")["cam_0"].center_m, truth["cam_0"].center_m / 1000, atol=1e-9)
+    np.testing.assert_allclose(
+        read_rig(tmp_path / "out.json")["cam_0"].center_m, truth["cam_0"].center_m / 1000, atol=1e-9
+    )
     assert cv2.imread(str(tmp_path / "rig.png")).std() > 5
-    assert "--size 640 is not understood" in failure(capsys, *words, "--unit", "m", "--overwrite", "--size", "640")
+    assert "--size 640 is not understood" in failure(
+        capsys, *words, "--unit", "m", "--overwrite", "--size", "640"
+    )
 
 
 def test_a_printed_board_says_what_to_measure(tmp_path, capsys):
-    assert run(["calibrate", "board", "--out", str(tmp_path / "board.pdf"), "--paper", "a3", "--charuco"]) == 0
+    assert (
+        run(
+            [
+                "calibrate",
+                "board",
+                "--out",
+                str(tmp_path / "board.pdf"),
+                "--paper",
+                "a3",
+                "--charuco",
+            ]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "9 squares in a row are 360 mm" in said
     assert "--board 8x5 --square 0.04 --marker 0.03 --dictionary DICT_4X4_50" in said
-    assert "say how large a square is" in failure(capsys, "calibrate", "board", "--out", tmp_path / "b.pdf", "--paper", "large")
+    assert "say how large a square is" in failure(
+        capsys, "calibrate", "board", "--out", tmp_path / "b.pdf", "--paper", "large"
+    )

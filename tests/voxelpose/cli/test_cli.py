@@ -24,10 +24,16 @@ def walk(desk):
 
 def start(desk, *words, code="from voxelpose.cli import main; main()"):
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{desk / 'site'}"}
-    # A shell's background job is born deaf to Ctrl-C, and so would be what the tests start from there.
+    # A shell's background job is born deaf to Ctrl-C, and so would be what the tests start from
+    # there.
     hearing = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler); {code}"
     return subprocess.Popen(
-        [sys.executable, "-c", hearing, *words], cwd=desk, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", hearing, *words],
+        cwd=desk,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
@@ -74,7 +80,9 @@ def test_version(capsys):
 
 
 def test_fit_writes_and_says_where(desk):
-    returned, out, err = ended(start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--stature", "1.8"))
+    returned, out, err = ended(
+        start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--stature", "1.8")
+    )
     assert returned == 0, err
     assert "5 of 6 frames have a pose" in out
     assert "fitted" in out and "motion.bvh" in out
@@ -88,13 +96,22 @@ def test_fit_writes_and_says_where(desk):
         (["fit", "run", "--out", "x"], "run is not a recording"),
         (["fit", "walk", "--out", "x", "--frames", "a:b"], "--frames a:b is not understood"),
         (["fit", "walk", "--out", "x", "--frames", "4:9"], "frames 4:9 are not in the recording"),
-        (["fit", "walk", "--out", "x", "--estimator", "telepathy"], "no estimator is called 'telepathy'"),
+        (
+            ["fit", "walk", "--out", "x", "--estimator", "telepathy"],
+            "no estimator is called 'telepathy'",
+        ),
         (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
         (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
-        (["fit", "walk", "--out", "site", "--estimator", "standing", "--overwrite"], "site exists and is not a result"),
+        (
+            ["fit", "walk", "--out", "site", "--estimator", "standing", "--overwrite"],
+            "site exists and is not a result",
+        ),
         (["fit", "walk", "--out", "x", "--cameras", "cam_1,cam_7"], "there is no camera cam_7"),
         (["fit", "walk", "--out", "x", "--cameras", ","], "--cameras names none"),
-        (["carve", "walk", "--out", "x.ply", "--frame", "99"], "frames 99:100 are not in the recording"),
+        (
+            ["carve", "walk", "--out", "x.ply", "--frame", "99"],
+            "frames 99:100 are not in the recording",
+        ),
         (["carve", "walk", "--out", "x.ply"], "no foreground in any camera"),
         (["carve", "walk", "--out", "x.ply", "--tolerance", "-1"], "--tolerance -1 is impossible"),
         (["evaluate", "walk", "truth.json"], "truth.json cannot be read"),
@@ -112,7 +129,13 @@ def test_a_users_mistake_is_one_line_and_code_2(desk, capsys, words, line):
 
 
 @pytest.mark.parametrize(
-    "words", [["fit"], ["fit", "walk"], ["fit", "walk", "--out", "x", "--stature", "tall"], ["fit", "walk", "--colour"]]
+    "words",
+    [
+        ["fit"],
+        ["fit", "walk"],
+        ["fit", "walk", "--out", "x", "--stature", "tall"],
+        ["fit", "walk", "--colour"],
+    ],
 )
 def test_wrong_arguments_end_with_code_2(words, capsys):
     with pytest.raises(SystemExit) as end:
@@ -122,7 +145,9 @@ def test_wrong_arguments_end_with_code_2(words, capsys):
 
 
 def test_a_bug_keeps_its_traceback(desk):
-    returned, _, err = ended(start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "8"))
+    returned, _, err = ended(
+        start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "8")
+    )
     assert returned == 1
     assert "Traceback" in err and "RuntimeError: a bug" in err
     assert left(desk) == []
@@ -131,7 +156,9 @@ def test_a_bug_keeps_its_traceback(desk):
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals to send")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_fit_says_how_far_it_came_and_leaves_nothing(desk, number):
-    process = start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "9")
+    process = start(
+        desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "9"
+    )
     deadline = time.monotonic() + 60
     while not left(desk) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -140,6 +167,8 @@ def test_interrupted_fit_says_how_far_it_came_and_leaves_nothing(desk, number):
     returned, _, err = ended(process)
     assert returned == 130, err
     last = err.splitlines()[-1]
-    assert last.startswith("voxelpose: interrupted during standing about, after ") and "of 6" in last
+    assert (
+        last.startswith("voxelpose: interrupted during standing about, after ") and "of 6" in last
+    )
     assert "Traceback" not in err
     assert left(desk) == []

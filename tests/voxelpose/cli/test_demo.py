@@ -1,4 +1,6 @@
-"""voxelpose demo: what it leaves. The fit itself is tested elsewhere; here somebody stands about instead."""
+"""voxelpose demo: what it leaves. The fit itself is tested elsewhere; here somebody stands about
+instead.
+"""
 
 import json
 
@@ -16,7 +18,12 @@ def somebody_stands_about(monkeypatch):
 
 def test_a_folder_worth_looking_at(desk, capsys):
     assert run(["demo", "--out", "demo", "--frames", "3", "--no-track"]) == 0
-    assert sorted(path.name for path in (desk / "demo").iterdir()) == ["recording", "result", "score.json", "summary.json"]
+    assert sorted(path.name for path in (desk / "demo").iterdir()) == [
+        "recording",
+        "result",
+        "score.json",
+        "summary.json",
+    ]
     assert (desk / "demo" / "result" / "contact_sheet.png").exists()
     assert json.loads((desk / "demo" / "score.json").read_text())["frames"] == 3
     out = capsys.readouterr().out

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
+from tests.clips import waving
 from tests.sources import ring, write_recording
-from tests.takes import waving
 from voxelpose.cli import run
 from voxelpose.export.joints import write_joints
-from voxelpose.export.opensim import write_trc
+from voxelpose.export.trc import write_trc
 
 
 @pytest.fixture
@@ -20,13 +20,20 @@ def takes(desk):
     """Two joints.csv, a frame lost in one and moved by 5 cm in the other, a truth.json and a TRC."""
     take = waving(8)
     joints = {name: take.landmarks()[:, k].tolist() for k, name in enumerate(LANDMARK_NAMES)}
-    (desk / "truth.json").write_text(json.dumps({"fps": 25, "unit": "m", "up": "z", "joints": joints}))
+    (desk / "truth.json").write_text(
+        json.dumps({"fps": 25, "unit": "m", "up": "z", "joints": joints})
+    )
     write_trc(take, desk / "truth.trc")
     for name, rows in (("one", np.arange(8)), ("two", np.array([0, 1, 2, 4, 5, 6, 7]))):
         (desk / name).mkdir()
         write_joints(take.select(rows), desk / name / "joints.csv")
     text = (desk / "two" / "joints.csv").read_text().splitlines()
-    moved = [",".join([*row.split(",")[:3], f"{float(row.split(',')[3]) + 0.05:.6f}", *row.split(",")[4:]]) for row in text[1:]]
+    moved = [
+        ",".join(
+            [*row.split(",")[:3], f"{float(row.split(',')[3]) + 0.05:.6f}", *row.split(",")[4:]]
+        )
+        for row in text[1:]
+    ]
     (desk / "two" / "joints.csv").write_text("\n".join([text[0], *moved]))
     return desk
 
@@ -47,7 +54,10 @@ def test_the_truth_may_come_last(takes, capsys):
 
 def test_table_of_several(takes, capsys):
     assert run(["evaluate", "one", "two", "--truth", "truth.json", "truth.trc", "--markdown"]) == 0
-    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in capsys.readouterr().out.splitlines()]
+    lines = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in capsys.readouterr().out.splitlines()
+    ]
     assert [line[0] for line in lines] == ["recording", "---", "one", "two", "**mean**"]
     assert len({len(line) for line in lines}) == 1
     column = lines[0].index("mpjpe_mm")
@@ -58,11 +68,31 @@ def test_table_of_several(takes, capsys):
 
 def test_truth_of_the_recording_that_was_fitted(desk, capsys):
     write_recording(desk / "walk", ring(2))
-    assert run(["fit", "walk", "--out", "fitted", "--estimator", "standing", "--stature", "1.8", "--no-pictures"]) == 0
+    assert (
+        run(
+            [
+                "fit",
+                "walk",
+                "--out",
+                "fitted",
+                "--estimator",
+                "standing",
+                "--stature",
+                "1.8",
+                "--no-pictures",
+            ]
+        )
+        == 0
+    )
     assert run(["evaluate", "fitted"]) == 2
     assert "walk/truth.json: give --truth" in capsys.readouterr().err
-    rows = [line.split(",") for line in (desk / "fitted" / "joints.csv").read_text().splitlines()[1:]]
-    joints = {name: [[float(cell) for cell in row[3:6]] for row in rows if row[2] == name] for name in LANDMARK_NAMES}
+    rows = [
+        line.split(",") for line in (desk / "fitted" / "joints.csv").read_text().splitlines()[1:]
+    ]
+    joints = {
+        name: [[float(cell) for cell in row[3:6]] for row in rows if row[2] == name]
+        for name in LANDMARK_NAMES
+    }
     (desk / "walk" / "truth.json").write_text(json.dumps({"unit": "m", "joints": joints}))
     assert run(["evaluate", "fitted", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 5
@@ -72,8 +102,14 @@ def test_truth_of_the_recording_that_was_fitted(desk, capsys):
     ("words", "line"),
     [
         (["one"], "one does not say which recording it is of"),
-        (["one", "two", "--truth", "truth.json", "truth.json", "truth.json"], "2 results and 3 truths"),
-        (["one", "--truth", "truth.trc", "--markers", "nose=Nose"], "--markers nose=Nose is not understood"),
+        (
+            ["one", "two", "--truth", "truth.json", "truth.json", "truth.json"],
+            "2 results and 3 truths",
+        ),
+        (
+            ["one", "--truth", "truth.trc", "--markers", "nose=Nose"],
+            "--markers nose=Nose is not understood",
+        ),
         (["one", "--truth", "truth.trc", "--markers", "neck=C7"], "has no marker 'C7'"),
         (["one", "--truth", "truth.trc", "--axes", "up"], "--axes up is not understood"),
         (["one", "--truth", "nothing.trc"], "nothing.trc cannot be read"),
@@ -87,8 +123,12 @@ def test_mistakes(takes, capsys, words, line):
 
 def test_same_numbers_as_the_reviewers_script(takes, shared, capsys):
     words = [sys.executable, str(shared / "eval" / "score.py"), "truth.json", "two/joints.csv"]
-    theirs = json.loads(subprocess.run(words, cwd=takes, check=True, capture_output=True, text=True).stdout)
+    theirs = json.loads(
+        subprocess.run(words, cwd=takes, check=True, capture_output=True, text=True).stdout
+    )
     run(["evaluate", "two", "--truth", "truth.json", "--json"])
     ours = json.loads(capsys.readouterr().out)
     for name, value in theirs.items():
-        assert ours[name] == pytest.approx(value, abs=0.06 if name == "joint_root_mm" else 6e-4), name
+        assert ours[name] == pytest.approx(value, abs=0.06 if name == "joint_root_mm" else 6e-4), (
+            name
+        )

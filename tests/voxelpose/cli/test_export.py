@@ -9,7 +9,22 @@ from voxelpose.cli import run
 @pytest.fixture
 def fitted(desk, capsys):
     write_recording(desk / "walk", ring(2))
-    assert run(["fit", "walk", "--out", "fitted", "--estimator", "standing", "--stature", "1.8", "--no-pictures"]) == 0
+    assert (
+        run(
+            [
+                "fit",
+                "walk",
+                "--out",
+                "fitted",
+                "--estimator",
+                "standing",
+                "--stature",
+                "1.8",
+                "--no-pictures",
+            ]
+        )
+        == 0
+    )
     capsys.readouterr()
     return desk / "fitted"
 
@@ -21,13 +36,24 @@ def test_beside_the_result_and_again(fitted, capsys):
     said = capsys.readouterr().out.split()
     assert "fitted/motion.glb" in said
     assert {path.name for path in fitted.iterdir()} - before == {
-        "motion.glb", "motion.trc", "motion.mot", "motion.c3d", "joints_wide.csv", "angles.csv", "motion.npz",
-    }  # fmt: skip
+        "motion.glb",
+        "motion.trc",
+        "motion.mot",
+        "motion.c3d",
+        "joints_wide.csv",
+        "angles.csv",
+        "motion.npz",
+    }
 
 
 def test_elsewhere(fitted, desk, capsys):
     assert run(["export", "fitted", "--to", "GLB, csv", "--out", "lab"]) == 0
-    assert {path.name for path in (desk / "lab").iterdir()} == {"motion.glb", "joints.csv", "joints_wide.csv", "angles.csv"}
+    assert {path.name for path in (desk / "lab").iterdir()} == {
+        "motion.glb",
+        "joints.csv",
+        "joints_wide.csv",
+        "angles.csv",
+    }
     assert run(["export", "fitted", "--to", "glb", "--out", "lab"]) == 2
     assert "lab/motion.glb exists" in capsys.readouterr().err
     assert run(["export", "fitted", "--to", "glb", "--out", "lab", "--overwrite"]) == 0

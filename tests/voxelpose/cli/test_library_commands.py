@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.library.store import read_library
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.cli import run
 from voxelpose.export.bvh import write_bvh
 
@@ -21,13 +21,32 @@ def clips(desk):
 
 
 def test_build_and_info(clips, desk, capsys):
-    assert run(["library", "build", str(clips), "--out", str(desk / "me.vplib"), *SMALL, "--pitch", "4", "--leave-out", "wave_2"]) == 0
+    assert (
+        run(
+            [
+                "library",
+                "build",
+                str(clips),
+                "--out",
+                str(desk / "me.vplib"),
+                *SMALL,
+                "--pitch",
+                "4",
+                "--leave-out",
+                "wave_2",
+            ]
+        )
+        == 0
+    )
     out = capsys.readouterr().out
     library = read_library(desk / "me.vplib")
     assert library.clips == ("wave_1",)
     assert 0 < len(library) <= 12 and library.model.sizes.stature_m == 1.7
     np.testing.assert_allclose(np.degrees(library.views), [[0, 4], [120, 4], [240, 4]])
-    assert sorted(path.name for path in desk.iterdir() if path.name != "site") == ["clips", "me.vplib"]
+    assert sorted(path.name for path in desk.iterdir() if path.name != "site") == [
+        "clips",
+        "me.vplib",
+    ]
     assert f"{len(library)} = {len(library.base_angles)} (0 of them mirror images) x 3 views" in out
     assert run(["library", "info", str(desk / "me.vplib"), "--png", str(desk / "sheet.png")]) == 0
     assert "stature 1.7 m" in capsys.readouterr().out
@@ -39,20 +58,34 @@ def test_build_and_info(clips, desk, capsys):
     [
         (["info", "nothing.vplib"], "the library nothing.vplib cannot be read"),
         (["info", "clips/wave_1.bvh"], "is not a pose library"),
-        (["mend", "x"], "there is no command 'library mend': there are library build, library info"),
-        (["build", "clips", "--out", "x", "--leave-out", "dance"], "--leave-out dance: no clip is called so"),
-        (["build", "clips", "--out", "x", "--leave-out", "wave_1", "--leave-out", "wave_2"], "no poses are left"),
+        (
+            ["mend", "x"],
+            "there is no command 'library mend': there are library build, library info",
+        ),
+        (
+            ["build", "clips", "--out", "x", "--leave-out", "dance"],
+            "--leave-out dance: no clip is called so",
+        ),
+        (
+            ["build", "clips", "--out", "x", "--leave-out", "wave_1", "--leave-out", "wave_2"],
+            "no poses are left",
+        ),
         (["build", "nowhere", "--out", "x"], "nowhere does not exist"),
         (["build", "clips", "--out", "x", "--yaw-step", "50"], "does not divide the full turn"),
         (["build", "clips", "--out", "x", "--poses", "5"], "5 poses are too few"),
         (["build", "clips", "--out", "x", "--pitch", "200"], "not one a standing camera has"),
-        (["build", "clips", "--out", "clips/wave_1.bvh", *SMALL], "is not a pose library, so it is not overwritten"),
+        (
+            ["build", "clips", "--out", "clips/wave_1.bvh", *SMALL],
+            "is not a pose library, so it is not overwritten",
+        ),
     ],
 )
 def test_mistakes_are_one_line(clips, desk, monkeypatch, capsys, words, line):
     monkeypatch.chdir(desk)
     assert run(["library", *words]) == 2
-    errors = [text for text in capsys.readouterr().err.splitlines() if text.startswith("voxelpose: ")]
+    errors = [
+        text for text in capsys.readouterr().err.splitlines() if text.startswith("voxelpose: ")
+    ]
     assert len(errors) == 1 and line in errors[0]
     assert not (desk / "x").exists()
 

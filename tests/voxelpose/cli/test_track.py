@@ -7,9 +7,9 @@ import pytest
 
 from silhouette_core.library.build import build_library
 from silhouette_core.library.store import write_library
+from tests.clips import waving
 from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring, write_recording, write_staged
-from tests.takes import waving
 from voxelpose.cli import run
 
 FRAMES = 4
@@ -31,7 +31,11 @@ def room(desk, library_bytes):
 
 
 def left(desk):
-    return sorted(path.name for path in desk.iterdir() if path.name not in ("site", "walk", "lib.vplib", "bad.vplib"))
+    return sorted(
+        path.name
+        for path in desk.iterdir()
+        if path.name not in ("site", "walk", "lib.vplib", "bad.vplib")
+    )
 
 
 def refused(desk, capsys, *words):
@@ -81,7 +85,9 @@ def test_a_library_that_cannot_be_read(room, capsys, library_bytes, how, words):
 
 
 def test_a_library_that_is_not_there(room, capsys):
-    assert "none.vplib cannot be read" in refused(room, capsys, "--camera", "cam_1", "--library", "none.vplib")
+    assert "none.vplib cannot be read" in refused(
+        room, capsys, "--camera", "cam_1", "--library", "none.vplib"
+    )
     assert "cannot be read" in refused(room, capsys, "--camera", "cam_1", "--library", "site")
 
 
@@ -128,10 +134,25 @@ def test_results_are_not_overwritten_unasked(room, capsys):
 def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
     (desk / "lib.vplib").write_bytes(library_bytes)
     write_staged(desk / "take", waving(3), ring(2, (320, 240)))
-    words = ["track", "take", "--out", "x", "--camera", "cam_2", "--library", "lib.vplib", "--start", "any", "--no-refine", "--no-pictures"]
+    words = [
+        "track",
+        "take",
+        "--out",
+        "x",
+        "--camera",
+        "cam_2",
+        "--library",
+        "lib.vplib",
+        "--start",
+        "any",
+        "--no-refine",
+        "--no-pictures",
+    ]
     assert run([*words, "--stature", "1.70"]) == 0
     assert "3 of 3 frames have a pose" in capsys.readouterr().out
     summary = json.loads((desk / "x" / "summary.json").read_text())
     assert summary["cameras"] == ["cam_2"] and summary["estimator"] == "monocular"
-    rows = np.genfromtxt(desk / "x" / "hypotheses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    rows = np.genfromtxt(
+        desk / "x" / "hypotheses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
     assert set(rows["frame"]) == {0, 1, 2} and rows["rank"].max() <= 5

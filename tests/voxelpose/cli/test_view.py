@@ -9,27 +9,49 @@ import pytest
 from calib.files import write_rig
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics
+from tests.clips import waving
 from tests.sources import ring
-from tests.takes import waving
 from voxelpose.cli import run
 
 
 @pytest.fixture
 def fitted(desk, monkeypatch):
-    """A recording "walk" whose silhouettes are those of the standing estimator's poses, and its result "out"."""
+    """A recording "walk" whose silhouettes are those of the standing estimator's poses, and its
+    result "out".
+    """
     motion, rig = waving(3, 1.7), ring(3)
     rotation, origin = motion.parts()
     for camera in rig:
         (desk / "walk" / "masks" / camera.name).mkdir(parents=True)
         for row in range(3):
-            surface = kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T + camera.translation
-            parts, _ = render_parts(surface, motion.model.faces, motion.model.face_part, camera.matrix, camera.size)
+            surface = (
+                kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T
+                + camera.translation
+            )
+            parts, _ = render_parts(
+                surface, motion.model.faces, motion.model.face_part, camera.matrix, camera.size
+            )
             mask = np.where(parts > 0, 255, 0).astype(np.uint8)
             cv2.imwrite(str(desk / "walk" / "masks" / camera.name / f"{row}.png"), mask)
     write_rig(rig, desk / "walk" / "calibration.toml")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--fps", "25", "--no-pictures"]) == 0
+    assert (
+        run(
+            [
+                "fit",
+                "walk",
+                "--out",
+                "out",
+                "--estimator",
+                "standing",
+                "--fps",
+                "25",
+                "--no-pictures",
+            ]
+        )
+        == 0
+    )
     return desk
 
 
@@ -53,7 +75,9 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
     pictures = [film.read()[1] for _ in range(3)]
     cv2.imwrite("last.png", pictures[2])
     cv2.imwrite("lost.png", pictures[0])
-    assert red_share("last.png") > 0.001 > red_share("lost.png")  # the first frame has a hull, but no pose
+    assert (
+        red_share("last.png") > 0.001 > red_share("lost.png")
+    )  # the first frame has a hull, but no pose
     assert sorted(path.name for path in fitted.iterdir() if path.suffix == ".mp4") == ["hull.mp4"]
 
 
@@ -61,12 +85,18 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
     ("words", "line"),
     [
         (["view", "out", "--open3d"], "no screen"),
-        (["view", "out", "--frame", "0", "--png", "x.png"], "frame 0 has no pose in out: choose one from 1 to 2"),
+        (
+            ["view", "out", "--frame", "0", "--png", "x.png"],
+            "frame 0 has no pose in out: choose one from 1 to 2",
+        ),
         (["view", "walk", "--mp4", "x.mp4"], "walk is a recording without a fit"),
         (["view", "out", "--voxel", "0.05", "--mp4", "gone/x.mp4"], "gone/x.mp4 cannot be written"),
         (["view", "out", "--voxel", "3", "--png", "x.png"], "voxels of 3 m are not to be shown"),
         (["view", "nowhere", "--png", "x.png"], "nowhere is not a recording"),
-        (["view", "out", "--recording", "moved", "--png", "x.png"], "the recording moved of this result is not there"),
+        (
+            ["view", "out", "--recording", "moved", "--png", "x.png"],
+            "the recording moved of this result is not there",
+        ),
         (["view", "out", "--voxel", "0.05", "--png", "gone/x.png"], "gone/x.png cannot be written"),
     ],
 )

@@ -8,14 +8,14 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Silent
-from voxelpose.demo.recording import make_recording
+from silhouette_core.progress import SilentReporter
+from voxelpose.demo.filming import make_recording
 from voxelpose.evaluation import read_truth
 from voxelpose.experiments.arm_swing import METHODS, near_side
 from voxelpose.experiments.swing_library import ProfileSettings, swing_library
 from voxelpose.experiments.swing_study import Study, run_study
 from voxelpose.experiments.swings import arm_angles, split_swings
-from voxelpose.recording import Recording
+from voxelpose.recording.folder import Recording
 
 
 def test_methods_are_called_as_in_the_paper():
@@ -40,7 +40,10 @@ def test_mannequin_swings_the_same_way_on_either_side(tmp_path, performance, nea
 def test_far_arm_is_hidden_at_times():
     model = BodyModel.from_sizes(BodySizes(1.7))
     library = swing_library(model, near=False, pitch_deg=5.0, samples=120)
-    right, left = (library.occluded[:, model.names.index(f"{side}_upper_arm")].mean() for side in ("right", "left"))
+    right, left = (
+        library.occluded[:, model.names.index(f"{side}_upper_arm")].mean()
+        for side in ("right", "left")
+    )
     assert 0.2 < right < 0.8
     assert left == 0
 
@@ -49,13 +52,15 @@ def test_far_arm_is_hidden_at_times():
 def test_two_swings(tmp_path):
     recording = Recording.open(make_recording(tmp_path / "film", 48, performance="arm_swing"))
     study = Study(tmp_path / "film" / "truth.json", degraded=False, ours=False, samples=600)
-    rows = run_study(recording, study, tmp_path, Silent())
+    rows = run_study(recording, study, tmp_path, SilentReporter())
     assert len(split_swings(arm_angles(read_truth(study.truth)))) == 2
     assert [row.method for row in rows] == [str(method) for method in METHODS]
     assert rows[3].counts["success"] == 2
     assert rows[3].error_deg < 20
     assert (tmp_path / "angles.png").exists()
-    assert "| as found | nwXOR+DM2 | 0 | 0 | 2 | 0 / 10 / 14 |" in (tmp_path / "table.md").read_text()
+    assert (
+        "| as found | nwXOR+DM2 | 0 | 0 | 2 | 0 / 10 / 14 |" in (tmp_path / "table.md").read_text()
+    )
     about = json.loads((tmp_path / "summary.json").read_text())
     assert about["right_arm"] == "near" and about["rows"][3]["success"] == 2
 
@@ -64,4 +69,4 @@ def test_truth_of_another_recording_is_refused(tmp_path):
     recording = Recording.open(make_recording(tmp_path / "film", 3, performance="arm_swing"))
     make_recording(tmp_path / "other", 2, performance="arm_swing")
     with pytest.raises(InputError, match="give the truth of this recording"):
-        run_study(recording, Study(tmp_path / "other" / "truth.json"), tmp_path, Silent())
+        run_study(recording, Study(tmp_path / "other" / "truth.json"), tmp_path, SilentReporter())

@@ -16,11 +16,17 @@ SWING = np.concatenate([np.linspace(-55, 75, 13)[:-1], np.linspace(75, -55, 13)[
 
 
 def joints(angle_deg, yaw_deg=0.0, out_deg=0.0):
-    """A body of points, upright, whose right upper arm is swung forward; 0 faces -y, left toward +x."""
+    """A body of points, upright, whose right upper arm is swung forward; 0 faces -y, left toward
+    +x.
+    """
     angle, out, yaw = np.radians([angle_deg, out_deg, yaw_deg])
     found = np.zeros((1, len(LANDMARK_NAMES), 3))
     arm = np.array([-np.sin(out), -np.sin(angle) * np.cos(out), -np.cos(angle) * np.cos(out)])
-    for name, place in (("left_shoulder", (0.2, 0, 1.4)), ("right_shoulder", (-0.2, 0, 1.4)), ("right_elbow", (-0.2, 0, 1.4) + 0.3 * arm)):
+    for name, place in (
+        ("left_shoulder", (0.2, 0, 1.4)),
+        ("right_shoulder", (-0.2, 0, 1.4)),
+        ("right_elbow", (-0.2, 0, 1.4) + 0.3 * arm),
+    ):
         found[0, LANDMARK_NAMES.index(name)] = place
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     return found @ turn.T
@@ -41,7 +47,9 @@ def test_left_arm_has_its_own_angle():
 
 def test_swings_are_divided_at_the_hindmost_angle():
     swings = split_swings(np.tile(SWING, 5))
-    assert [(swing.start, swing.stop) for swing in swings] == [(24 * k, 24 * k + 24) for k in range(5)]
+    assert [(swing.start, swing.stop) for swing in swings] == [
+        (24 * k, 24 * k + 24) for k in range(5)
+    ]
     shaky = np.tile(SWING, 5) + np.random.default_rng(0).normal(0, 2, 120)
     assert len(split_swings(shaky)) == 5
     assert all(a.stop == b.start for a, b in pairwise(split_swings(shaky)))
@@ -89,8 +97,22 @@ def test_counts_add_up():
 def test_table_stands_beside_the_papers():
     method = METHODS[3]
     rows = [
-        Row(str(method), "as found", {"fail": 0, "error": 3, "success": 21}, SWING, 9.87, 0, method.paper),
-        Row(str(method), "4 holes of radius 8 px", {"fail": 24, "error": 0, "success": 0}, SWING, 51.0),
+        Row(
+            str(method),
+            "as found",
+            {"fail": 0, "error": 3, "success": 21},
+            SWING,
+            9.87,
+            0,
+            method.paper,
+        ),
+        Row(
+            str(method),
+            "4 holes of radius 8 px",
+            {"fail": 24, "error": 0, "success": 0},
+            SWING,
+            51.0,
+        ),
     ]
     lines = markdown_table(rows).splitlines()
     assert lines[2] == "| as found | nwXOR+DM2 | 0 | 3 | 21 | 0 / 10 / 14 | 9.9 |"
@@ -136,9 +158,16 @@ def test_same_seed_same_silhouette():
 
 def test_nothing_asked_nothing_done():
     assert (degrade(MASK, Degradation(), np.random.default_rng(0)) == MASK).all()
-    assert not degrade(np.zeros_like(MASK), Degradation(contour_px=2.0, holes=2, hole_radius_px=3.0), np.random.default_rng(0)).any()
+    assert not degrade(
+        np.zeros_like(MASK),
+        Degradation(contour_px=2.0, holes=2, hole_radius_px=3.0),
+        np.random.default_rng(0),
+    ).any()
 
 
 def test_degradation_says_its_sizes():
     assert str(Degradation()) == "as found"
-    assert str(Degradation(2.0, 4.0, 3, 8.0)) == "contour moved by 2 px (grain 4 px), 3 holes of radius 8 px"
+    assert (
+        str(Degradation(2.0, 4.0, 3, 8.0))
+        == "contour moved by 2 px (grain 4 px), 3 holes of radius 8 px"
+    )

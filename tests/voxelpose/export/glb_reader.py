@@ -1,4 +1,6 @@
-"""A second reader of GLB, from the text of the glTF 2.0 specification and not from the library that wrote the file."""
+"""A second reader of GLB, from the text of the glTF 2.0 specification and not from the library that
+wrote the file.
+"""
 
 import json
 import struct
@@ -33,7 +35,9 @@ class Glb:
         assert start % 4 == 0
         assert "byteStride" not in view
         assert accessor["count"] * width * kind.itemsize == view["byteLength"]
-        values = np.frombuffer(self.binary, kind, accessor["count"] * width, start).reshape(accessor["count"], width)
+        values = np.frombuffer(self.binary, kind, accessor["count"] * width, start).reshape(
+            accessor["count"], width
+        )
         if "min" in accessor:
             np.testing.assert_array_equal(values.min(axis=0), np.asarray(accessor["min"], kind))
             np.testing.assert_array_equal(values.max(axis=0), np.asarray(accessor["max"], kind))
@@ -47,7 +51,10 @@ class Glb:
             sampler = animation["samplers"][channel["sampler"]]
             assert sampler.get("interpolation", "LINEAR") == "LINEAR"
             node = self.document["nodes"][channel["target"]["node"]]["name"]
-            found[node, channel["target"]["path"]] = self.array(sampler["input"])[:, 0], self.array(sampler["output"])
+            found[node, channel["target"]["path"]] = (
+                self.array(sampler["input"])[:, 0],
+                self.array(sampler["output"]),
+            )
         return found
 
     def world_matrices(self, key: int) -> dict[str, np.ndarray]:
@@ -57,8 +64,13 @@ class Glb:
         def place(number: int, above: np.ndarray) -> None:
             node = nodes[number]
             still = np.zeros(3), np.array([0, 0, 0, 1.0])
-            moved = channels.get((node["name"], "translation"), (None, [node.get("translation", still[0])] * (key + 1)))[1][key]
-            turned = channels.get((node["name"], "rotation"), (None, [node.get("rotation", still[1])] * (key + 1)))[1][key]
+            moved = channels.get(
+                (node["name"], "translation"),
+                (None, [node.get("translation", still[0])] * (key + 1)),
+            )[1][key]
+            turned = channels.get(
+                (node["name"], "rotation"), (None, [node.get("rotation", still[1])] * (key + 1))
+            )[1][key]
             matrix = np.eye(4)
             matrix[:3, :3], matrix[:3, 3] = Rotation.from_quat(turned).as_matrix(), moved
             found[node["name"]] = above @ matrix
@@ -70,11 +82,16 @@ class Glb:
         return found
 
     def skinned(self, key: int) -> np.ndarray:
-        """(V, 3): the body's surface at the key-th time; the skin's joints alone place it, as the specification says."""
+        """(V, 3): the body's surface at the key-th time; the skin's joints alone place it, as the
+        specification says.
+        """
         primitive, skin = self.document["meshes"][0]["primitives"][0], self.document["skins"][0]
         world = self.world_matrices(key)
         bind = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
-        joints = np.array([world[self.document["nodes"][joint]["name"]] for joint in skin["joints"]]) @ bind
+        joints = (
+            np.array([world[self.document["nodes"][joint]["name"]] for joint in skin["joints"]])
+            @ bind
+        )
         shape = {name: self.array(number) for name, number in primitive["attributes"].items()}
         blended = np.einsum("vk,vkij->vij", shape["WEIGHTS_0"], joints[shape["JOINTS_0"]])
         return np.einsum("vij,vj->vi", blended[:, :3, :3], shape["POSITION"]) + blended[:, :3, 3]

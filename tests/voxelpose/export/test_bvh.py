@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion.motion import Motion
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.export.bvh import write_bvh
 
 
@@ -27,7 +27,9 @@ def assert_same_joints(motion: Motion, path: Path) -> None:
     for row in range(len(motion)):
         read = joint_positions(path, row)
         for part, name in enumerate(motion.model.names):
-            np.testing.assert_allclose(read[name], origins[row, part], atol=1e-5, err_msg=f"{name} in frame {row}")
+            np.testing.assert_allclose(
+                read[name], origins[row, part], atol=1e-5, err_msg=f"{name} in frame {row}"
+            )
 
 
 def test_every_joint_is_where_our_kinematics_puts_it(tmp_path):
@@ -46,7 +48,11 @@ def test_right_hand_is_the_raised_one(tmp_path):
 def test_head_ends_at_its_vertex(tmp_path):
     motion = waving()
     write_bvh(motion, tmp_path / "motion.bvh")
-    head = next(joint for joint, _, _ in bvhio.readAsBvh(str(tmp_path / "motion.bvh")).Root.layout() if joint.Name == "head")
+    head = next(
+        joint
+        for joint, _, _ in bvhio.readAsBvh(str(tmp_path / "motion.bvh")).Root.layout()
+        if joint.Name == "head"
+    )
     rise = motion.model.landmarks_m[8] - motion.model.joints_m[motion.model.names.index("head")]
     np.testing.assert_allclose(world_from_bvh(head.EndSite), rise, atol=1e-6)
 
@@ -61,4 +67,8 @@ def test_lost_frames_are_interpolated(tmp_path):
     _, origins = motion.parts()
     for frame in range(7):
         hand = joint_positions(tmp_path / "motion.bvh", frame)["right_hand"]
-        np.testing.assert_allclose(hand, origins[frame, motion.model.names.index("right_hand")], atol=1e-5 if frame in keep else 0.02)
+        np.testing.assert_allclose(
+            hand,
+            origins[frame, motion.model.names.index("right_hand")],
+            atol=1e-5 if frame in keep else 0.02,
+        )

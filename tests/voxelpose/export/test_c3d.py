@@ -10,20 +10,27 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.export.c3d import write_c3d
 from voxelpose.export.skeleton import named_points
 
 
 def read(path: Path) -> tuple[float, list[str], np.ndarray, str]:
-    """Returns rate, labels, (F, K, 3) metres with NaN where the file says that a point was not seen, and the unit."""
+    """Returns rate, labels, (F, K, 3) metres with NaN where the file says that a point was not
+    seen, and the unit.
+    """
     with path.open("rb") as file, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="No analog data")
         reader = c3d.Reader(file)
         points = np.array([points for _, points, _ in reader.read_frames()])
         unit = reader.get("POINT:UNITS").string_value.strip()
         positions = np.where(points[..., 3:4] < 0, np.nan, points[..., :3])
-        return reader.point_rate, [label.strip() for label in reader.point_labels], positions / 1000, unit
+        return (
+            reader.point_rate,
+            [label.strip() for label in reader.point_labels],
+            positions / 1000,
+            unit,
+        )
 
 
 def test_points_labels_rate_and_unit(tmp_path):
@@ -43,7 +50,13 @@ def test_right_hand_is_the_raised_one_and_up_is_z(tmp_path):
     write_c3d(motion, tmp_path / "motion.c3d")
     _, labels, points, _ = read(tmp_path / "motion.c3d")
     height = dict(zip(labels, points[-1, :, 2], strict=True))
-    assert height["right_finger_tip"] > height["right_wrist"] > height["head_top"] > height["left_wrist"] > height["left_heel"]
+    assert (
+        height["right_finger_tip"]
+        > height["right_wrist"]
+        > height["head_top"]
+        > height["left_wrist"]
+        > height["left_heel"]
+    )
 
 
 def test_lost_frames_are_not_seen(tmp_path):

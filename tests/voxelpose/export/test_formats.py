@@ -4,17 +4,27 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from tests.takes import waving
-from voxelpose.export import opensim
+from tests.clips import waving
+from voxelpose.export import mot
 from voxelpose.export.formats import FORMATS, export_motion
 
 
 def test_every_format_is_written_and_named(tmp_path):
     files = export_motion(waving(3), tmp_path / "new" / "out")
     assert {path.name for path in files} == {
-        "motion.bvh", "motion.glb", "motion.trc", "motion.mot", "motion.c3d", "joints.csv", "joints_wide.csv", "angles.csv", "motion.npz",
-    }  # fmt: skip
-    assert sorted(path.name for path in (tmp_path / "new" / "out").iterdir()) == sorted(path.name for path in files)
+        "motion.bvh",
+        "motion.glb",
+        "motion.trc",
+        "motion.mot",
+        "motion.c3d",
+        "joints.csv",
+        "joints_wide.csv",
+        "angles.csv",
+        "motion.npz",
+    }
+    assert sorted(path.name for path in (tmp_path / "new" / "out").iterdir()) == sorted(
+        path.name for path in files
+    )
     assert all(path.stat().st_size > 100 for path in files)
     assert set(FORMATS) == {"bvh", "glb", "trc", "c3d", "csv", "npz"}
 
@@ -28,13 +38,15 @@ def test_what_exists_is_kept_unless_told(tmp_path):
     assert (tmp_path / "motion.mot").read_text().startswith("Coordinates")
 
 
-@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("a bug")])
+@pytest.mark.parametrize(
+    "error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("a bug")]
+)
 def test_nothing_is_left_of_what_fails(tmp_path, monkeypatch, error):
     def fail(motion, path):
         path.write_text("half")
         raise error
 
-    monkeypatch.setattr(opensim, "write_mot", fail)
+    monkeypatch.setattr(mot, "write_mot", fail)
     with pytest.raises(InputError if isinstance(error, OSError) else type(error)) as raised:
         export_motion(waving(3), tmp_path / "out", ["csv", "trc"])
     assert list(tmp_path.iterdir()) == []
@@ -42,7 +54,9 @@ def test_nothing_is_left_of_what_fails(tmp_path, monkeypatch, error):
         assert "the disk is full" in str(raised.value)
 
 
-@pytest.mark.parametrize(("formats", "line"), [(["fbx"], "no format 'fbx'"), (["csv", ""], "no format ''")])
+@pytest.mark.parametrize(
+    ("formats", "line"), [(["fbx"], "no format 'fbx'"), (["csv", ""], "no format ''")]
+)
 def test_unknown_formats(tmp_path, formats, line):
     with pytest.raises(InputError, match=line):
         export_motion(waving(2), tmp_path, formats)

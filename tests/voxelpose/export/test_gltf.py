@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from silhouette_core.motion import kinematics
-from tests.takes import waving
+from tests.clips import waving
 from tests.voxelpose.export.glb_reader import Glb
 from voxelpose.export.gltf import write_glb
 
@@ -41,20 +41,31 @@ def test_every_joint_and_the_skin_are_where_our_kinematics_puts_them(written):
 def test_right_hand_is_the_raised_one_and_up_is_y(written):
     motion = waving()
     world = Glb(written(motion)).world_matrices(len(motion) - 1)
-    assert world["right_hand"][1, 3] > world["head"][1, 3] > world["left_hand"][1, 3] > world["left_foot"][1, 3]
+    assert (
+        world["right_hand"][1, 3]
+        > world["head"][1, 3]
+        > world["left_hand"][1, 3]
+        > world["left_foot"][1, 3]
+    )
 
 
 def test_left_hand_is_toward_x_of_a_body_that_faces_z(written):
     motion = waving(1)
-    rest = np.array([node.get("translation", (0, 0, 0)) for node in Glb(written(motion)).document["nodes"]])
+    rest = np.array(
+        [node.get("translation", (0, 0, 0)) for node in Glb(written(motion)).document["nodes"]]
+    )
     names = [node["name"] for node in Glb(written(motion)).document["nodes"]]
     assert rest[names.index("left_thigh"), 0] > 0.05 > -0.05 > rest[names.index("right_thigh"), 0]
     assert rest[names.index("left_toes"), 2] > 0.05
 
 
 def test_quaternions_are_unit_and_take_the_short_way(written):
-    spun = np.radians(np.linspace(0, 700, 12)) / 2  # twice around: the sign of a canonical quaternion would jump
-    motion = replace(waving(12), root_quaternion=np.column_stack([np.cos(spun), np.zeros((12, 2)), np.sin(spun)]))
+    spun = (
+        np.radians(np.linspace(0, 700, 12)) / 2
+    )  # twice around: the sign of a canonical quaternion would jump
+    motion = replace(
+        waving(12), root_quaternion=np.column_stack([np.cos(spun), np.zeros((12, 2)), np.sin(spun)])
+    )
     channels = Glb(written(motion)).channels()
     turns = [values for (_, path), (_, values) in channels.items() if path == "rotation"]
     assert len(turns) == 27
@@ -65,7 +76,10 @@ def test_quaternions_are_unit_and_take_the_short_way(written):
 
 def test_weights_sum_to_one_and_name_each_joint_once(written):
     file = Glb(written(waving(1)))
-    shape = {name: file.array(k) for name, k in file.document["meshes"][0]["primitives"][0]["attributes"].items()}
+    shape = {
+        name: file.array(k)
+        for name, k in file.document["meshes"][0]["primitives"][0]["attributes"].items()
+    }
     np.testing.assert_allclose(shape["WEIGHTS_0"].sum(axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(shape["NORMAL"], axis=1), 1, atol=1e-5)
     for joints, weights in zip(shape["JOINTS_0"], shape["WEIGHTS_0"], strict=True):
@@ -87,4 +101,6 @@ def test_trimesh_reads_the_body_at_rest(written):
     (mesh,) = scene.geometry.values()
     assert mesh.is_watertight
     assert mesh.volume > 0.04  # outward faces, metres
-    np.testing.assert_allclose(np.sort(mesh.extents), np.sort(np.ptp(motion.model.vertices_m, axis=0)), atol=1e-5)
+    np.testing.assert_allclose(
+        np.sort(mesh.extents), np.sort(np.ptp(motion.model.vertices_m, axis=0)), atol=1e-5
+    )

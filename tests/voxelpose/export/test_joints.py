@@ -5,7 +5,7 @@ import csv
 import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.export.joints import write_joints
 
 
@@ -17,7 +17,9 @@ def test_one_row_per_frame_and_joint(tmp_path):
     assert list(rows[0]) == ["frame", "time_s", "joint", "x_m", "y_m", "z_m", "confidence"]
     assert [int(row["frame"]) for row in rows] == [0] * 15 + [1] * 15 + [3] * 15
     assert [row["joint"] for row in rows[:15]] == list(LANDMARK_NAMES)
-    read = np.array([[float(row[c]) for c in ("x_m", "y_m", "z_m")] for row in rows]).reshape(3, 15, 3)
+    read = np.array([[float(row[c]) for c in ("x_m", "y_m", "z_m")] for row in rows]).reshape(
+        3, 15, 3
+    )
     np.testing.assert_allclose(read, motion.landmarks(), atol=1e-6)
     assert float(rows[-1]["time_s"]) == 3 / motion.fps
     assert 0 < float(rows[0]["confidence"]) <= 1

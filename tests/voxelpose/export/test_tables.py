@@ -8,7 +8,7 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import anatomical_angles
-from tests.takes import waving
+from tests.clips import waving
 from voxelpose.export.tables import write_angles, write_npz, write_wide_joints
 
 
@@ -27,9 +27,18 @@ def test_wide_joints(tmp_path, motion):
     read = rows(tmp_path / "joints_wide.csv")
     assert [int(row["frame"]) for row in read] == [0, 1, 3, 6]
     assert float(read[2]["time_s"]) == pytest.approx(3 / 25)
-    joints = np.array([[[float(row[f"{name}_{axis}_m"]) for axis in "xyz"] for name in LANDMARK_NAMES] for row in read])
+    joints = np.array(
+        [
+            [[float(row[f"{name}_{axis}_m"]) for axis in "xyz"] for name in LANDMARK_NAMES]
+            for row in read
+        ]
+    )
     np.testing.assert_allclose(joints, motion.landmarks(), atol=1e-6)
-    assert float(read[-1]["right_wrist_z_m"]) > float(read[-1]["head_top_z_m"]) > float(read[-1]["left_wrist_z_m"])
+    assert (
+        float(read[-1]["right_wrist_z_m"])
+        > float(read[-1]["head_top_z_m"])
+        > float(read[-1]["left_wrist_z_m"])
+    )
 
 
 def test_angles(tmp_path, motion):
@@ -38,7 +47,12 @@ def test_angles(tmp_path, motion):
     assert list(read[0]) == ["frame", "time_s", *(f"{name}_deg" for name in angles.names)]
     table = np.array([[float(row[f"{name}_deg"]) for name in angles.names] for row in read])
     np.testing.assert_allclose(table, angles.degrees, atol=1e-3)
-    assert float(read[-1]["left_knee_flexion_deg"]) > 80 > 20 > float(read[-1]["right_knee_flexion_deg"])
+    assert (
+        float(read[-1]["left_knee_flexion_deg"])
+        > 80
+        > 20
+        > float(read[-1]["right_knee_flexion_deg"])
+    )
 
 
 def test_npz_needs_no_pickle_and_its_rotations_make_its_joints(tmp_path, motion):

@@ -1,15 +1,17 @@
-"""Bodies in front of cameras for the matching tests. What is photographed is never the body that is fitted."""
+"""Bodies in front of cameras for the matching tests. What is photographed is never the body that is
+fitted.
+"""
 
 import numpy as np
 
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_SPREAD, BodySizes
-from silhouette_core.fitting.agreement import posed_mesh
-from silhouette_core.fitting.observation import Observation, PinholeViews
-from silhouette_core.fitting.pose import RELAXED_RAD, Pose
+from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.silhouette_error import posed_mesh
 from tests.voxelpose.carving.carving_scenes import look_at
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
@@ -23,19 +25,34 @@ def fitting_model() -> BodyModel:
 
 
 def other_body(seed: int = 3, template: str = "female") -> BodyModel:
-    """Somebody else of that stature: the woman's template (another mesh) with the deviations of a real person, drawn at random."""
+    """Somebody else of that stature: the woman's template (another mesh) with the deviations of a
+    real person, drawn at random.
+    """
     body = BodyModel.from_sizes(BodySizes(STATURE_M, sex=template))
-    return body.reshaped(np.clip(np.random.default_rng(seed).normal(size=len(SHAPE_SPREAD)), -1.5, 1.5) * SHAPE_SPREAD)
+    return body.reshaped(
+        np.clip(np.random.default_rng(seed).normal(size=len(SHAPE_SIGMA)), -1.5, 1.5) * SHAPE_SIGMA
+    )
 
 
 def views(count: int = 6, size: tuple[int, int] = (320, 320)) -> PinholeViews:
     """Cameras all around at 3.5 m, alternately low and high."""
     angles = 2 * np.pi * (np.arange(count) + 0.3) / count
     places = [(3.5 * np.cos(a), 3.5 * np.sin(a), (1.0, 2.2)[k % 2]) for k, a in enumerate(angles)]
-    return PinholeViews.of(Rig(tuple(look_at(f"cam_{k + 1}", place, (0, 0, 0.9), size, 0.9 * size[0]) for k, place in enumerate(places))))
+    return PinholeViews.of(
+        Rig(
+            tuple(
+                look_at(f"cam_{k + 1}", place, (0, 0, 0.9), size, 0.9 * size[0])
+                for k, place in enumerate(places)
+            )
+        )
+    )
 
 
-def stance(model: BodyModel, turns_deg: dict[str, float] | None = None, place_m: tuple[float, float] = (0.0, 0.0)) -> Pose:
+def stance(
+    model: BodyModel,
+    turns_deg: dict[str, float] | None = None,
+    place_m: tuple[float, float] = (0.0, 0.0),
+) -> Pose:
     """The relaxed stance with some angles changed, the pelvis above `place_m`."""
     angles = RELAXED_RAD.copy()
     for name, degrees in (turns_deg or {}).items():
@@ -49,7 +66,9 @@ def photograph(seen_by: PinholeViews, model: BodyModel, pose: Pose) -> list[np.n
     masks = []
     for camera in seen_by.rig:
         in_camera = vertices @ camera.rotation.T + camera.translation
-        masks.append(render_parts(in_camera, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0)
+        masks.append(
+            render_parts(in_camera, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0
+        )
     return masks
 
 
@@ -58,7 +77,9 @@ def observe(seen_by: PinholeViews, model: BodyModel, pose: Pose) -> Observation:
     return Observation.of(seen_by, photograph(seen_by, model, pose), 3.5)
 
 
-def hull(seen_by: PinholeViews, model: BodyModel, pose: Pose, voxel_size_m: float = 0.03) -> tuple[VoxelGrid, np.ndarray]:
+def hull(
+    seen_by: PinholeViews, model: BodyModel, pose: Pose, voxel_size_m: float = 0.03
+) -> tuple[VoxelGrid, np.ndarray]:
     """Returns the visual hull of a posed body."""
     vertices = posed_mesh(model, pose)
     grid = VoxelGrid.from_bounds(vertices.min(0) - 0.1, vertices.max(0) + 0.1, voxel_size_m)
@@ -67,7 +88,12 @@ def hull(seen_by: PinholeViews, model: BodyModel, pose: Pose, voxel_size_m: floa
 
 def joints(model: BodyModel, pose: Pose) -> np.ndarray:
     """Returns the 15 joints (15, 3), world."""
-    return landmarks(model, *forward(model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]))[0]
+    return landmarks(
+        model,
+        *forward(
+            model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+        ),
+    )[0]
 
 
 def joint_errors_m(model: BodyModel, pose: Pose, truth_model: BodyModel, truth: Pose) -> np.ndarray:

@@ -1,10 +1,19 @@
-"""Fig. 2 of paper B: where movable areas interfere, the plain matcher errs and the joint one does not."""
+"""Fig. 2 of paper B: where movable areas interfere, the plain matcher errs and the joint one does
+not.
+"""
 
 import cv2
 import numpy as np
 import pytest
 
-from docs.figures.interference import PICTURE, draw, errors_m, make_example, match_example, matched_joints
+from docs.figures.interference import (
+    PICTURE,
+    draw,
+    errors_m,
+    make_example,
+    match_example,
+    matched_joints,
+)
 from silhouette_core.body.joints import LANDMARK_NAMES
 
 
@@ -17,15 +26,23 @@ def true_joint(example, name):
     return example.joints_m[LANDMARK_NAMES.index(name)]
 
 
-# The default step, and another, so that the figure does not hang on where the samples happen to lie.
+# The default step, and another, so that the figure does not hang on where the samples happen to
+# lie.
 @pytest.mark.parametrize(("step_deg", "worst_m"), [(15.0, 0.08), (12.0, 0.09)])
 def test_plain_puts_both_shins_into_one_leg_and_joint_does_not(example, step_deg, worst_m):
-    plain, joint = (match_example(example, interference, np.radians(step_deg)) for interference in (False, True))
+    plain, joint = (
+        match_example(example, interference, np.radians(step_deg)) for interference in (False, True)
+    )
     wrong, right = errors_m(example, plain), errors_m(example, joint)
     assert wrong["left_ankle"] > 0.30
     # It is the right leg's voxels that mislead it: the shin lies along them.
-    shin = 0.5 * (matched_joints(example, plain)["left_knee"] + matched_joints(example, plain)["left_ankle"])
-    middles = {side: 0.5 * (true_joint(example, f"{side}_knee") + true_joint(example, f"{side}_ankle")) for side in ("left", "right")}
+    shin = 0.5 * (
+        matched_joints(example, plain)["left_knee"] + matched_joints(example, plain)["left_ankle"]
+    )
+    middles = {
+        side: 0.5 * (true_joint(example, f"{side}_knee") + true_joint(example, f"{side}_ankle"))
+        for side in ("left", "right")
+    }
     assert np.linalg.norm(shin - middles["right"]) < 0.8 * np.linalg.norm(shin - middles["left"])
     assert max(right.values()) < worst_m
     assert joint.explained > plain.explained
@@ -40,11 +57,17 @@ def test_legs_are_what_interferes(example):
 
 def test_the_bodies_differ(example):
     """Voxels of the matched body itself would prove nothing."""
-    model = example.solid.model
+    model = example.body_volume.model
     joints = dict(zip(LANDMARK_NAMES, model.landmarks_m, strict=True))
     true = dict(zip(LANDMARK_NAMES, example.joints_m, strict=True))
-    for bone in (("left_hip", "left_knee"), ("left_shoulder", "left_elbow"), ("left_shoulder", "right_shoulder")):
-        own, others = (np.linalg.norm(places[bone[0]] - places[bone[1]]) for places in (joints, true))
+    for bone in (
+        ("left_hip", "left_knee"),
+        ("left_shoulder", "left_elbow"),
+        ("left_shoulder", "right_shoulder"),
+    ):
+        own, others = (
+            np.linalg.norm(places[bone[0]] - places[bone[1]]) for places in (joints, true)
+        )
         assert abs(own / others - 1) > 0.01, bone
 
 

@@ -8,26 +8,34 @@ from hypothesis import strategies as st
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.joint_search import best_together, enumerate_together
 from voxelpose.matching.kernels.bits import count_common, count_new, find_dominated, popcount
-from voxelpose.matching.lump import FREE_FROM_BODY, TAKEN, Lump
+from voxelpose.matching.voxel_set import FREE_FROM_BODY, TAKEN, VoxelSet
 
 
 @st.composite
 def groups(draw):
-    """Up to four parts with up to six placements on up to two words of voxels, with costs that tie often."""
+    """Up to four parts with up to six placements on up to two words of voxels, with costs that tie
+    often.
+    """
     words = draw(st.integers(1, 2))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     density = draw(st.sampled_from([0.02, 0.1, 0.5]))
     bits, costs = [], []
     for _ in range(draw(st.integers(1, 4))):
         count = draw(st.integers(1, 6))
-        bits.append(np.packbits(rng.random((count, 64 * words)) < density, axis=1, bitorder="little").view(np.uint64))
+        bits.append(
+            np.packbits(rng.random((count, 64 * words)) < density, axis=1, bitorder="little").view(
+                np.uint64
+            )
+        )
         costs.append(rng.integers(0, 8, count) * draw(st.sampled_from([0.0, 0.7, 2.0])))
     return bits, costs
 
 
 def score_of(bits, costs, choice):
     union = np.bitwise_or.reduce([part[k] for part, k in zip(bits, choice, strict=True)])
-    return int(np.bitwise_count(union).sum()) - sum(cost[k] for cost, k in zip(costs, choice, strict=True))
+    return int(np.bitwise_count(union).sum()) - sum(
+        cost[k] for cost, k in zip(costs, choice, strict=True)
+    )
 
 
 @given(groups())
@@ -44,14 +52,20 @@ def test_two_parts_that_both_like_the_same_voxels_share_them_out():
     large, small = np.uint64(0b1111), np.uint64(0b110000)
     bits = [np.array([[large], [small]]), np.array([[large], [small]])]
     costs = [np.zeros(2), np.array([0.0, 0.5])]
-    assert [int(np.argmax(np.bitwise_count(part)[:, 0] - cost)) for part, cost in zip(bits, costs, strict=True)] == [0, 0]
+    assert [
+        int(np.argmax(np.bitwise_count(part)[:, 0] - cost))
+        for part, cost in zip(bits, costs, strict=True)
+    ] == [0, 0]
     assert best_together(bits, costs) == ((1, 0), 6.0)
 
 
 def test_thousands_of_placements_of_three_parts():
     """Enumeration would need 8 thousand million unions."""
     rng = np.random.default_rng(5)
-    bits = [np.packbits(rng.random((2000, 512)) < 0.05, axis=1, bitorder="little").view(np.uint64) for _ in range(3)]
+    bits = [
+        np.packbits(rng.random((2000, 512)) < 0.05, axis=1, bitorder="little").view(np.uint64)
+        for _ in range(3)
+    ]
     choice, score = best_together(bits, [np.full(2000, 1.5)] * 3)
     assert score_of(bits, [np.full(2000, 1.5)] * 3, choice) == score
     # No single exchange is better.
@@ -72,7 +86,9 @@ def test_counting_bits(values):
     words = np.array(values, np.uint64)
     assert [int(popcount(word)) for word in words] == [value.bit_count() for value in values]
     other = words[::-1].copy()
-    assert count_common(words, other) == sum((a & b).bit_count() for a, b in zip(values, values[::-1], strict=True))
+    assert count_common(words, other) == sum(
+        (a & b).bit_count() for a, b in zip(values, values[::-1], strict=True)
+    )
     new = np.empty(1, np.int64)
     count_new(words[None], other, new)
     assert new[0] == sum((a & ~b).bit_count() for a, b in zip(values, values[::-1], strict=True))
@@ -82,19 +98,24 @@ def test_cover_against_sets_of_indices():
     rng = np.random.default_rng(2)
     grid = VoxelGrid(np.array([-0.5, -0.4, 0.0]), 0.1, (10, 8, 12))
     occupancy = rng.random(grid.shape) < 0.4
-    lump = Lump(grid, occupancy)
-    first = np.zeros(lump.words, np.uint64)
+    voxel_set = VoxelSet(grid, occupancy)
+    first = np.zeros(voxel_set.words, np.uint64)
     first[0] = 0b1011
-    lump.take(first)
-    assert (lump.ids == TAKEN).sum() == 3 and (lump.ids == FREE_FROM_BODY).sum() == (~occupancy).sum()
-    assert lump.free.occupancy.sum() == len(lump) - 3
+    voxel_set.take(first)
+    assert (voxel_set.ids == TAKEN).sum() == 3 and (voxel_set.ids == FREE_FROM_BODY).sum() == (
+        ~occupancy
+    ).sum()
+    assert voxel_set.free.occupancy.sum() == len(voxel_set) - 3
     points = rng.uniform(-0.6, 0.6, (200, 3))
-    rotations, translations = np.linalg.qr(rng.normal(size=(7, 3, 3)))[0], rng.uniform(0, 0.5, (7, 3))
-    bits, empty, inside = lump.cover(points, rotations, translations)
+    rotations, translations = (
+        np.linalg.qr(rng.normal(size=(7, 3, 3)))[0],
+        rng.uniform(0, 0.5, (7, 3)),
+    )
+    bits, empty, inside = voxel_set.cover(points, rotations, translations)
     for k in range(7):
         index = grid.indices(points @ rotations[k].T + translations[k])
         within = grid.contains(index)
-        found = lump.ids[tuple(index[within].T)]
+        found = voxel_set.ids[tuple(index[within].T)]
         assert empty[k] == (~within).sum() + (found == FREE_FROM_BODY).sum()
         assert inside[k] == (found == TAKEN).sum()
         flat = np.unpackbits(bits[k].view(np.uint8), bitorder="little")

@@ -1,33 +1,55 @@
-"""Paper B's matcher: sampling within limits, movable areas, their interference, and the posture found."""
+"""Paper B's matcher: sampling within limits, movable areas, their interference, and the posture
+found.
+"""
 
 import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.fitting.limbs import LIMBS, sample_angles, sample_hinge, within_limits
-from silhouette_core.fitting.pose import RELAXED_RAD
-from silhouette_core.fitting.solid import Solid
 from silhouette_core.motion.kinematics import forward, quaternions
-from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, other_body, stance, views
+from silhouette_core.refinement.pose import RELAXED_RAD
+from tests.voxelpose.matching.matching_scenes import (
+    fitting_model,
+    hull,
+    joint_errors_m,
+    other_body,
+    stance,
+    views,
+)
+from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.kernels.bits import count_common
-from voxelpose.matching.lump import Lump
-from voxelpose.matching.matcher import Candidates, MatchSettings, interference_groups, match, movable_areas
+from voxelpose.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
+from voxelpose.matching.matcher import (
+    LimbPlacements,
+    MatchSettings,
+    interference_groups,
+    match,
+    movable_areas,
+)
+from voxelpose.matching.voxel_set import VoxelSet
 
 LIMB = {limb.name: limb for limb in LIMBS}
 LOW, HIGH = BodyModel.dof_limits_rad.T
 STEP = np.radians(15.0)
-TURNS = {"left_upper_arm.abduction": 25.0, "right_upper_arm.abduction": 10.0, "left_thigh.flexion": 45.0, "left_shin.flexion": 70.0}
+TURNS = {
+    "left_upper_arm.abduction": 25.0,
+    "right_upper_arm.abduction": 10.0,
+    "left_thigh.flexion": 45.0,
+    "left_shin.flexion": 70.0,
+}
 
 
 @pytest.fixture(scope="module")
-def solid():
-    return Solid.of(fitting_model(), 0.025)
+def body_volume():
+    return BodyVolume.of(fitting_model(), 0.025)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    """Somebody else with both arms out to the sides and the left leg raised, and the hull that six cameras leave."""
+    """Somebody else with both arms out to the sides and the left leg raised, and the hull that six
+    cameras leave.
+    """
     body = other_body(1)
     pose = stance(body, TURNS)
     return body, pose, *hull(views(), body, pose, 0.025)
@@ -55,25 +77,28 @@ def test_a_full_search_reaches_both_ends_of_every_swing():
             assert np.diff(angles).max() <= STEP + 1e-9
 
 
-def test_twist_turns_the_bone_about_itself(solid):
+def test_twist_turns_the_bone_about_itself(body_volume):
     """Whatever bend and twist are tried, the knee stays where the thigh has put it."""
     turned = RELAXED_RAD.copy()
     turned[BodyModel.dof_names.index("left_thigh.flexion")] = 0.9
     turned[BodyModel.dof_names.index("left_thigh.abduction")] = 0.3
     samples = sample_hinge(LIMB["left_shin"], turned[None], STEP, None)[0]
-    _, knees = solid.placements(LIMB["left_shin"], stance(solid.model), samples)
-    # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3 degrees.
+    _, knees = body_volume.placements(LIMB["left_shin"], stance(body_volume.model), samples)
+    # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3
+    # degrees.
     assert np.linalg.norm(knees - knees.mean(0), axis=1).max() < 0.06
 
 
-def test_limbs_are_placed_where_the_whole_body_would_have_them(solid):
+def test_limbs_are_placed_where_the_whole_body_would_have_them(body_volume):
     rng = np.random.default_rng(6)
     angles = rng.uniform(LOW, HIGH, (5, len(LOW)))
-    root = stance(solid.model).moved(np.r_[0.3, -0.2, 0.1, 0.5, -0.4, 1.0, np.zeros(len(LOW))])
+    root = stance(body_volume.model).moved(
+        np.r_[0.3, -0.2, 0.1, 0.5, -0.4, 1.0, np.zeros(len(LOW))]
+    )
     quaternion = np.tile(quaternions(root.root_rotation), (5, 1))
-    rotation, origin = forward(solid.model, np.tile(root.root_m, (5, 1)), quaternion, angles)
+    rotation, origin = forward(body_volume.model, np.tile(root.root_m, (5, 1)), quaternion, angles)
     for limb in LIMBS:
-        rotations, origins = solid.placements(limb, root, angles)
+        rotations, origins = body_volume.placements(limb, root, angles)
         np.testing.assert_allclose(rotations, rotation[:, limb.part], atol=1e-12)
         np.testing.assert_allclose(origins, origin[:, limb.part], atol=1e-12)
 
@@ -81,7 +106,7 @@ def test_limbs_are_placed_where_the_whole_body_would_have_them(solid):
 def candidates_of(bits, limb="neck"):
     words = np.packbits(np.asarray(bits, bool), axis=1, bitorder="little")
     words = np.pad(words, ((0, 0), (0, -words.shape[1] % 8))).view(np.uint64)
-    return Candidates(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)))
+    return LimbPlacements(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)))
 
 
 def test_movable_area_is_what_some_placement_covers():
@@ -90,46 +115,78 @@ def test_movable_area_is_what_some_placement_covers():
 
 
 def test_interference_is_passed_on_from_part_to_part():
-    """The first meets the second and the second the third; the fourth meets nobody, though all four are tried at once."""
+    """The first meets the second and the second the third; the fourth meets nobody, though all four
+    are tried at once.
+    """
     areas = [[1, 1, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0], [0, 0, 1, 1, 0, 0], [0, 0, 0, 0, 1, 0]]
-    parts = [candidates_of([row], name) for row, name in zip(areas, ("neck", "left_thigh", "right_thigh", "left_upper_arm"), strict=True)]
+    parts = [
+        candidates_of([row], name)
+        for row, name in zip(
+            areas, ("neck", "left_thigh", "right_thigh", "left_upper_arm"), strict=True
+        )
+    ]
     groups = interference_groups(parts)
-    assert [[c.limb.name for c in group] for group in groups] == [["neck", "left_thigh", "right_thigh"], ["left_upper_arm"]]
+    assert [[c.limb.name for c in group] for group in groups] == [
+        ["neck", "left_thigh", "right_thigh"],
+        ["left_upper_arm"],
+    ]
     assert count_common(parts[0].movable_area, parts[1].movable_area) == 1
 
 
-def test_arms_apart_are_matched_singly_and_legs_together(solid, scene):
+def test_arms_apart_are_matched_singly_and_legs_together(body_volume, scene):
     _, _, grid, occupancy = scene
-    start = stance(solid.model, TURNS)
-    found = match(solid, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
+    start = stance(body_volume.model, TURNS)
+    found = match(body_volume, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
     groups = [set(group) for group in found.groups]
     assert {"left_upper_arm"} in groups and {"right_upper_arm"} in groups
     assert {"left_thigh", "right_thigh"} in groups
-    assert sorted(name for group in found.groups for name in group) == sorted(limb.name for limb in LIMBS)
-    plain = match(solid, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0), interference=False))
+    assert sorted(name for group in found.groups for name in group) == sorted(
+        limb.name for limb in LIMBS
+    )
+    plain = match(
+        body_volume,
+        grid,
+        occupancy,
+        start,
+        MatchSettings(around_rad=np.radians(20.0), interference=False),
+    )
     assert all(len(group) == 1 for group in plain.groups)
 
 
 @pytest.mark.parametrize("interference", [True, False])
-def test_what_one_group_decides_outlasts_the_next(solid, scene, interference):
+def test_what_one_group_decides_outlasts_the_next(body_volume, scene, interference):
     """Every group of a level keeps its angles, however many groups follow it."""
     body, truth, grid, occupancy = scene
-    found = match(solid, grid, occupancy, stance(solid.model), MatchSettings(interference=interference))
-    errors = dict(zip(LANDMARK_NAMES, joint_errors_m(solid.model, found.pose, body, truth), strict=True))
+    found = match(
+        body_volume,
+        grid,
+        occupancy,
+        stance(body_volume.model),
+        MatchSettings(interference=interference),
+    )
+    errors = dict(
+        zip(LANDMARK_NAMES, joint_errors_m(body_volume.model, found.pose, body, truth), strict=True)
+    )
     # Both arms and the left leg are far from the stance that the search starts from.
     for name in ("left_elbow", "right_elbow", "left_knee"):
         assert errors[name] < 0.12, name
 
 
-def test_full_search_finds_the_postures_of_others(solid):
-    """Four bodies of other shape in two postures, from the relaxed stance: joints to a few centimetres, and few limbs astray."""
-    seated = {f"{side}_{name}": angle for side in ("left", "right") for name, angle in (("thigh.flexion", 80.0), ("shin.flexion", 85.0))}
+def test_full_search_finds_the_postures_of_others(body_volume):
+    """Four bodies of other shape in two postures, from the relaxed stance: joints to a few
+    centimetres, and few limbs astray.
+    """
+    seated = {
+        f"{side}_{name}": angle
+        for side in ("left", "right")
+        for name, angle in (("thigh.flexion", 80.0), ("shin.flexion", 85.0))
+    }
     errors = []
     for seed, turns in ((0, TURNS), (1, seated), (2, TURNS), (4, seated)):
         body = other_body(seed)
         truth = stance(body, turns)
-        found = match(solid, *hull(views(), body, truth, 0.025), stance(solid.model))
-        errors.append(joint_errors_m(solid.model, found.pose, body, truth))
+        found = match(body_volume, *hull(views(), body, truth, 0.025), stance(body_volume.model))
+        errors.append(joint_errors_m(body_volume.model, found.pose, body, truth))
         assert within_limits(found.pose.angles_rad)
         # Six cameras leave a hull that is larger than the body.
         assert 0.5 < found.explained < 0.9
@@ -137,21 +194,27 @@ def test_full_search_finds_the_postures_of_others(solid):
     assert np.mean(np.array(errors) > 0.15) < 0.07
 
 
-def test_explained_share_counts_a_voxel_once(solid, scene):
+def test_explained_share_counts_a_voxel_once(body_volume, scene):
     _, _, grid, occupancy = scene
     for interference in (True, False):
-        found = match(solid, grid, occupancy, stance(solid.model), MatchSettings(interference=interference))
-        lump = Lump(grid, occupancy)
-        union = np.zeros(lump.words, np.uint64)
+        found = match(
+            body_volume,
+            grid,
+            occupancy,
+            stance(body_volume.model),
+            MatchSettings(interference=interference),
+        )
+        voxel_set = VoxelSet(grid, occupancy)
+        union = np.zeros(voxel_set.words, np.uint64)
         for limb in LIMBS:
-            placed = solid.placements(limb, found.pose, found.pose.angles_rad[None])
-            union |= lump.cover(solid.points[limb.name], *placed)[0][0]
+            placed = body_volume.placements(limb, found.pose, found.pose.angles_rad[None])
+            union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
         assert found.explained == pytest.approx(
-            np.bitwise_count(union).sum() / len(lump), abs=0.01
+            np.bitwise_count(union).sum() / len(voxel_set), abs=0.01
         )  # a twist moves the bone above a little
 
 
-def test_same_answer_for_any_number_of_threads(solid, scene):
+def test_same_answer_for_any_number_of_threads(body_volume, scene):
     from silhouette_core.jit import set_threads
 
     _, _, grid, occupancy = scene
@@ -159,32 +222,59 @@ def test_same_answer_for_any_number_of_threads(solid, scene):
     try:
         for threads in (1, 2):
             set_threads(threads)
-            poses.append(match(solid, grid, occupancy, stance(solid.model), MatchSettings(step_rad=np.radians(25.0))).pose.angles_rad)
+            poses.append(
+                match(
+                    body_volume,
+                    grid,
+                    occupancy,
+                    stance(body_volume.model),
+                    MatchSettings(step_rad=np.radians(25.0)),
+                ).pose.angles_rad
+            )
     finally:
         set_threads(None)
     np.testing.assert_array_equal(*poses)
 
 
-def test_an_empty_hull_leaves_the_pose_as_it_was(solid):
+def test_an_empty_hull_leaves_the_pose_as_it_was(body_volume):
     grid, occupancy = hull(views(2), other_body(), stance(other_body()))
-    start = stance(solid.model)
-    found = match(solid, grid, np.zeros_like(occupancy), start, MatchSettings(step_rad=np.radians(40.0)))
+    start = stance(body_volume.model)
+    found = match(
+        body_volume, grid, np.zeros_like(occupancy), start, MatchSettings(step_rad=np.radians(40.0))
+    )
     assert found.explained == 0
     assert within_limits(found.pose.angles_rad)
 
 
-def test_movable_areas_of_a_posed_body(solid, scene):
+def test_movable_areas_of_a_posed_body(body_volume, scene):
     body, pose, grid, occupancy = scene
-    found = {reach.limb.name: reach for reach in movable_areas(solid, grid, occupancy, stance(solid.model, TURNS))}
+    found = {
+        reach.limb.name: reach
+        for reach in movable_areas(body_volume, grid, occupancy, stance(body_volume.model, TURNS))
+    }
     assert set(found) == {limb.name for limb in LIMBS if limb.parent}
     for name, reach in found.items():
         assert occupancy[tuple(reach.voxels.T)].all()
         assert all(name in found[other].interferes for other in reach.interferes)
-        disputed, voxels = (set(map(tuple, some.tolist())) for some in (reach.disputed, reach.voxels))
+        disputed, voxels = (
+            set(map(tuple, some.tolist())) for some in (reach.disputed, reach.voxels)
+        )
         assert disputed <= voxels and bool(disputed) == (len(reach.interferes) > 1)
-    assert "right_thigh" in found["left_thigh"].interferes and "left_thigh" not in found["left_shin"].interferes
-    hand = forward(body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None])[1][0]
-    near = np.linalg.norm(grid.occupied_points(occupancy) - hand[body.names.index("left_hand")], axis=1) < 0.05
+    assert (
+        "right_thigh" in found["left_thigh"].interferes
+        and "left_thigh" not in found["left_shin"].interferes
+    )
+    hand = forward(
+        body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+    )[1][0]
+    near = (
+        np.linalg.norm(
+            grid.occupied_points(occupancy) - hand[body.names.index("left_hand")], axis=1
+        )
+        < 0.05
+    )
     theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
-    assert len(theirs & set(map(tuple, found["left_forearm"].voxels.tolist()))) > 0.9 * len(theirs) > 0
+    assert (
+        len(theirs & set(map(tuple, found["left_forearm"].voxels.tolist()))) > 0.9 * len(theirs) > 0
+    )
     assert not theirs & set(map(tuple, found["right_shin"].voxels.tolist()))

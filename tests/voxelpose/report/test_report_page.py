@@ -11,14 +11,24 @@ import pytest
 from calib.camera import Rig
 from calib.files import write_rig
 from tests.browsing import new_page
+from tests.clips import waving
 from tests.sources import ring, write_staged
-from tests.takes import waving
 from voxelpose.cli import run
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import TimeChart, time_chart
-from voxelpose.view.exhibit import Exhibit
+from voxelpose.view.viewer.result_scenes import ResultScenes
 
-SECTIONS = ("overview", "findings", "sheet", "angles", "quality", "cameras", "timings", "settings", "words")
+SECTIONS = (
+    "overview",
+    "findings",
+    "sheet",
+    "angles",
+    "quality",
+    "cameras",
+    "timings",
+    "settings",
+    "words",
+)
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
 
@@ -67,9 +77,13 @@ def test_one_page_without_anything_outside(fitted, capsys):
     assert len(page.ids) == len(set(page.ids))
     assert all(reference.startswith(("data:", "#")) for reference in page.references)
     assert not re.search(r"https?://|url\((?!#)|@import|\bfetch\(", text)
-    assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(page.ids)
+    assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(
+        page.ids
+    )
     assert len(page.pictures) > 10 and all(page.pictures)
-    assert len(re.findall(r"data:image/webp", text)) == 6 + 1  # every frame, and the one shown first
+    assert (
+        len(re.findall(r"data:image/webp", text)) == 6 + 1
+    )  # every frame, and the one shown first
     assert "1 of 6 frames have no pose: frame 0." in text and "Careful." in text
     assert run(["report", "out"]) == 0  # replaces its own
 
@@ -82,7 +96,10 @@ def test_what_cannot_be_shown_is_said(fitted):
     assert run(["report", "bare", "--out", "gone.html"]) == 0
     text = (fitted / "gone.html").read_text()
     Page(text)
-    assert text.count("is not there any more: say where with --recording") == 2 and "data:image/webp" not in text
+    assert (
+        text.count("is not there any more: say where with --recording") == 2
+        and "data:image/webp" not in text
+    )
 
 
 @pytest.mark.parametrize(
@@ -104,21 +121,35 @@ def test_a_camera_that_was_moved_stands_out(desk):
     motion, rig = waving(6), ring(4, (320, 240))
     write_staged(desk / "walk", motion, rig)
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
-    check = check_cameras(Exhibit("out"))
+    check = check_cameras(ResultScenes("out"))
     lines = check.lines
     assert len(lines) == 4 and not any(line.apart for line in lines)
-    assert check.words.startswith("all 4 cameras agree") and all(line.outline_px < 1 for line in lines)
-    assert all(line.overlap > 0.9 and line.uncovered < 0.06 and line.beyond < 0.06 for line in lines)
+    assert check.words.startswith("all 4 cameras agree") and all(
+        line.outline_px < 1 for line in lines
+    )
+    assert all(
+        line.overlap > 0.9 and line.uncovered < 0.06 and line.beyond < 0.06 for line in lines
+    )
     first, *others = rig
-    moved_rig = Rig((replace(first, translation=first.translation + np.array([0.15, 0, 0])), *others))
+    moved_rig = Rig(
+        (replace(first, translation=first.translation + np.array([0.15, 0, 0])), *others)
+    )
     write_rig(moved_rig, desk / "out" / "calibration.toml")
-    moved = check_cameras(Exhibit("out"))
-    assert [line.camera for line in moved.lines if line.apart] == ["cam_1"] and "cam_1" in moved.words
+    moved = check_cameras(ResultScenes("out"))
+    assert [line.camera for line in moved.lines if line.apart] == [
+        "cam_1"
+    ] and "cam_1" in moved.words
 
 
 def test_a_gap_breaks_a_curve_and_words_tell_the_range():
     time_s = np.array([0.0, 0.1, 0.2, 0.9, 1.0])
-    text = time_chart(TimeChart("Knee & <more>", "degrees", {"left": (np.array([5.0, 60, 10, 20, 30]), "#abcdef")}), time_s, "one")
+    text = time_chart(
+        TimeChart(
+            "Knee & <more>", "degrees", {"left": (np.array([5.0, 60, 10, 20, 30]), "#abcdef")}
+        ),
+        time_s,
+        "one",
+    )
     assert 'aria-label="Knee &amp; &lt;more&gt; over time: left from 5 to 60 degrees"' in text
     curve = next(path for path in re.findall(r'<path d="([^"]*)"[^>]*#abcdef', text))
     assert curve.count("M") == 2 and "http" not in text and "#123456" not in text
@@ -135,8 +166,13 @@ def test_the_page_plays(fitted):
         page.locator("#seek").focus()
         page.keyboard.press("ArrowRight")
         assert page.text_content("#when") == "frame 4 · 0.16 s"
-        assert page.get_attribute("#reel", "src") != first and cursor.get_attribute("transform") != before
+        assert (
+            page.get_attribute("#reel", "src") != first
+            and cursor.get_attribute("transform") != before
+        )
         page.click("#play")
-        page.wait_for_function("() => document.getElementById('when').textContent.startsWith('frame 1')")
+        page.wait_for_function(
+            "() => document.getElementById('when').textContent.startsWith('frame 1')"
+        )
         assert page.evaluate("document.documentElement.scrollWidth") == 900
         assert faults == []

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.clips import waving
 from tests.sources import ring
-from tests.takes import waving
 from voxelpose.report.cameras import CameraCheck, CameraLine
 from voxelpose.report.verdict import findings, overall, spoken_stretches, stretches
 from voxelpose.results import Result
@@ -17,14 +17,19 @@ def result(tmp_path, lost=(), confidence=0.9, **overlaps):
     overlap = np.ones((20, 27))
     for name, share in overlaps.items():
         overlap[:, motion.model.names.index(name)] = share
-    quality = {"confidence": np.broadcast_to(np.asarray(confidence, float), 20), "part_overlap": overlap}
+    quality = {
+        "confidence": np.broadcast_to(np.asarray(confidence, float), 20),
+        "part_overlap": overlap,
+    }
     summary = {"frames": {"with_pose": 20 - len(lost), "lost": list(lost)}}
     return Result(tmp_path, replace(motion, quality=quality), ring(2), summary, {})
 
 
 def test_all_is_well(tmp_path):
     found = findings(result(tmp_path, left_thumb=0.0))
-    assert {finding.level for finding in found} == {"good"} and not any(finding.advice for finding in found)
+    assert {finding.level for finding in found} == {"good"} and not any(
+        finding.advice for finding in found
+    )
     assert overall(found)[0] == "good"
 
 
@@ -42,13 +47,22 @@ def test_all_is_well(tmp_path):
 def test_what_is_wrong_comes_first_with_what_to_do(tmp_path, change, level, words):
     found = findings(result(tmp_path, **change))
     assert found[0].level == level and words in found[0].words and found[0].advice
-    assert [finding.level for finding in found[1:]] == ["good", "good"] and overall(found)[0] == level
+    assert [finding.level for finding in found[1:]] == ["good", "good"] and overall(found)[
+        0
+    ] == level
 
 
 def test_a_camera_apart_is_named(tmp_path):
-    lines = tuple(CameraLine(name, 0.9, 0.05, 0.05, 12, 0.2, name == "cam_2") for name in ("cam_1", "cam_2", "cam_3"))
+    lines = tuple(
+        CameraLine(name, 0.9, 0.05, 0.05, 12, 0.2, name == "cam_2")
+        for name in ("cam_1", "cam_2", "cam_3")
+    )
     found = findings(result(tmp_path), CameraCheck(lines))
-    assert found[0].level == "look" and found[0].words.startswith("cam_2 agrees less") and "calibrate check" in found[0].advice
+    assert (
+        found[0].level == "look"
+        and found[0].words.startswith("cam_2 agrees less")
+        and "calibrate check" in found[0].advice
+    )
     whole = findings(result(tmp_path), CameraCheck(lines[::2]))
     assert whole[-1].words == "The body agrees with all 2 cameras alike."
 
@@ -56,4 +70,6 @@ def test_a_camera_apart_is_named(tmp_path):
 def test_many_stretches_are_not_all_named():
     frames = np.arange(100, 140)
     runs = stretches(frames, frames % 4 == 0)
-    assert runs[:2] == [(100, 100), (104, 104)] and spoken_stretches(runs).endswith("120 and 4 more stretches")
+    assert runs[:2] == [(100, 100), (104, 104)] and spoken_stretches(runs).endswith(
+        "120 and 4 more stretches"
+    )

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tests.browsing import new_page
+from tests.clips import waving
 from tests.sources import ring, write_staged
-from tests.takes import waving
 from voxelpose.cli import run
-from voxelpose.view.browser import Address, Browser
-from voxelpose.view.exhibit import Exhibit
+from voxelpose.view.viewer.browser import Address, Browser
+from voxelpose.view.viewer.result_scenes import ResultScenes
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def served(desk):
     """A browser's server of a small result, drawing in its own thread."""
     write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
-    browser = Browser(Exhibit("out", voxel_size_m=0.04), Address(port=8391))
+    browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8391))
     over = threading.Event()
 
     def draw() -> None:
@@ -56,20 +56,29 @@ def test_the_page(served, tmp_path):
         assert faults == []
     picture = cv2.imread(str(tmp_path / "page.png"))
     assert picture is not None
-    stage = picture[150:, :480].astype(int)
-    turquoise = (stage[..., 0] - stage[..., 2] > 40) & (stage[..., 1] - stage[..., 2] > 40)
+    renderer = picture[150:, :480].astype(int)
+    turquoise = (renderer[..., 0] - renderer[..., 2] > 40) & (
+        renderer[..., 1] - renderer[..., 2] > 40
+    )
     assert np.count_nonzero(turquoise) > 50  # the movable area is on the stage
 
 
 def test_a_recording_alone_is_served_and_plays(desk, capsys):
     write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
-    first, second = (Browser(Exhibit("walk", voxel_size_m=0.05), Address(port=8395), frame=1) for _ in range(2))
+    first, second = (
+        Browser(ResultScenes("walk", voxel_size_m=0.05), Address(port=8395), frame=1)
+        for _ in range(2)
+    )
     assert first.url == "http://localhost:8395" and second.url != first.url  # the next free port
     assert first.step(1.0) and "**Frame 1**" in first._status.content
     assert not first.step(0.01)  # nothing new is wanted
     first._play.value = True
     shown = []
-    for _ in range(6):  # the clip begins again at its end: where it stands afterwards is a matter of the machine's speed
+    for _ in range(
+        6
+        # the clip begins again at its end: where it stands afterwards is a matter of the machine's
+        # speed
+    ):
         first.step(0.1)
         shown.append(first.choice.row)
     assert len(set(shown)) > 1 and int(first._slider.value) == first.choice.row

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion import kinematics
+from tests.clips import waving
 from tests.sources import ring
-from tests.takes import waving
-from voxelpose.view.canvas import LEFT, RIGHT
-from voxelpose.view.figure import FigurePainter
+from voxelpose.view.images.canvas import LEFT, RIGHT
+from voxelpose.view.images.figure import FigurePainter
 
 GREY = 90
 
@@ -40,7 +40,10 @@ def test_raised_right_hand_is_drawn_in_the_right_sides_colour():
     camera = ring(1, (640, 480)).cameras[0]
     image, painter, _, origin, names = painted(camera, 1.0)
     for side, own, other in (("right", RIGHT, LEFT), ("left", LEFT, RIGHT)):
-        elbow, wrist = (painter.pixels(origin[[names.index(f"{side}_{part}")]])[0] for part in ("forearm", "hand"))
+        elbow, wrist = (
+            painter.pixels(origin[[names.index(f"{side}_{part}")]])[0]
+            for part in ("forearm", "hand")
+        )
         column, row = np.round((elbow + wrist) / 2).astype(int)
         colour = image[row, column].astype(int)
         assert np.abs(colour - own).sum() < 30 < np.abs(colour - other).sum()

@@ -5,8 +5,8 @@ import pytest
 
 from calib.errors import InputError
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.open3d_import import import_open3d
-from voxelpose.view.hull import Skeleton, hull_picture, show_hull
+from voxelpose.view.images.hull_picture import Skeleton, hull_picture, show_hull
+from voxelpose.view.open3d_import import import_open3d
 
 GRID = VoxelGrid.from_bounds((-0.5, -0.2, 0), (0.5, 0.2, 1.8), 0.04)
 
@@ -29,8 +29,12 @@ def test_a_picture_shows_the_body_from_every_side():
 
 
 def test_a_skeleton_is_drawn_where_it_is_known():
-    skeleton = Skeleton(np.array([[0, 0, 0.3], [0, 0, 1.5], [np.nan] * 3]), np.array([[0, 1], [1, 2]]))
-    plain, drawn = (hull_picture(GRID, body(), bones, (-90.0,), (100, 150)) for bones in (None, skeleton))
+    skeleton = Skeleton(
+        np.array([[0, 0, 0.3], [0, 0, 1.5], [np.nan] * 3]), np.array([[0, 1], [1, 2]])
+    )
+    plain, drawn = (
+        hull_picture(GRID, body(), bones, (-90.0,), (100, 150)) for bones in (None, skeleton)
+    )
     changed = (plain != drawn).any(axis=2)
     assert changed[:, 47:53].sum() > 50
     assert not changed[:, :45].any() and not changed[:, 55:].any()
@@ -41,7 +45,9 @@ def test_open3d_can_be_imported_on_a_bare_machine():
     assert hasattr(import_open3d(), "geometry")
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux has machines without a screen")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="only Linux has machines without a screen"
+)
 def test_a_window_without_a_screen_is_refused(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from silhouette_core.estimator import Silent
+from silhouette_core.progress import SilentReporter
+from tests.clips import waving
 from tests.sources import GreySource, ring
-from tests.takes import waving
-from voxelpose.view import overlay
-from voxelpose.view.overlay import draw_pictures
+from voxelpose.view.images import overlay
+from voxelpose.view.images.overlay import draw_pictures
 
 
 def frames_of(path):
@@ -23,7 +23,13 @@ def frames_of(path):
 
 def test_a_video_per_camera_and_a_sheet(tmp_path):
     motion = waving(8)
-    draw_pictures(GreySource(ring(3), 8), motion.select(np.r_[0:5, 6:8]), tmp_path, "a title", Silent())
+    draw_pictures(
+        GreySource(ring(3), 8),
+        motion.select(np.r_[0:5, 6:8]),
+        tmp_path,
+        "a title",
+        SilentReporter(),
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "contact_sheet.png",
         "overlay_cam_1.mp4",
@@ -73,4 +79,4 @@ def test_a_video_that_was_not_written_whole_is_an_error(tmp_path, monkeypatch):
 
     monkeypatch.setattr(overlay.cv2, "VideoWriter", Short)
     with pytest.raises(OSError, match="3 of 4 frames were written"):
-        draw_pictures(GreySource(ring(1), 4), waving(4), tmp_path, "", Silent())
+        draw_pictures(GreySource(ring(1), 4), waving(4), tmp_path, "", SilentReporter())

@@ -9,9 +9,9 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 def cover(ids, origin, voxel_size, points, rotations, translations, bits, empty, inside):
     """Marks the voxels that each placement covers.
 
-    ids (nx, ny, nz) int32 numbers the voxels that are still free, -1 is empty space and -2 belongs to a part already placed. Fills
-    bits (K, W) uint64, empty (K,), the number of points in empty space or outside the grid, and inside (K,), those in parts already
-    placed.
+    ids (nx, ny, nz) int32 numbers the voxels that are still free, -1 is empty space and -2 belongs
+    to a part already placed. Fills bits (K, W) uint64, empty (K,), the number of points in empty
+    space or outside the grid, and inside (K,), those in parts already placed.
     """
     nx, ny, nz = ids.shape
     for k in prange(rotations.shape[0]):
@@ -21,9 +21,15 @@ def cover(ids, origin, voxel_size, points, rotations, translations, bits, empty,
             bits[k, w] = np.uint64(0)
         for p in range(points.shape[0]):
             x, y, z = points[p, 0], points[p, 1], points[p, 2]
-            i = int(np.floor((r[0, 0] * x + r[0, 1] * y + r[0, 2] * z + t[0] - origin[0]) / voxel_size))
-            j = int(np.floor((r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + t[1] - origin[1]) / voxel_size))
-            m = int(np.floor((r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + t[2] - origin[2]) / voxel_size))
+            i = int(
+                np.floor((r[0, 0] * x + r[0, 1] * y + r[0, 2] * z + t[0] - origin[0]) / voxel_size)
+            )
+            j = int(
+                np.floor((r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + t[1] - origin[1]) / voxel_size)
+            )
+            m = int(
+                np.floor((r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + t[2] - origin[2]) / voxel_size)
+            )
             if i < 0 or j < 0 or m < 0 or i >= nx or j >= ny or m >= nz:
                 missed += 1
                 continue
@@ -49,7 +55,9 @@ def popcount(word):
 
 @kernel
 def count_new(bits, taken, new):
-    """Fills new (K,) with the number of voxels of each row of bits (K, W) that are not in taken (W,)."""
+    """Fills new (K,) with the number of voxels of each row of bits (K, W) that are not in taken
+    (W,).
+    """
     for k in range(bits.shape[0]):
         total = np.uint64(0)
         for w in range(bits.shape[1]):
@@ -68,9 +76,11 @@ def count_common(first, second):
 
 @kernel
 def find_dominated(bits, gain, dominated):
-    """Marks the rows of bits (K, W) to which an earlier one is to be preferred: it earns more by what the row has beyond it, or as much.
+    """Marks the rows of bits (K, W) to which an earlier one is to be preferred: it earns more by
+    what the row has beyond it, or as much.
 
-    With gains gain (K,) and sets A (earlier) and B: whatever is taken, B adds at most |B - A| more voxels than A.
+    With gains gain (K,) and sets A (earlier) and B: whatever is taken, B adds at most |B - A| more
+        voxels than A.
     """
     for b in range(1, bits.shape[0]):
         for a in range(b):

@@ -1,0 +1,185 @@
+"""A calibration board on paper, to scale."""
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.board import Board
+from calib.errors import InputError
+
+if TYPE_CHECKING:
+    from reportlab.pdfgen.canvas import Canvas
+
+# Width and height held upright, m.
+PAPERS_M = {
+    "a4": (0.210, 0.297),
+    "a3": (0.297, 0.420),
+    "a2": (0.420, 0.594),
+    "a1": (0.594, 0.841),
+    "a0": (0.841, 1.189),
+    "letter": (0.2159, 0.2794),
+    "tabloid": (0.2794, 0.4318),
+}
+_POINTS_PER_M = 72 / 0.0254
+_MARGIN_SQUARES = 1.0
+_PX_PER_SQUARE = 120  # divides evenly by the modules of every common marker
+_MARGIN_M = 0.008  # printers leave about 5 mm; boards are found by the white around them
+_FOOT_M = 0.012
+_RULER_M = 0.1
+
+
+def board_picture(board: Board, square_px: int = _PX_PER_SQUARE) -> NDArray[np.uint8]:
+    """Draws a board (H, W) uint8, black on white, with a margin of one square."""
+    size = ((board.columns + 1) * square_px, (board.rows + 1) * square_px)
+    if board.marker_m is None:
+        row, column = np.indices((board.rows + 1, board.columns + 1))
+        # The first inner square dark, as `Board.find` counts.
+        squares = np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8)
+        picture = np.kron(squares, np.ones((square_px, square_px), dtype=np.uint8))
+    else:
+        picture = np.asarray(board.charuco.generateImage(size), dtype=np.uint8)
+    margin = round(_MARGIN_SQUARES * square_px)
+    return np.asarray(
+        cv2.copyMakeBorder(
+            picture, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=(255,)
+        ),
+        dtype=np.uint8,
+    )
+
+
+def largest_square_m(columns: int, rows: int, paper: str) -> float:
+    """Returns the longest side of a square, in whole millimetres, at which a board of that many
+    inner corners fits a paper, m.
+    """
+    return max(_square_that_fits(columns, rows, page) for page in _pages(paper))
+
+
+def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float, float]:
+    """Writes a one-page PDF, whole or not at all: the board to scale, and below it its numbers and
+    a ruler to check the printer by.
+
+    Args: board: The board. path: Where to. paper: A name of `PAPERS_M`, upright or lying, as the
+        board fits better; None for a page just as large as the board needs.
+
+    Returns:
+        The page's width and height, m.
+
+    Raises:
+        InputError: The board does not fit the paper, or the file cannot be written.
+    """
+    from reportlab.pdfgen.canvas import Canvas
+
+    columns, rows, square = board.columns + 1, board.rows + 1, board.square_m
+    if paper is None:
+        margin = max(_MARGIN_M, _MARGIN_SQUARES * square)
+        page = max(columns * square, _RULER_M) + 2 * margin, rows * square + 2 * margin + _FOOT_M
+    else:
+        page = max(
+            _pages(paper), key=lambda page: _square_that_fits(board.columns, board.rows, page)
+        )
+        fits = _square_that_fits(board.columns, board.rows, page)
+        if square > fits + 1e-9:
+            raise InputError(
+                f"{columns} x {rows} squares of {1000 * square:g} mm do not fit on {paper.upper()}:"
+                f" take squares of {1000 * fits:g} mm, fewer of them, or a larger paper"
+            )
+    left, bottom = (
+        (page[0] - columns * square) / 2,
+        _FOOT_M + (page[1] - _FOOT_M - rows * square) / 2,
+    )
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    width, height = (length * _POINTS_PER_M for length in page)
+    canvas = Canvas(str(beside), pagesize=(width, height), pageCompression=0, invariant=1)
+    canvas.scale(_POINTS_PER_M, _POINTS_PER_M)
+    for x, y, side_x, side_y, level in _rectangles(board):
+        canvas.setFillGray(level)
+        canvas.rect(left + x, bottom + rows * square - y - side_y, side_x, side_y, stroke=0, fill=1)
+    canvas.setFillGray(0)
+    _ruler(canvas, (page[0] - _RULER_M) / 2)
+    text = _caption(board)
+    size = min(0.0035, 0.0035 * 0.9 * page[0] / canvas.stringWidth(text, "Helvetica", 0.0035))
+    canvas.setFont("Helvetica", size)
+    canvas.drawCentredString(page[0] / 2, 0.0115, text)
+    try:
+        canvas.save()
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        beside.unlink(missing_ok=True)
+    return page
+
+
+def _pages(paper: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Returns a paper upright and lying."""
+    short, long = PAPERS_M[paper]
+    return (short, long), (long, short)
+
+
+def _square_that_fits(columns: int, rows: int, page: tuple[float, float]) -> float:
+    """Returns the longest side of a square on a page, in whole millimetres, m; the board keeps half
+    a square of white around it.
+    """
+    width, height = page[0] - 2 * _MARGIN_M, page[1] - 2 * _MARGIN_M - _FOOT_M
+    most = min(
+        width / (columns + 1),
+        height / (rows + 1),
+        page[0] / (columns + 2),
+        (page[1] - _FOOT_M) / (rows + 2),
+    )
+    return math.floor(1000 * most + 1e-6) / 1000
+
+
+def _rectangles(board: Board) -> Iterator[tuple[float, float, float, float, int]]:
+    """Yields what is to be filled: left, top, width and height, m, from the board's upper left end,
+    and 0 for black or 1 for white.
+    """
+    square = board.square_m
+    for row, column in np.ndindex(board.rows + 1, board.columns + 1):
+        if (row + column) % 2 == 0:
+            yield column * square, row * square, square, square, 0
+    if board.marker_m is None:
+        return
+    dictionary = board.charuco.getDictionary()
+    modules = dictionary.markerSize + 2
+    side = board.marker_m / modules
+    for number, corners in zip(
+        np.asarray(board.charuco.getIds()).ravel(), board.charuco.getObjPoints(), strict=True
+    ):
+        left, top = (
+            float(value) for value in np.asarray(corners).reshape(-1, 3)[:, :2].min(axis=0)
+        )
+        yield left, top, board.marker_m, board.marker_m, 0
+        for row, column in np.argwhere(dictionary.generateImageMarker(int(number), modules)):
+            yield left + column * side, top + row * side, side, side, 1
+
+
+def _caption(board: Board) -> str:
+    """Says what the board is and how long it must be."""
+    kind = (
+        "checkerboard"
+        if board.marker_m is None
+        else f"ChArUco {board.dictionary}, markers {1000 * board.marker_m:g} mm,"
+    )
+    millimetres = 1000 * board.square_m
+    return (
+        f"{kind} {board.columns} x {board.rows} inner corners, squares {millimetres:g} mm. Print at"
+        f" 100 %. Check with a ruler: {board.columns + 1} squares ="
+        f" {(board.columns + 1) * millimetres:g} mm, {board.rows + 1} squares ="
+        f" {(board.rows + 1) * millimetres:g} mm, the line = {1000 * _RULER_M:g} mm"
+    )
+
+
+def _ruler(canvas: "Canvas", left: float) -> None:
+    """Draws a line with a tick every 10 mm."""
+    canvas.setLineWidth(0.0002)
+    canvas.line(left, 0.007, left + _RULER_M, 0.007)
+    for tick in range(11):
+        x = left + tick * _RULER_M / 10
+        canvas.line(x, 0.007, x, 0.0095 if tick % 5 == 0 else 0.0085)

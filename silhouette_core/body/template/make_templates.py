@@ -1,0 +1,103 @@
+"""Makes the template files: `python -m silhouette_core.body.template.make_templates [FOLDER]`
+(needs the `dev` extra).
+
+The shape comes from `figures` (measures) and `surface` (implicit surfaces); nothing is taken from
+any other body mesh.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors.numpy import save_file
+
+from silhouette_core.body.joints import LANDMARK_NAMES, LANDMARK_PART, PART_NAMES
+from silhouette_core.body.template.figures import FIGURES, Figure
+from silhouette_core.body.template.mesh import body_mesh
+from silhouette_core.body.template.skin import MIRROR, dense_weights, face_parts, strongest
+
+VERSION = "1"
+HEAD_TOP = (0.0, -0.033, 1.0)
+
+
+def make_template(
+    figure: Figure, triangles: int = 4500, spacing: float = 0.004
+) -> tuple[dict[str, NDArray[np.generic]], dict[str, str]]:
+    """Makes one template body.
+
+    Args:
+        figure: its measures.
+        triangles: about how many triangles.
+        spacing: of the sampling lattice, in units of stature.
+
+    Returns:
+        The arrays of the file (lengths in metres) and its metadata.
+    """
+    vertices, faces = body_mesh(figure, triangles, spacing)
+    weights = dense_weights(vertices, figure)
+    skin_parts, skin_weights = strongest(weights)
+    half = len(faces) // 2
+    left = face_parts(weights, faces[:half])
+    joints = figure.joint_array()
+    landmarks = joints[LANDMARK_PART]
+    landmarks[LANDMARK_NAMES.index("head_top")] = HEAD_TOP
+    arrays: dict[str, NDArray[np.generic]] = {
+        "vertices_m": (vertices * figure.stature_m).astype(np.float32),
+        "faces": faces.astype(np.int32),
+        "face_part": np.concatenate([left, MIRROR[left]]).astype(np.int32),
+        "skin_parts": skin_parts,
+        "skin_weights": skin_weights,
+        "joints_m": (joints * figure.stature_m).astype(np.float32),
+        "landmarks_m": (landmarks * figure.stature_m).astype(np.float32),
+    }
+    about = {
+        "version": VERSION,
+        "sex": figure.sex,
+        "stature": str(figure.stature_m),
+        "chest_girth": str(figure.chest_girth_m),
+        "unit": "m",
+        "parts": json.dumps(PART_NAMES),
+        "landmarks": json.dumps(LANDMARK_NAMES),
+    }
+    return arrays, about
+
+
+def _sort_header(file: Path) -> None:
+    """Sorts the header, whose order the writer leaves to chance, so that equal bodies give equal
+    files.
+    """
+    data = file.read_bytes()
+    end = 8 + int.from_bytes(data[:8], "little")
+    header = (
+        json.dumps(json.loads(data[8:end]), sort_keys=True, separators=(",", ":"))
+        .encode()
+        .ljust(end - 8)
+    )
+    file.write_bytes(len(header).to_bytes(8, "little") + header + data[end:])
+
+
+def main() -> None:
+    """Writes man.safetensors and woman.safetensors."""
+    parser = argparse.ArgumentParser(description="Makes the template bodies from their measures.")
+    parser.add_argument(
+        "folder",
+        nargs="?",
+        type=Path,
+        default=Path(__file__).parent,
+        help="where to write (default: the package)",
+    )
+    folder = parser.parse_args().folder
+    for figure in FIGURES:
+        arrays, about = make_template(figure)
+        file = folder / f"{figure.name}.safetensors"
+        save_file(
+            {name: np.ascontiguousarray(array) for name, array in arrays.items()}, file, about
+        )
+        _sort_header(file)
+        file.chmod(0o644)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,306 @@
+"""The monocular estimator: one camera's silhouettes in, motion out."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Estimate, FrameSource, Settings
+from silhouette_core.filter.forward import FilterFrame, ForwardFilter
+from silhouette_core.filter.hypothesis_store import HypothesisStore, top_hypotheses
+from silhouette_core.filter.hypothesis_tracker import TrackerSettings
+from silhouette_core.filter.person import find_person
+from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
+from silhouette_core.filter.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.image.distance import WEIGHTINGS, Weighting
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from silhouette_core.jit import set_threads
+from silhouette_core.library.default import default_library
+from silhouette_core.library.pose_library import PoseLibrary, require_body
+from silhouette_core.library.store import read_library
+from silhouette_core.library.transitions import transitions
+from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.smoothing import smooth, smooth_quaternions
+from silhouette_core.progress import Reporter, StageClock
+
+_LONG_SIDE_PX = 960
+_USUAL_STATURE_M = 1.70
+_TOGETHER = 150
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What only this estimator is told, checked.
+
+    Attributes:
+        library: path of a pose library; empty: the default one.
+        start: "facing" or "any", see `ForwardFilter`.
+        refine: whether limbs are recombined and the poses refined.
+        weighting: of the silhouette distance.
+        motion_model: "DM2" lets hidden parts go farther, eq. (5), "DM1" does not.
+    """
+
+    library: str = ""
+    start: str = "facing"
+    refine: bool = True
+    weighting: Weighting = "balanced"
+    motion_model: str = "DM2"
+
+    @classmethod
+    def read(cls, options: Mapping[str, object]) -> _Options:
+        unknown = sorted(set(options) - set(cls.__dataclass_fields__))
+        if unknown:
+            raise InputError(
+                f"the monocular estimator has no option {unknown[0]!r}: it has"
+                f" {', '.join(cls.__dataclass_fields__)}"
+            )
+        read = cls(**options)  # type: ignore[arg-type]
+        if not isinstance(read.refine, bool) or not isinstance(read.library, str):
+            raise InputError(
+                f"refine {read.refine!r} must be true or false, and library {read.library!r} the"
+                " path of a file"
+            )
+        for name, value, allowed in (
+            ("start", read.start, ("facing", "any")),
+            ("weighting", read.weighting, WEIGHTINGS),
+            ("motion_model", read.motion_model, ("DM1", "DM2")),
+        ):
+            if value not in allowed:
+                raise InputError(f"{name} {value!r} is not known: use {' or '.join(allowed)}")
+        return read
+
+
+@dataclass
+class _Counts:
+    """What was seen on the way.
+
+    Attributes: absent, cut, lost: numbers of frames without a person, with one that the picture's
+        border cuts, and in which the filter lost it. scored: nodes scored, the levels of one frame
+        after the other. levels: of the tree.
+    """
+
+    absent: list[int] = field(default_factory=list)
+    cut: list[int] = field(default_factory=list)
+    lost: list[int] = field(default_factory=list)
+    scored: array[int] = field(default_factory=lambda: array("q"))
+    levels: int = 1
+
+    def add(self, filter_frame: FilterFrame) -> None:
+        if filter_frame.person.cut:
+            self.cut.append(filter_frame.number)
+        if filter_frame.lost:
+            self.lost.append(filter_frame.number)
+        self.scored.extend(filter_frame.posterior.scored)
+        self.levels = len(filter_frame.posterior.scored)
+
+
+class MonocularEstimator:
+    """Estimates motion from one camera.
+
+    Source: Okada and Stenger; the window, the recombination of limbs and the refinement go beyond
+    the paper, see docs/papers.md.
+    """
+
+    name = "monocular"
+
+    def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
+        """See `silhouette_core.estimator.Estimator.estimate`."""
+        options = _Options.read(settings.options)
+        if len(source.rig) != 1:
+            raise InputError(
+                f"{len(source.rig)} cameras are too many for the monocular estimator: choose one"
+                " with --camera NAME"
+            )
+        set_threads(settings.threads)
+        library = _library(options, settings, reporter)
+        lens = UndistortedView.of(source.rig.cameras[0], _LONG_SIDE_PX)
+        reporter.stage("motion model")
+        tree = TreeFilter(
+            library,
+            transitions(
+                library,
+                options.motion_model == "DM2",
+                sigma_scale=SIGMA_SCALE * np.sqrt(30.0 / source.fps),
+            ),
+        )
+        clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()
+        facing = options.start == "facing"
+        forward = ForwardFilter(tree, lens.pinhole, facing, options.weighting)
+        following = TrackerSettings(options.refine, options.weighting, facing)
+        course = PoseTrajectory(tree, lens.pinhole, following, settings.smooth, clock)
+
+        def followed() -> Iterator[FrameEstimate]:
+            for filter_frame in _filter_frames(
+                source, settings, lens, forward, clock, reporter, counts
+            ):
+                counts.add(filter_frame)
+                hypotheses.put(filter_frame.number, *top_hypotheses(tree, filter_frame))
+                decided = course.add(filter_frame)
+                if options.refine:
+                    forward.correct(course.distance_m)
+                yield from decided
+            reporter.stage("last frames")
+            yield from course.finish()
+
+        motion = _motion(followed(), library, source.fps, settings.smooth)
+        if motion is None:
+            raise InputError(
+                f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
+                " that somebody moves before it"
+            )
+        facts = _facts(library, options, settings, counts)
+        return Estimate(
+            motion,
+            {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
+            facts,
+            hypotheses,
+        )
+
+
+def _library(options: _Options, settings: Settings, reporter: Reporter) -> PoseLibrary:
+    """Opens the library, scaled to the person: its pictures are in units of the stature."""
+    stature = settings.stature_m
+    if not options.library:
+        if stature is None:
+            reporter.note(
+                f"nobody said how tall the person is: {_USUAL_STATURE_M:.2f} m is assumed, and all"
+                " lengths with it"
+            )
+        library = default_library(
+            BodySizes(_USUAL_STATURE_M, _chest(settings, _USUAL_STATURE_M), settings.sex), reporter
+        )
+        return _scaled(library, stature or _USUAL_STATURE_M)
+    library = read_library(Path(options.library))
+    made = library.model.sizes
+    if settings.sex != "unknown" or settings.chest_m is not None:
+        require_body(
+            library, BodySizes(made.stature_m, _chest(settings, made.stature_m), settings.sex)
+        )
+    if stature is None:
+        return library
+    if abs(made.stature_m - stature) > 0.01:
+        reporter.note(f"the library's body of {made.stature_m:.2f} m is scaled to {stature:.2f} m")
+    return _scaled(library, stature)
+
+
+def _chest(settings: Settings, stature_m: float) -> float | None:
+    """Returns the chest girth that somebody of the same proportions and that stature has."""
+    if settings.chest_m is None or settings.stature_m is None:
+        return settings.chest_m
+    return round(settings.chest_m * stature_m / settings.stature_m, 2)
+
+
+def _scaled(library: PoseLibrary, stature_m: float) -> PoseLibrary:
+    sizes = library.model.sizes
+    factor = stature_m / sizes.stature_m
+    chest = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
+    return replace(library, model=BodyModel.from_sizes(BodySizes(stature_m, chest, sizes.sex)))
+
+
+def _filter_frames(
+    source: FrameSource,
+    settings: Settings,
+    lens: UndistortedView,
+    forward: ForwardFilter,
+    clock: StageClock,
+    reporter: Reporter,
+    counts: _Counts,
+) -> Iterator[FilterFrame]:
+    """Filters every frame that shows somebody."""
+    reporter.stage("background")
+    silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
+    name = source.rig.names[0]
+    if silhouettes.without_background:
+        reporter.note(
+            f"no picture of the empty view for {name}: the temporal median stands in for it"
+        )
+    reporter.stage("tracking", source.frame_count)
+    near_px, usual_px = None, None
+    for number, seconds, frames in source:
+        with clock("silhouettes"):
+            person = find_person(lens.undistort(silhouettes.of(frames)[name]), near_px, usual_px)
+        reporter.advance()
+        if person is None:
+            counts.absent.append(number)
+            continue
+        area = float(np.count_nonzero(person.mask))
+        usual_px = area if usual_px is None else 0.9 * usual_px + 0.1 * area
+        near_px = np.array([axis.mean() for axis in np.nonzero(person.mask)[::-1]])
+        with clock("estimation"):
+            filter_frame = forward.step(number, seconds, person)
+        yield filter_frame
+
+
+def _motion(
+    decided: Iterable[FrameEstimate], library: PoseLibrary, fps: float, smoothed: bool
+) -> Motion | None:
+    """Puts frames together as they come; None: there are none."""
+    frames, blocks = iter(decided), []
+    while block := list(islice(frames, _TOGETHER)):
+        blocks.append(_stacked(block))
+    if not blocks:
+        return None
+    whole = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    root, rotation, angles, numbers, occluded = (
+        whole[name] for name in ("root", "rotation", "angles", "number", "hidden")
+    )
+    if smoothed:
+        for run in np.split(np.arange(len(root)), np.flatnonzero(np.diff(numbers) > 1) + 1):
+            root[run], angles[run] = smooth(root[run], fps), smooth(angles[run], fps)
+            rotation[run] = smooth_quaternions(rotation[run], fps)
+    confidence = np.clip(1 - whole["error"], 0.0, 1.0)
+    quality = {
+        "confidence": confidence,
+        "landmark_confidence": (
+            confidence[:, None] * np.where(occluded[:, library.model.landmark_part], 0.3, 1.0)
+        ),
+        "hidden": occluded,
+        "cut": whole["cut"],
+        "lost": whole["lost"],
+    }
+    return Motion(fps, library.model, root, rotation, angles, numbers, whole["time_s"], quality)
+
+
+def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
+    """Copies frames into arrays, so that nothing else of them is kept."""
+    poses = [frame.pose for frame in frames]
+    return {
+        "root": np.stack([pose.root_m for pose in poses]),
+        "rotation": quaternions(np.stack([pose.root_rotation for pose in poses])),
+        "angles": np.stack([pose.angles_rad for pose in poses]),
+        "number": np.array([frame.number for frame in frames], np.int64),
+        "time_s": np.array([frame.time_s for frame in frames]),
+        "error": np.array([frame.error for frame in frames]),
+        "hidden": np.stack([frame.occluded for frame in frames]),
+        "cut": np.array([frame.cut for frame in frames]),
+        "lost": np.array([frame.lost for frame in frames]),
+    }
+
+
+def _facts(
+    library: PoseLibrary, options: _Options, settings: Settings, counts: _Counts
+) -> dict[str, object]:
+    return {
+        "stature_given": settings.stature_m is not None,
+        "library": {
+            "file": options.library or "default",
+            "samples": len(library),
+            "base_poses": len(library.base_angles),
+            "nodes": [len(level) for level in library.levels],
+        },
+        "nodes_scored_median": [
+            int(n) for n in np.median(np.array(counts.scored).reshape(-1, counts.levels), axis=0)
+        ],
+        "frames_absent": counts.absent,
+        "frames_cut_by_the_border": counts.cut,
+        "frames_lost": counts.lost,
+    }

@@ -1,0 +1,69 @@
+"""Silhouettes as runs of foreground in image rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Spans:
+    """Silhouettes as runs of foreground in image rows; those of silhouette k are number offsets[k]
+    to offsets[k + 1].
+
+    Attributes:
+        rows: (S,) int32, image row of each run.
+        starts: (S,) int32, its first column.
+        ends: (S,) int32, the column after its last.
+        offsets: (K + 1,) int64.
+
+    Raises:
+        ValueError: The arrays do not belong together.
+    """
+
+    rows: NDArray[np.int32]
+    starts: NDArray[np.int32]
+    ends: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        """Checks every value once."""
+        count = len(self.rows)
+        if len(self.starts) != count or len(self.ends) != count:
+            raise ValueError(
+                f"rows, starts and ends must be of one length, got {count}, {len(self.starts)},"
+                f" {len(self.ends)}"
+            )
+        offsets = self.offsets
+        if (
+            not len(offsets)
+            or offsets[0] != 0
+            or offsets[-1] != count
+            or (np.diff(offsets) < 0).any()
+        ):
+            raise ValueError(
+                f"offsets must rise from 0 to the number of runs, {count}, got {offsets}"
+            )
+
+    def __len__(self) -> int:
+        """Counts the silhouettes."""
+        return len(self.offsets) - 1
+
+    @classmethod
+    def from_masks(cls, masks: Iterable[NDArray[np.bool_]]) -> Spans:
+        """Takes the runs of silhouettes (h, w) bool, row by row from the top."""
+        found = []
+        for mask in masks:
+            steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+            rows, starts = np.nonzero(steps > 0)
+            found.append((rows, starts, np.nonzero(steps < 0)[1]))
+        offsets = np.cumsum([0] + [len(rows) for rows, _, _ in found], dtype=np.int64)
+        columns = (
+            np.concatenate([np.zeros(0, np.int32), *column]).astype(np.int32)
+            for column in zip(*found, strict=True)
+        )
+        rows, starts, ends = columns if found else (np.zeros(0, np.int32),) * 3
+        return cls(rows, starts, ends, offsets)

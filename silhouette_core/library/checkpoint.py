@@ -1,0 +1,92 @@
+"""Half-done work on disk, so that an interrupted build goes on where it was."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from calib.errors import InputError
+
+Arrays = Mapping[str, NDArray]
+_INPUTS = "inputs.json"
+
+
+class Checkpoint:
+    """A folder of finished steps that belong to one set of inputs; steps of other inputs are thrown
+    away.
+    """
+
+    def __init__(self, folder: Path | None, inputs: str) -> None:
+        """Opens the folder.
+
+        Args:
+            folder: where; None: nothing is kept.
+            inputs: a digest of all that decides the result.
+
+        Raises:
+            InputError: the folder cannot be made.
+        """
+        self.folder = folder
+        if folder is None:
+            return
+        try:
+            if folder.exists() and _inputs(folder) != inputs:
+                if _inputs(folder) is None and any(folder.iterdir()):
+                    raise InputError(
+                        f"{folder} exists and is not half-done work of ours: remove it, or give"
+                        " --out another name"
+                    )
+                shutil.rmtree(folder)
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / _INPUTS).write_text(json.dumps({"inputs": inputs}), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made: {error.strerror or error}") from error
+
+    def load(self, name: str) -> dict[str, NDArray] | None:
+        """Returns a step's arrays, or None where it is not done."""
+        if self.folder is None:
+            return None
+        try:
+            return load((self.folder / f"{name}.safetensors").read_bytes())
+        except (OSError, SafetensorError):
+            return None
+
+    def save(self, name: str, arrays: Arrays) -> None:
+        """Keeps a step; whole, or as it was before."""
+        if self.folder is None:
+            return
+        path = self.folder / f"{name}.safetensors"
+        try:
+            path.with_suffix(".part").write_bytes(
+                save({key: np.ascontiguousarray(array) for key, array in arrays.items()})
+            )
+            path.with_suffix(".part").replace(path)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+
+    def step(self, name: str, make: Callable[[], Arrays]) -> Arrays:
+        """Returns a step's arrays, made where they are not there yet."""
+        found = self.load(name)
+        if found is None:
+            found = make()
+            self.save(name, found)
+        return found
+
+    @staticmethod
+    def remove(folder: Path) -> None:
+        """Removes the folder: the work is done."""
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _inputs(folder: Path) -> str | None:
+    try:
+        return json.loads((folder / _INPUTS).read_text(encoding="utf-8"))["inputs"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

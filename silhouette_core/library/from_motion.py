@@ -1,0 +1,96 @@
+"""From motion files to a library file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.library.base_poses import base_poses
+from silhouette_core.library.build import build_library
+from silhouette_core.library.checkpoint import Checkpoint
+from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.library.store import is_library, read_library, write_library
+from silhouette_core.motion.mocap.load import load_motions, motion_files
+from silhouette_core.motion.motion import Motion
+from silhouette_core.progress import Reporter, SilentReporter
+
+
+def read_clips(
+    paths: Sequence[Path],
+    model: BodyModel,
+    names: Path | None = None,
+    leave_out: Sequence[str] = (),
+    reporter: Reporter | None = None,
+) -> dict[str, Motion]:
+    """Reads recorded motion, clip by clip.
+
+    Args: paths: files and folders. model: the body onto which it is put. names: joint-name map, see
+        `silhouette_core.motion.mocap`. leave_out: clips not to be read: the file's name without its
+        ending, or the end of that name after an underscore. reporter: told of the stage.
+
+    Returns: Motions by name, the file's name without its ending (with a number where two are called
+        the same).
+
+    Raises:
+        InputError: a clip to be left out is not there; a file cannot be read.
+    """
+    files = motion_files(paths)
+    for name in leave_out:
+        if not any(_is_called(file, name) for file in files):
+            raise InputError(
+                f"--leave-out {name}: no clip is called so; give a file's name without its ending"
+            )
+    files = [file for file in files if not any(_is_called(file, name) for name in leave_out)]
+    if reporter is not None:
+        reporter.stage("reading motion")
+    clips: dict[str, Motion] = {}
+    for file, motion in zip(files, load_motions(files, model, names), strict=True):
+        clips[file.stem if file.stem not in clips else f"{file.stem} ({len(clips)})"] = motion
+    return clips
+
+
+def _is_called(file: Path, name: str) -> bool:
+    return file.stem == name or file.stem.endswith(f"_{name}")
+
+
+def make_library(
+    motions: Mapping[str, Motion],
+    model: BodyModel,
+    path: Path,
+    settings: LibrarySettings,
+    reporter: Reporter | None = None,
+) -> PoseLibrary:
+    """Makes a library and writes it; half-done work is kept in `path`.partial and gone on with.
+
+    Args:
+        motions: clips by name, all of the body.
+        model: the body.
+        path: the file to be made; a library of that name is replaced once the new one is whole.
+        settings: see LibrarySettings.
+        reporter: told of every stage.
+
+    Returns:
+        The library, opened from its file.
+
+    Raises:
+        InputError: there is no motion, or the file is something else or cannot be written.
+    """
+    reporter = reporter or SilentReporter()
+    if path.is_dir() or (path.exists() and not is_library(path)):
+        raise InputError(
+            f"{path} exists and is not a pose library, so it is not overwritten: give --out another"
+            " name"
+        )
+    reporter.stage("choosing poses")
+    bases = base_poses(motions, settings)
+    reporter.note(
+        f"{len(bases.angles)} of {bases.frames} poses are kept, {100 * bases.spacing_m:.0f} cm or"
+        f" more apart in some joint; seen from {settings.views_count} sides each, they make"
+        f" {len(bases.angles) * settings.views_count} samples"
+    )
+    partial = path.with_name(f"{path.name}.partial")
+    write_library(build_library(bases, model, settings, reporter, partial), path)
+    Checkpoint.remove(partial)
+    return read_library(path)

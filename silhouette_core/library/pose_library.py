@@ -1,0 +1,229 @@
+"""The pose library: poses seen from all sides, and the tree over their silhouettes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.image.distance import Weighting
+from silhouette_core.image.spans import Spans
+from silhouette_core.library.rendering import WINDOW_PX, Pictures, pose_surfaces, take_pictures
+from silhouette_core.motion.kinematics import quaternions, rotation_matrices
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level of the tree, K nodes, the children of one parent next to each other.
+
+    Attributes: representative: (K,) int32, the sample that stands for the node. parent: (K,) int32,
+        node of the level above; zeros at the first level. spans: the representatives' silhouettes
+        in node order, int16 runs at this level's resolution. size_px: (width, height) of that
+        resolution. threshold: T_l, the silhouette distance beyond which a sample became a node of
+        its own.
+    """
+
+    representative: NDArray[np.int32]
+    parent: NDArray[np.int32]
+    spans: Spans
+    size_px: tuple[int, int]
+    threshold: float
+
+    def __len__(self) -> int:
+        """Counts the nodes."""
+        return len(self.representative)
+
+
+@dataclass(frozen=True)
+class LibrarySettings:
+    """How a library is made.
+
+    Attributes: poses: how many samples at most (base poses times views). tolerance_deg: base poses
+        are left out until no two remain whose joint angles all differ by this or less; then, where
+        there are
+            still more than `poses` allows, by where their joints are.
+        yaw_step_deg: between the sides from which a pose is seen.
+        pitches_deg: how far the camera looks down, one or several.
+        mirror: whether every pose's mirror image is added.
+        weighting: of the silhouette distance in the tree. XOR says the same both ways round. With
+            nwXOR what lies outside of the representative costs little, so that large nodes come to
+            hold very different silhouettes, and the tree leads less well to the pose that fits best
+            (`python -m benchmarks.pruning`).
+        node_shares: nodes of each level wanted, as a share of the samples; the default is the
+            paper's 7,828, 26,805 and 44,108 of 57,136.
+        thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
+    """
+
+    poses: int = 60_000
+    tolerance_deg: float = 5.0
+    yaw_step_deg: float = 15.0
+    pitches_deg: tuple[float, ...] = (8.0,)
+    mirror: bool = True
+    weighting: Weighting = "xor"
+    node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
+    thresholds: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuses what makes no library.
+
+        Raises:
+            InputError: naming the value.
+        """
+        if (
+            not 1 <= self.yaw_step_deg <= 180
+            or abs(360 / self.yaw_step_deg - round(360 / self.yaw_step_deg)) > 1e-6
+        ):
+            raise InputError(
+                f"a yaw step of {self.yaw_step_deg:g} degrees does not divide the full turn: give"
+                " for example 10, 15 or 20"
+            )
+        if not self.pitches_deg or any(not -60 <= pitch <= 75 for pitch in self.pitches_deg):
+            raise InputError(
+                f"pitch {self.pitches_deg} is not one a standing camera has: give degrees down from"
+                " the horizontal, as in 8"
+            )
+        if self.poses < self.views_count:
+            raise InputError(
+                f"{self.poses} poses are too few: every recorded pose is seen from"
+                f" {self.views_count} sides"
+            )
+        if not self.tolerance_deg > 0:
+            raise InputError(
+                f"a tolerance of {self.tolerance_deg:g} degrees leaves nothing out: give a"
+                " positive one"
+            )
+
+    @property
+    def views_count(self) -> int:
+        """Number of views of each base pose."""
+        return round(360 / self.yaw_step_deg) * len(self.pitches_deg)
+
+    def views(self) -> NDArray[np.float64]:
+        """Returns (V, 2) yaw and pitch, radians, the yaws of one pitch next to each other."""
+        yaw = np.arange(round(360 / self.yaw_step_deg)) * self.yaw_step_deg
+        return np.radians([[y, pitch] for pitch in self.pitches_deg for y in yaw])
+
+
+@dataclass(frozen=True, eq=False)
+class PoseLibrary:
+    """B base poses from V views, N samples, in a tree of silhouettes; L levels.
+
+    Attributes: model: the body, which faces -y at yaw 0. settings: how the library was made.
+        base_angles: (B, D) float32, joint angles, radians. base_quaternion: (B, 4) float32, w x y
+        z: the pelvis's orientation with the heading removed. base_height_m: (B,) float32, the
+        pelvis above the lowest vertex. base_source: (B, 2) int32, clip and frame it comes from.
+        base_mirrored: (B,) bool, whether it is the mirror image of that. clips: names of the clips.
+        views: (V, 2) float64, yaw and pitch, radians; see
+        `silhouette_core.library.rendering.camera_from_body`. sample_base, sample_view: (N,) int32
+        and int16. pelvis_px: (N, 2) float32, the pelvis joint in the window of 320 x 240. areas:
+        (N, 27) uint16, pixels that each part shows, A_j. occluded: (N, 27) bool, f_j of eq. (3).
+        cut: (N,) bool, whether the window cuts off some of the silhouette. levels: coarse to fine.
+        leaf_offsets, leaf_samples: (K_L + 1,) int64 and (N,) int32: samples of the finest level's
+        node k are
+            leaf_samples[leaf_offsets[k] : leaf_offsets[k + 1]], the representative among them.
+        sigma_rad: (D,) float32, how much each joint angle changes between two frames at 30 per
+            second, library spacing included; see `silhouette_core.library.transitions`.
+        root_sigma_rad: likewise for the pelvis's orientation.
+        neighbours: kept by `silhouette_core.library.transitions`.
+    """
+
+    model: BodyModel
+    settings: LibrarySettings
+    base_angles: NDArray[np.float32]
+    base_quaternion: NDArray[np.float32]
+    base_height_m: NDArray[np.float32]
+    base_source: NDArray[np.int32]
+    base_mirrored: NDArray[np.bool_]
+    clips: tuple[str, ...]
+    views: NDArray[np.float64]
+    sample_base: NDArray[np.int32]
+    sample_view: NDArray[np.int16]
+    pelvis_px: NDArray[np.float32]
+    areas: NDArray[np.uint16]
+    occluded: NDArray[np.bool_]
+    cut: NDArray[np.bool_]
+    levels: tuple[Level, ...]
+    leaf_offsets: NDArray[np.int64]
+    leaf_samples: NDArray[np.int32]
+    sigma_rad: NDArray[np.float32]
+    root_sigma_rad: float
+    neighbours: Mapping[str, NDArray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Counts the samples."""
+        return len(self.sample_base)
+
+    @cached_property
+    def child_offsets(self) -> tuple[NDArray[np.int64], ...]:
+        """For every level (K_l + 1,): node k has nodes [k] to [k + 1] of the next level; at the
+        last, these places in leaf_samples.
+        """
+        found = [
+            np.searchsorted(below.parent, np.arange(len(level) + 1)).astype(np.int64)
+            for level, below in zip(self.levels[:-1], self.levels[1:], strict=True)
+        ]
+        return (*found, np.asarray(self.leaf_offsets))
+
+    def pose(self, samples: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Returns the poses of samples (n,) as seen by a level camera looking along +y.
+
+        Returns: Orientations of the pelvis (n, 4) w x y z, the view's yaw included, and joint
+            angles (n, D).
+        """
+        base = self.sample_base[samples]
+        yaw = self.views[self.sample_view[samples], 0] / 2
+        turn = np.stack([np.cos(yaw), 0 * yaw, 0 * yaw, np.sin(yaw)], -1)
+        matrices = rotation_matrices(turn) @ rotation_matrices(self.base_quaternion[base])
+        return quaternions(matrices), self.base_angles[base].astype(np.float64)
+
+    def render(self, samples: NDArray[np.integer]) -> Pictures:
+        """Takes the pictures of samples (n,) again, exactly as when the library was made.
+
+        The library keeps only the representatives' silhouettes: they are what the filter scores;
+        the other samples of a leaf look alike by construction, and drawing one takes a few
+        milliseconds.
+        """
+        base, where = np.unique(self.sample_base[samples], return_inverse=True)
+        surfaces, _ = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
+        return take_pictures(self.model, surfaces, where, self.views[self.sample_view[samples]])
+
+    @property
+    def window_px(self) -> tuple[int, int]:
+        """(width, height) of the pictures at the finest level."""
+        return WINDOW_PX
+
+
+def require_body(library: PoseLibrary, wanted: BodySizes) -> None:
+    """Refuses a library that was made for another body.
+
+    Args:
+        library: the library.
+        wanted: the body that is to be tracked.
+
+    Raises:
+        InputError: another stature (by more than 1 cm), chest (by more than 2 cm) or sex.
+    """
+    made = library.model.sizes
+    chest = (made.chest_girth_m, wanted.chest_girth_m)
+    same_chest = chest[0] == chest[1] or (None not in chest and abs(chest[0] - chest[1]) <= 0.02)  # type: ignore[operator]
+    same_surface = made.sex == wanted.sex or "female" not in (
+        made.sex,
+        wanted.sex,
+    )  # an unknown sex takes the man's template
+    if abs(made.stature_m - wanted.stature_m) > 0.01 or not same_chest or not same_surface:
+        raise InputError(
+            f"the library was made for another body ({describe(made)}; wanted {describe(wanted)}):"
+            f" build one with voxelpose library build --stature {wanted.stature_m:g}"
+        )
+
+
+def describe(sizes: BodySizes) -> str:
+    """Says a body's measurements in words."""
+    chest = "usual" if sizes.chest_girth_m is None else f"{sizes.chest_girth_m:g} m"
+    return f"stature {sizes.stature_m:g} m, chest {chest}, sex {sizes.sex}"

@@ -1,0 +1,74 @@
+"""Motions seen otherwise: heading and tilt apart, left and right exchanged."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.motion import Motion
+
+
+def split_heading(
+    root_quaternion: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Splits rotations into a turn about the vertical and what is left (swing and twist): q =
+    heading about z * tilt.
+
+    Args:
+        root_quaternion: (T, 4) w x y z, world_from_body.
+
+    Returns: heading (T,), radians from -pi to pi, 0 where a body hangs upside down and has none;
+        and tilt (T, 4), unit quaternions with w >= 0 and z = 0.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(root_quaternion, float), -1, 0)
+    length = np.hypot(w, z)
+    upright = length > 1e-12
+    cosine = np.where(upright, w / np.where(upright, length, 1), 1.0)
+    sine = np.where(upright, z / np.where(upright, length, 1), 0.0)
+    heading = 2 * np.arctan2(sine, cosine)
+    tilt = np.stack(
+        [length, cosine * x + sine * y, cosine * y - sine * x, np.zeros_like(w)], axis=-1
+    )
+    return np.mod(heading + np.pi, 2 * np.pi) - np.pi, tilt
+
+
+def mirrored(motion: Motion) -> Motion:
+    """Exchanges left and right: the take as a mirror in the plane x = 0 shows it.
+
+    The body keeps its shape, which is symmetric; a one-sided body would move in its mirror image's
+    way without becoming it.
+
+    Args:
+        motion: the take.
+
+    Returns:
+        A take whose landmarks are those of `motion`, reflected and with left and right exchanged.
+    """
+    model = motion.model
+    other = _exchange(model.dof_names)
+    # Sides share the sign of every angle (a right axis is its left one reflected); in the middle,
+    # turns about y and z change theirs.
+    middle = np.array([not name.startswith(("left_", "right_")) for name in model.dof_names])
+    sign = np.where(middle & (np.abs(model.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
+    columns = {"part_overlap": _exchange(model.names), "part_unsupported": _exchange(model.names)}
+    columns["landmark_confidence"] = _exchange(LANDMARK_NAMES)
+    return replace(
+        motion,
+        root_m=motion.root_m * (-1, 1, 1),
+        root_quaternion=motion.root_quaternion * (1, 1, -1, -1),
+        angles_rad=motion.angles_rad[:, other] * sign,
+        quality={
+            name: array[:, columns[name]] if name in columns else array
+            for name, array in motion.quality.items()
+        },
+    )
+
+
+def _exchange(names: tuple[str, ...]) -> list[int]:
+    swap = {"left": "right", "right": "left"}
+    side = [name.partition("_") for name in names]
+    return [
+        names.index(f"{swap[head]}_{rest}" if head in swap else head + mark + rest)
+        for head, mark, rest in side
+    ]

@@ -1,0 +1,8 @@
+"""Recorded motion (BVH, exponential maps) in, and onto our body."""
+
+from silhouette_core.motion.mocap.load import load_motions
+from silhouette_core.motion.mocap.read import read_clip
+from silhouette_core.motion.mocap.retarget import retarget
+from silhouette_core.motion.mocap.skeleton import MocapClip
+
+__all__ = ["MocapClip", "load_motions", "read_clip", "retarget"]

@@ -1,0 +1,180 @@
+"""Biovision hierarchy (BVH) in.
+
+Why not a library: bvhio 1.5 loops for ever on a file with fewer rows than it announces, and makes
+an object for every joint and frame; pybvh 0.9 refuses joints with positions of their own, which
+Blender and MotionBuilder write.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.errors import InputError
+
+_CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
+
+
+@dataclass
+class BvhJoint:
+    """A joint of the hierarchy.
+
+    Attributes:
+        name: as in the file.
+        parent: index of the parent, -1 for the root.
+        offset: (3,) relative to the parent.
+        channels: axis and kind of its numbers, in the file's order: ("X", "position"), ….
+    """
+
+    name: str
+    parent: int
+    offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    channels: list[tuple[str, str]] = field(default_factory=list)
+
+
+def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
+    """Reads the hierarchy and the numbers.
+
+    Args:
+        path: the file.
+
+    Returns: The joints, parents first, without end sites; (T, C) float64, the channels as they
+        stand; frames per second.
+
+    Raises: InputError: the file is missing, cut off, no BVH, has more or fewer frames than it says,
+        or numbers that are none.
+    """
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    head, mark, tail = text.partition("MOTION")
+    if not mark or "HIERARCHY" not in head:
+        raise InputError(
+            f"{path} is no BVH, or cut off: it lacks"
+            f" {'MOTION' if 'HIERARCHY' in head else 'HIERARCHY'}"
+        )
+    try:
+        joints = _hierarchy(iter(re.sub(r"([{}])", r"\n\1\n", head).splitlines()))
+    except (ValueError, IndexError, StopIteration) as error:
+        raise InputError(
+            f"{path} has a damaged hierarchy: {str(error) or 'it ends too early'}"
+        ) from error
+    said = re.match(r"\s*Frames:\s*(\d+)\s+Frame Time:\s*(\S+)", tail)
+    if said is None:
+        raise InputError(f"{path} does not say 'Frames:' and 'Frame Time:' after MOTION")
+    numbers = _numbers(path, tail[said.end() :])
+    count, columns = int(said[1]), sum(len(joint.channels) for joint in joints)
+    rows, rest = divmod(len(numbers), max(columns, 1))
+    if rest:
+        raise InputError(
+            f"{path} ends in the middle of frame {rows}: it is cut off, or its channels are not"
+            " those it lists"
+        )
+    if rows != count or not count:
+        raise InputError(
+            f"{path} says it has {count} frames, but holds {rows}: export it again, or set"
+            " 'Frames:' right"
+        )
+    return joints, numbers.reshape(count, columns), _rate(path, said[2])
+
+
+def local_transforms(
+    path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64], wanted: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Turns the channels of some joints (W,) into transforms: parent_from_joint (T, W, 3, 3) and
+    offsets (T, W, 3).
+
+    Rotations apply in the order listed, R = R_first R_second R_third, degrees. Positions replace
+    the joint's offset (Blender, MotionBuilder), the root's are added to it.
+
+    Raises:
+        InputError: a joint turns twice in succession about one axis.
+    """
+    local = np.broadcast_to(np.eye(3), (len(numbers), len(wanted), 3, 3)).copy()
+    offsets = np.tile(np.array([joints[j].offset for j in wanted]), (len(numbers), 1, 1))
+    first = np.cumsum([0] + [len(joint.channels) for joint in joints])
+    for w, j in enumerate(wanted):
+        joint, own = joints[j], numbers[:, first[j] : first[j + 1]]
+        turns = [k for k, (_, kind) in enumerate(joint.channels) if kind == "rotation"]
+        if turns:
+            order = "".join(joint.channels[k][0] for k in turns)
+            try:
+                local[:, w] = Rotation.from_euler(order, own[:, turns], degrees=True).as_matrix()
+            except ValueError as error:
+                raise InputError(
+                    f"{path}: joint {joint.name} turns in the order {order}, which cannot be:"
+                    f" {error}"
+                ) from error
+        for k, (axis, kind) in enumerate(joint.channels):
+            if kind == "position":
+                offsets[:, w, "XYZ".index(axis)] = own[:, k] + (
+                    joint.offset["XYZ".index(axis)] if joint.parent < 0 else 0.0
+                )
+    return local, offsets
+
+
+def _hierarchy(lines: Iterator[str]) -> list[BvhJoint]:
+    joints: list[BvhJoint] = []
+    open_joints: list[int] = []  # -2: an end site
+    coming = -2
+    for line in lines:
+        word, _, rest = line.strip().partition(" ")
+        match word.upper():
+            case "ROOT" | "JOINT":
+                joints.append(BvhJoint(rest.strip(), open_joints[-1] if open_joints else -1))
+                coming = len(joints) - 1
+            case "END":
+                coming = -2
+            case "{":
+                open_joints.append(coming)
+            case "}":
+                open_joints.pop()
+            case "OFFSET" if open_joints[-1] >= 0:
+                joints[open_joints[-1]].offset = [float(x) for x in rest.split()]
+                if len(rest.split()) != 3:
+                    raise ValueError(
+                        f"the OFFSET of {joints[open_joints[-1]].name} has not three numbers"
+                    )
+            case "CHANNELS":
+                joints[open_joints[-1]].channels = _channels(rest.split())
+    if open_joints or not joints:
+        raise ValueError("it ends too early" if joints else "it has no ROOT")
+    return joints
+
+
+def _channels(words: list[str]) -> list[tuple[str, str]]:
+    matches = [_CHANNEL.match(word) for word in words[1:]]
+    if int(words[0]) != len(matches) or not all(matches):
+        raise ValueError(f"CHANNELS {' '.join(words)} cannot be")
+    return [(m[1].upper(), m[2].lower()) for m in matches if m]
+
+
+def _numbers(path: Path, text: str) -> NDArray[np.float64]:
+    try:
+        numbers = np.array(text.split(), float)
+    except ValueError as error:
+        raise InputError(
+            f"{path} has something in its frames that is no number: {error}"
+        ) from error
+    if not np.isfinite(numbers).all():
+        raise InputError(f"{path} has frames with NaN or infinity: leave them out")
+    return numbers
+
+
+def _rate(path: Path, frame_time: str) -> float:
+    try:
+        seconds = float(frame_time)
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < 10:
+        raise InputError(
+            f"{path} says 'Frame Time: {frame_time}', which is no time between frames in seconds"
+        )
+    return 1.0 / seconds

@@ -1,0 +1,87 @@
+"""Motion as exponential maps: a CSV of numbers with skeleton.json beside it."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.errors import InputError
+
+# The CMU skeleton of the motion-prediction literature, for a skeleton.json without "names".
+_CMU = tuple(
+    "Hips LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase LeftToeEnd RHipJoint RightUpLeg RightLeg"
+    " RightFoot RightToeBase RightToeEnd LowerBack Spine Spine1 Neck Neck1 Head HeadEnd"
+    " LeftShoulder LeftArm LeftForeArm LeftHand LeftFingers LeftIndex LeftIndexEnd LeftThumb"
+    " LeftThumbEnd RightShoulder RightArm RightForeArm RightHand RightFingers RightIndex"
+    " RightIndexEnd RightThumb RightThumbEnd".split()
+)
+_CMU_ROOT_SCALE = 2.54 / 0.45  # the database's own unit of length, in centimetres
+
+
+def read_expmap(
+    path: Path,
+) -> tuple[tuple[str, ...], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], float]:
+    """Reads a take.
+
+    Each row is a frame: the root's place, then three numbers for each joint, the rotation vector of
+    joint_from_parent (the inverse of what turns the joint, as that literature has it).
+
+    Args: path: the CSV; skeleton.json in the same folder gives parent, offset and fps, and if they
+        are not CMU's 38 joints in centimetres,
+            names and root_scale (the root's unit in the offsets').
+
+    Returns: Names, parents (J,), offsets (T, J, 3) with the root's place, parent_from_joint
+        rotations (T, J, 3, 3), frames per second.
+
+    Raises:
+        InputError: skeleton.json is missing or does not fit, or the numbers are none.
+    """
+    beside = path.with_name("skeleton.json")
+    try:
+        skeleton = json.loads(beside.read_text(encoding="utf-8"))
+        parents = np.array(skeleton["parent"], np.int64)
+        offsets = np.array(skeleton["offset"], float).reshape(len(parents), 3)
+        fps = float(skeleton["fps"])
+        names = tuple(skeleton.get("names", _CMU))
+        scale = float(skeleton.get("root_scale", _CMU_ROOT_SCALE))
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} needs skeleton.json beside it: parent, offset and fps of its joints"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{beside} is no skeleton with parent, offset and fps: {error!r}"
+        ) from error
+    if len(names) != len(parents) or (parents >= np.arange(len(parents))).any() or fps <= 0:
+        raise InputError(
+            f"{beside} has {len(parents)} joints: it must name as many, parents before children, at"
+            " more than 0 frames a second"
+        )
+    rows = _rows(path, 3 + 3 * len(parents))
+    turns = -rows[:, 3:].reshape(len(rows), len(parents), 3)
+    local = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(*turns.shape, 3)
+    places = np.tile(offsets, (len(rows), 1, 1))
+    places[:, 0] += rows[:, :3] * scale
+    return names, parents, places, local, fps
+
+
+def _rows(path: Path, columns: int) -> NDArray[np.float64]:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an empty file is told below
+            rows = np.loadtxt(path, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as rows of numbers: {error}") from error
+    if not len(rows) or rows.shape[1] != columns:
+        raise InputError(
+            f"{path} has {rows.shape[1] if len(rows) else 0} numbers a row, its skeleton.json wants"
+            f" {columns}"
+        )
+    if not np.isfinite(rows).all():
+        raise InputError(f"{path} has frames with NaN or infinity: leave them out")
+    return rows

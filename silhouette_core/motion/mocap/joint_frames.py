@@ -1,0 +1,182 @@
+"""How a recorded skeleton's joints lie in its body: what turns with a joint, seen in that joint's
+own axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
+
+SIDES = ("left", "right")
+_TRUNK = ("pelvis", "lumbar", "thorax", "neck", "head", "left_clavicle", "right_clavicle")
+_STRAIGHT_DEG = 15.0
+_UPRIGHT_SHARE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class JointFrames:
+    """A trunk that stands upright and looks ahead.
+
+    Attributes: joint_from_body: by role, (3, 3): the body's axes (columns: left, back, up) in the
+        joint's own. doubt_deg: how far from standing straight it is.
+    """
+
+    joint_from_body: dict[str, NDArray[np.float64]]
+    doubt_deg: float
+
+
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns vectors (…, 3) at length 1."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
+def direction(recorded: MocapClip, near: str, far: str) -> NDArray[np.float64]:
+    """Returns the (T, 3) unit vectors from one role's joint to another's."""
+    return unit(
+        recorded.positions[:, recorded.roles[far]] - recorded.positions[:, recorded.roles[near]]
+    )
+
+
+def up_axis(recorded: MocapClip) -> NDArray[np.float64]:
+    """Returns the (3,) axis of the file, with its sign, that points from the feet to the shoulders
+    on average.
+    """
+    legs = sum(
+        (direction(recorded, f"{side}_foot", f"{side}_thigh") for side in SIDES), np.zeros(3)
+    )
+    mean = (2 * _trunk(recorded) + legs).mean(axis=0)
+    axis = np.zeros(3)
+    axis[np.abs(mean).argmax()] = np.sign(mean[np.abs(mean).argmax()])
+    return axis
+
+
+def find_joint_frames(recorded: MocapClip) -> JointFrames:
+    """Finds the trunk's axes.
+
+    They are those at zero rotations or in the frame that stands straightest (many files begin with
+    a T-pose), if that is straight; else the mean over the fifth of the frames whose trunk is most
+    upright, which takes it that people look ahead on average.
+
+    Straight means that thighs, shins and trunk are within 15 degrees of the vertical, forearms of
+    their upper arms, and an arm of the other one's mirror image.
+    """
+    zero_rotations, zero_positions = place_joints(
+        recorded.parents,
+        recorded.offsets[None],
+        np.broadcast_to(np.eye(3), (1, len(recorded.joints), 3, 3)),
+    )
+    zero = recorded.posed(zero_rotations, zero_positions)
+    best: JointFrames | None = None
+    for clip in (zero, recorded):
+        up = up_axis(clip)
+        bends = _crookedness(clip, up)
+        frame = int(bends.argmin())
+        if bends[frame] <= _STRAIGHT_DEG and (best is None or bends[frame] < best.doubt_deg):
+            best = _mean_axes(clip, up, np.array([frame]), float(bends[frame]))
+    if best is not None:
+        return best
+    up = up_axis(recorded)
+    lean = np.degrees(_angle(_trunk(recorded), up))
+    upright = np.argsort(lean, kind="stable")[: max(1, round(_UPRIGHT_SHARE * len(recorded)))]
+    return _mean_axes(recorded, up, upright, _STRAIGHT_DEG + float(lean[upright].mean()))
+
+
+def hinge_axis(
+    recorded: MocapClip, side: str, bones: tuple[str, str, str]
+) -> NDArray[np.float64] | None:
+    """Finds the axis (3,) about which a limb bends, in its upper bone's joint; None where the take
+    hardly bends it.
+
+    Args: recorded: the take. side: "left" or "right". bones: roles of the limb's three joints
+        without their side; it bends positively from the first bone toward the second.
+    """
+    near, middle, far = (f"{side}_{name}" for name in bones)
+    across = np.cross(direction(recorded, near, middle), direction(recorded, middle, far))
+    mean = np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[near]], across).mean(axis=0)
+    return unit(mean) if np.linalg.norm(mean) > 0.1 else None
+
+
+def mean_axis(recorded: MocapClip, role: str, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the axis (3,) of a joint that is nearest to given directions (T, 3) on average."""
+    return unit(
+        np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[role]], wanted).mean(axis=0)
+    )
+
+
+def sole(recorded: MocapClip, side: str) -> NDArray[np.float64]:
+    """Returns joint_from_body (3, 3) of a foot: level and pointing ahead while ankle and toes are
+    low, that is, while it stands.
+    """
+    foot, toes = f"{side}_foot", f"{side}_toes"
+    up = up_axis(recorded)
+    level = (
+        recorded.positions[
+            :, [recorded.roles[role] for role in (foot, toes) if role in recorded.roles]
+        ]
+        @ up
+    )
+    height = (level - level.min(axis=0)).max(axis=1)
+    standing = height <= np.quantile(height, 0.3)
+    ahead = (
+        direction(recorded, foot, toes)
+        if toes in recorded.roles
+        else np.cross(direction(recorded, "right_thigh", "left_thigh"), up)
+    )
+    back = -unit(ahead - (ahead @ up)[:, None] * up)
+    body = np.stack(
+        [np.cross(back, np.broadcast_to(up, back.shape)), back, np.broadcast_to(up, back.shape)],
+        axis=-1,
+    )[standing]
+    return _mean_rotation(
+        np.swapaxes(recorded.rotations[standing, recorded.roles[foot]], 1, 2) @ body
+    )
+
+
+def _mean_axes(recorded: MocapClip, up: NDArray, rows: NDArray, doubt_deg: float) -> JointFrames:
+    left = direction(recorded, "right_thigh", "left_thigh")[rows]
+    left = unit(left - (left @ up)[:, None] * up)
+    body = np.stack([left, np.cross(up, left), np.broadcast_to(up, left.shape)], axis=-1)
+    roles = {role: recorded.roles[role] for role in _TRUNK if role in recorded.roles}
+    axes = {
+        role: _mean_rotation(np.swapaxes(recorded.rotations[rows, joint], 1, 2) @ body)
+        for role, joint in roles.items()
+    }
+    return JointFrames(axes, doubt_deg)
+
+
+def _mean_rotation(rotations: NDArray) -> NDArray[np.float64]:
+    left, _, right = np.linalg.svd(rotations.mean(axis=0))
+    return left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+
+
+def _trunk(recorded: MocapClip) -> NDArray:
+    place = lambda role: recorded.positions[:, recorded.roles[role]]  # noqa: E731
+    return unit(
+        place("left_upper_arm")
+        + place("right_upper_arm")
+        - place("left_thigh")
+        - place("right_thigh")
+    )
+
+
+def _crookedness(recorded: MocapClip, up: NDArray) -> NDArray[np.float64]:
+    across = direction(recorded, "right_thigh", "left_thigh")
+    across = unit(across - (across @ up)[:, None] * up)
+    angles = [_angle(_trunk(recorded), up)]
+    arms = []
+    for side in SIDES:
+        for near, far in (("thigh", "shin"), ("shin", "foot")):
+            angles.append(_angle(direction(recorded, f"{side}_{far}", f"{side}_{near}"), up))
+        arms.append(direction(recorded, f"{side}_upper_arm", f"{side}_forearm"))
+        angles.append(_angle(arms[-1], direction(recorded, f"{side}_forearm", f"{side}_hand")))
+    reflected = arms[1] - 2 * np.einsum("ti,ti->t", arms[1], across)[:, None] * across
+    angles.append(_angle(arms[0], reflected))
+    return np.degrees(np.max(angles, axis=0))
+
+
+def _angle(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))

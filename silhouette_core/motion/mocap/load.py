@@ -1,0 +1,67 @@
+"""Files and folders of recorded motion, as motions of our body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.mocap.joint_frames import JointFrames, find_joint_frames
+from silhouette_core.motion.mocap.read import SUFFIXES, read_clip
+from silhouette_core.motion.mocap.retarget import retarget
+from silhouette_core.motion.motion import Motion
+
+
+def motion_files(paths: Iterable[Path]) -> list[Path]:
+    """Returns the motion files among files and (searched to the bottom) folders, each once,
+    folders' sorted by name.
+
+    In folders, CSV files without skeleton.json are taken for something else.
+
+    Raises:
+        InputError: a path does not exist, or a folder holds no motion.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(file for file in path.rglob("*") if _is_motion(file))
+            if not inside:
+                raise InputError(f"{path} holds no motion: no .bvh, and no .csv with skeleton.json")
+            found.update(dict.fromkeys(inside))
+        elif path.is_file():
+            found[path] = None
+        else:
+            raise InputError(f"{path} does not exist")
+    return list(found)
+
+
+def _is_motion(file: Path) -> bool:
+    return file.suffix.lower() in SUFFIXES and (
+        file.suffix.lower() != ".csv" or file.with_name("skeleton.json").exists()
+    )
+
+
+def load_motions(
+    paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = 30.0
+) -> list[Motion]:
+    """Reads recorded motion and retargets it; takes of one skeleton share what is known of its
+    trunk.
+
+    Args: paths: files, and folders that are searched for them. model: the body. names: a joint-name
+        map for all of them; None chooses a shipped one for each. target_fps: faster recordings are
+        thinned to it by taking the nearest frames; slower ones stay as they are.
+
+    Returns:
+        One motion for each of `motion_files(paths)`.
+
+    Raises:
+        InputError: as `read_clip`.
+    """
+    clips = [read_clip(path, names).at_rate(target_fps) for path in motion_files(paths)]
+    best: dict[tuple, JointFrames] = {}
+    for clip in clips:
+        reference = find_joint_frames(clip)
+        if clip.skeleton not in best or reference.doubt_deg < best[clip.skeleton].doubt_deg:
+            best[clip.skeleton] = reference
+    return [retarget(clip, model, best[clip.skeleton]) for clip in clips]

@@ -1,0 +1,145 @@
+"""Joint-name maps: what a skeleton calls the joints that move our parts."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from calib.errors import InputError
+
+_SIDES = ("left", "right")
+_MIDDLE = ("pelvis", "lumbar", "thorax", "neck", "head")
+_LIMBS = ("clavicle", "upper_arm", "forearm", "hand", "thigh", "shin", "foot", "toes")
+_OPTIONAL = {"lumbar", "neck", "head", "clavicle", "toes"}
+ROLES = _MIDDLE + tuple(f"{side}_{limb}" for side in _SIDES for limb in _LIMBS)
+"""The joints looked for: each is the near end of our part of that name."""
+NEEDED = tuple(
+    role for role in ROLES if role.removeprefix("left_").removeprefix("right_") not in _OPTIONAL
+)
+_SHIPPED = ("cmu", "cc_base", "mixamo", "plain")
+_SIDE_WORD = re.compile(r"\{(Left|left|L|l)\}")
+_RIGHT = {"Left": "Right", "left": "right", "L": "R", "l": "r"}
+
+
+@dataclass(frozen=True)
+class NameMap:
+    """A joint-name map.
+
+    Attributes:
+        title: for messages.
+        names: for each role, the names it may have, best first.
+    """
+
+    title: str
+    names: dict[str, tuple[str, ...]]
+
+    @classmethod
+    def read(cls, path: Path) -> NameMap:
+        """Reads a TOML map.
+
+        One line for each role, `pelvis = "Hips"` or a list of names, the first that the skeleton
+        has being taken. A limb's line may
+        stand for both sides: `thigh = "{Left}UpLeg"` means LeftUpLeg and RightUpLeg; {left}, {L}
+            and {l} likewise.
+
+        Args:
+            path: the file.
+
+        Raises:
+            InputError: it is missing, no TOML, or has a line that is no role.
+        """
+        try:
+            return cls._from_toml(path.name, tomllib.loads(path.read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path} cannot be read as a joint-name map: {error}") from error
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{path} is no TOML: {error}") from error
+
+    @classmethod
+    def shipped(cls) -> list[NameMap]:
+        """Returns the maps that come with the program."""
+        folder = files("silhouette_core.motion.mocap") / "maps"
+        return [
+            cls._from_toml(
+                name, tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8"))
+            )
+            for name in _SHIPPED
+        ]
+
+    @classmethod
+    def _from_toml(cls, title: str, table: dict) -> NameMap:
+        names: dict[str, tuple[str, ...]] = {}
+        for key, value in table.items():
+            spellings = [value] if isinstance(value, str) else value
+            if not isinstance(spellings, list) or not all(
+                isinstance(one, str) for one in spellings
+            ):
+                raise InputError(f"joint-name map {title}: {key} must be a name or a list of names")
+            if key in ROLES:
+                names[key] = tuple(spellings)
+            elif key in _LIMBS:
+                for side in _SIDES:
+                    names[f"{side}_{key}"] = tuple(
+                        _SIDE_WORD.sub(lambda m, s=side: _word(m[1], s), one) for one in spellings
+                    )
+            else:
+                raise InputError(
+                    f"joint-name map {title}: {key!r} is no joint of ours: use"
+                    f" {', '.join(_MIDDLE + _LIMBS)}"
+                )
+        return cls(title, names)
+
+    def find(self, joints: Sequence[str]) -> dict[str, int]:
+        """Returns the joint's index for every role that the skeleton has; case, punctuation and
+        namespaces do not count.
+        """
+        known = {_plain(joint): index for index, joint in reversed(list(enumerate(joints)))}
+        found = {
+            role: [known[p] for p in map(_plain, names) if p in known]
+            for role, names in self.names.items()
+        }
+        return {role: indices[0] for role, indices in found.items() if indices}
+
+
+def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[str, int]:
+    """Finds which joint plays which part.
+
+    Args:
+        source: the motion's file, for messages.
+        joints: the skeleton's names.
+        path: the user's map; None takes the shipped map that covers most.
+
+    Returns:
+        Indices by role, at least those of `NEEDED`.
+
+    Raises:
+        InputError: joints that are needed have no name.
+    """
+    maps = NameMap.shipped() if path is None else [NameMap.read(path)]
+    found = [name_map.find(joints) for name_map in maps]
+    missing = [[role for role in NEEDED if role not in roles] for roles in found]
+    best = min(range(len(maps)), key=lambda k: (len(missing[k]), -len(found[k])))
+    if not missing[best]:
+        return found[best]
+    lacking = ", ".join(missing[best][:6]) + (", …" if len(missing[best]) > 6 else "")
+    seen = ", ".join(joints[:8]) + (", …" if len(joints) > 8 else "")
+    if path is not None:
+        raise InputError(
+            f"{source}: the map {path} finds no joint for {lacking} (the skeleton has {seen})"
+        )
+    raise InputError(
+        f"{source}: unknown joints: nothing found for {lacking} (the skeleton has {seen}): give a"
+        " joint-name map in TOML"
+    )
+
+
+def _word(word: str, side: str) -> str:
+    return word if side == "left" else _RIGHT[word]
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.rpartition(":")[2].lower().removeprefix("mixamorig"))

@@ -1,0 +1,96 @@
+"""Motion in a file: safetensors, readable from many languages, nothing executed on reading."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.motion import Motion
+
+_FORMAT = "voxelpose motion 1"
+_QUALITY = "quality."
+
+
+def write_motion(motion: Motion, path: Path) -> None:
+    """Writes a motion: its arrays under their own names, quality as `quality.NAME`, and in the
+    metadata how to make the body again.
+
+    Args:
+        motion: the take.
+        path: the file, usually motion.safetensors.
+    """
+    arrays = {
+        "root_m": motion.root_m,
+        "root_quaternion": motion.root_quaternion,
+        "angles_rad": motion.angles_rad,
+        "frames": motion.frames,
+        "time_s": motion.time_s,
+        "body_shape": motion.model.shape,
+        **{_QUALITY + name: array for name, array in motion.quality.items()},
+    }
+    sizes = motion.model.sizes
+    metadata = {
+        "format": _FORMAT,
+        "fps": repr(motion.fps),
+        "stature_m": repr(sizes.stature_m),
+        "chest_girth_m": "" if sizes.chest_girth_m is None else repr(sizes.chest_girth_m),
+        "sex": sizes.sex,
+        "parts": json.dumps(motion.model.names),
+        "angles": json.dumps(motion.model.dof_names),
+    }
+    # Written by Python and not by safetensors, so that a full disk is the OSError that it is
+    # elsewhere.
+    path.write_bytes(
+        save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
+    )
+
+
+def read_motion(path: Path) -> Motion:
+    """Reads what `write_motion` wrote.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The take, its body made again from the measurements.
+
+    Raises:
+        InputError: the file is missing, damaged, or of another kind.
+    """
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            about = file.metadata() or {}
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    except (OSError, SafetensorError) as error:
+        raise InputError(f"{path} cannot be read as a motion: {error}") from error
+    if about.get("format") != _FORMAT:
+        raise InputError(
+            f"{path} is no motion of this version (format {about.get('format')!r}, wanted"
+            f" {_FORMAT!r}): fit again"
+        )
+    chest = about["chest_girth_m"]
+    sizes = BodySizes(float(about["stature_m"]), float(chest) if chest else None, about["sex"])
+    model = BodyModel.from_sizes(sizes).reshaped(arrays["body_shape"])
+    if json.loads(about["angles"]) != list(model.dof_names):
+        raise InputError(f"{path} was made with a body that has other joint angles: fit again")
+    return Motion(
+        fps=float(about["fps"]),
+        model=model,
+        root_m=arrays["root_m"],
+        root_quaternion=arrays["root_quaternion"],
+        angles_rad=arrays["angles_rad"],
+        frames=arrays["frames"],
+        time_s=arrays["time_s"],
+        quality={
+            name.removeprefix(_QUALITY): array
+            for name, array in arrays.items()
+            if name.startswith(_QUALITY)
+        },
+    )

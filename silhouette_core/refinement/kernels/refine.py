@@ -1,0 +1,210 @@
+"""The loops of the continuous refinement: which surface point touches which contour, and how it
+moves with the joints.
+"""
+
+import numpy as np
+
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+
+@parallel_kernel
+def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
+    """For each contour point, the surface point that should touch its tangent plane.
+
+    Among surface points whose normal looks out of the plane (the rim as seen from that camera), the
+    one nearest to the viewing ray, a turned normal counting as distance. Fills matched (N,) with
+    its index, or -1 beyond `reach` (m), and gap (N,) with the signed distance from plane to point,
+    positive outside.
+    """
+    for i in prange(camera.shape[0]):
+        o, d, n = center[camera[i]], ray[i], normal[i]
+        best, index = 1e30, -1
+        for v in range(points.shape[0]):
+            facing = (
+                point_normals[v, 0] * n[0] + point_normals[v, 1] * n[1] + point_normals[v, 2] * n[2]
+            )
+            if facing < 0.5:
+                continue
+            x, y, z = points[v, 0] - o[0], points[v, 1] - o[1], points[v, 2] - o[2]
+            along = x * d[0] + y * d[1] + z * d[2]
+            if along <= 0.0:
+                continue
+            distance2 = x * x + y * y + z * z - along * along
+            cost = distance2 + 0.01 * (1.0 - facing)
+            if cost < best and distance2 < reach * reach:
+                best, index = cost, v
+        matched[i] = index
+        if index >= 0:
+            gap[i] = (
+                (points[index, 0] - o[0]) * n[0]
+                + (points[index, 1] - o[1]) * n[1]
+                + (points[index, 2] - o[2]) * n[2]
+            )
+        else:
+            gap[i] = 0.0
+
+
+@kernel
+def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
+    """How far each surface point lies outside one camera's silhouette.
+
+    Fills gap (V,) in metres at the point's depth (0 inside, or where the image does not reach) and
+    direction (V, 3), the world direction that leads farther out.
+    """
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    height, width = outside.shape
+    for v in range(points.shape[0]):
+        gap[v] = 0.0
+        p = points[v]
+        x = rotation[0, 0] * p[0] + rotation[0, 1] * p[1] + rotation[0, 2] * p[2] + translation[0]
+        y = rotation[1, 0] * p[0] + rotation[1, 1] * p[1] + rotation[1, 2] * p[2] + translation[1]
+        z = rotation[2, 0] * p[0] + rotation[2, 1] * p[1] + rotation[2, 2] * p[2] + translation[2]
+        if z <= 0.05:
+            continue
+        u, w = fx * x / z + cx, fy * y / z + cy
+        if not (1.0 <= u < width - 2.0 and 1.0 <= w < height - 2.0):
+            continue
+        i, j = int(u), int(w)
+        a, b = u - i, w - j
+        d00, d01, d10, d11 = (
+            outside[j, i],
+            outside[j, i + 1],
+            outside[j + 1, i],
+            outside[j + 1, i + 1],
+        )
+        distance = (1 - b) * ((1 - a) * d00 + a * d01) + b * ((1 - a) * d10 + a * d11) - 0.5
+        if distance <= 0.0:
+            continue
+        gx = (1 - b) * (d01 - d00) + b * (d11 - d10)
+        gy = (1 - a) * (d10 - d00) + a * (d11 - d01)
+        gz = -(gx * x + gy * y) / z
+        for k in range(3):
+            direction[v, k] = rotation[0, k] * gx + rotation[1, k] * gy + rotation[2, k] * gz
+        gap[v] = distance * z / fx
+
+
+@kernel
+def pose_surface(
+    rest,
+    rest_normals,
+    joints,
+    skin_parts,
+    skin_weights,
+    part_rotation,
+    part_origin,
+    points,
+    normals,
+):
+    """Fills points (V, 3) by linear blend skinning and normals (V, 3) by the blended rotation."""
+    for v in range(rest.shape[0]):
+        for i in range(3):
+            points[v, i] = 0.0
+            normals[v, i] = 0.0
+        for k in range(skin_parts.shape[1]):
+            w = skin_weights[v, k]
+            if w == 0.0:
+                continue
+            p = skin_parts[v, k]
+            for i in range(3):
+                moved, turned = part_origin[p, i], 0.0
+                for j in range(3):
+                    moved += part_rotation[p, i, j] * (rest[v, j] - joints[p, j])
+                    turned += part_rotation[p, i, j] * rest_normals[v, j]
+                points[v, i] += w * moved
+                normals[v, i] += w * turned
+        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
+        if length > 0.0:
+            for i in range(3):
+                normals[v, i] /= length
+
+
+@kernel
+def fill_jacobian(
+    index,
+    direction,
+    rest,
+    joints,
+    skin_parts,
+    skin_weights,
+    part_rotation,
+    part_origin,
+    descends,
+    dof_part,
+    world_axis,
+    rows,
+):
+    """Fills rows (N, 6 + D): the derivative of direction . point along root position, root rotation
+    vector (world) and joint angles.
+    """
+    place, whole = np.empty((4, 3)), np.empty(3)
+    for i in range(index.shape[0]):
+        v = index[i]
+        n = direction[i]
+        place[:] = 0.0
+        whole[:] = 0.0
+        for k in range(4):
+            w = skin_weights[v, k]
+            if w == 0.0:
+                continue
+            p = skin_parts[v, k]
+            for a in range(3):
+                moved = part_origin[p, a]
+                for b in range(3):
+                    moved += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
+                place[k, a] = w * moved
+                whole[a] += w * moved
+        lx, ly, lz = (
+            whole[0] - part_origin[0, 0],
+            whole[1] - part_origin[0, 1],
+            whole[2] - part_origin[0, 2],
+        )
+        rows[i, 0], rows[i, 1], rows[i, 2] = n[0], n[1], n[2]
+        rows[i, 3] = ly * n[2] - lz * n[1]
+        rows[i, 4] = lz * n[0] - lx * n[2]
+        rows[i, 5] = lx * n[1] - ly * n[0]
+        for d in range(dof_part.shape[0]):
+            part = dof_part[d]
+            share, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
+            for k in range(4):
+                if skin_weights[v, k] > 0.0 and descends[part, skin_parts[v, k]]:
+                    share += skin_weights[v, k]
+                    lx += place[k, 0]
+                    ly += place[k, 1]
+                    lz += place[k, 2]
+            if share == 0.0:
+                rows[i, 6 + d] = 0.0
+                continue
+            lx -= share * part_origin[part, 0]
+            ly -= share * part_origin[part, 1]
+            lz -= share * part_origin[part, 2]
+            a = world_axis[d]
+            rows[i, 6 + d] = (
+                a[0] * (ly * n[2] - lz * n[1])
+                + a[1] * (lz * n[0] - lx * n[2])
+                + a[2] * (lx * n[1] - ly * n[0])
+            )
+
+
+@kernel
+def add_normal_equations(rows, weight, gap, matrix, gradient):
+    """Adds rows^T weight rows to matrix (n, n) and rows^T weight gap to gradient (n,).
+
+    Rows are mostly zeros (a point hangs on few joints), and small enough that threads would cost
+    more than they give.
+    """
+    taken = np.empty(rows.shape[1], np.int64)
+    for i in range(rows.shape[0]):
+        count = 0
+        for j in range(rows.shape[1]):
+            if rows[i, j] != 0.0:
+                taken[count] = j
+                count += 1
+        for a in range(count):
+            first = taken[a]
+            scaled = weight[i] * rows[i, first]
+            gradient[first] += scaled * gap[i]
+            for b in range(a + 1):
+                matrix[first, taken[b]] += scaled * rows[i, taken[b]]
+    for a in range(matrix.shape[0]):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]

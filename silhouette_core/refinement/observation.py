@@ -1,0 +1,163 @@
+"""What the cameras say about one frame, prepared for fitting: silhouettes, their contours as planes
+in space, distances to them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calib.camera import Rig
+
+_BORDER_PX = (
+    2  # contour points this near the image border are where the view ends, not where the body does
+)
+_TANGENT_PX = 4  # half length of the contour piece whose direction is taken as the tangent
+
+
+@dataclass(frozen=True, eq=False)
+class PinholeViews:
+    """Cameras without distortion, as plain arrays for kernels. C cameras.
+
+    Attributes:
+        rig: the cameras themselves.
+        intrinsics: (C, 4) float64, fx, fy, cx, cy in px.
+        rotation: (C, 3, 3), translation_m: (C, 3), camera from world.
+        center_m: (C, 3) world positions of the cameras.
+    """
+
+    rig: Rig
+    intrinsics: np.ndarray
+    rotation: np.ndarray
+    translation_m: np.ndarray
+    center_m: np.ndarray
+
+    @classmethod
+    def of(cls, rig: Rig) -> PinholeViews:
+        """Takes the pinhole cameras of a rig (`Camera.pinhole`)."""
+        matrices = np.stack([camera.matrix for camera in rig])
+        return cls(
+            rig,
+            np.stack(
+                [matrices[:, 0, 0], matrices[:, 1, 1], matrices[:, 0, 2], matrices[:, 1, 2]], 1
+            ),
+            np.stack([camera.rotation for camera in rig]),
+            np.stack([camera.translation for camera in rig]),
+            np.stack([camera.center_m for camera in rig]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One frame's silhouettes in C pinhole views, with N contour points.
+
+    A contour point's viewing ray and its tangent span a plane that touches the body from outside.
+
+    Attributes:
+        views: the cameras.
+        masks: C arrays (h, w) bool.
+        outside_px: C arrays (h, w) float32, distance to the silhouette, 0 inside.
+        camera: (N,) int32, the camera of each contour point.
+        ray: (N, 3) float64, unit viewing directions in the world.
+        normal: (N, 3) float64, unit normals of the tangent planes, away from the body.
+    """
+
+    views: PinholeViews
+    masks: tuple[np.ndarray, ...]
+    outside_px: tuple[np.ndarray, ...]
+    camera: np.ndarray
+    ray: np.ndarray
+    normal: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        views: PinholeViews,
+        masks: list[np.ndarray],
+        distance_m: float = 4.0,
+        spacing_m: float = 0.025,
+    ) -> Observation:
+        """Prepares one frame.
+
+        Args:
+            views: C pinhole cameras.
+            masks: C silhouettes (h, w) bool, as the cameras' images.
+            distance_m: typical distance of the body from the cameras, to space the contour points.
+            spacing_m: distance between contour points on the body, about.
+        """
+        cameras, rays, normals, outside = [], [], [], []
+        for c, mask in enumerate(masks):
+            step = max(round(spacing_m * views.intrinsics[c, 0] / distance_m), 1)
+            pixels, directions = contour_points(mask, step)
+            ray, normal = _tangent_planes(views, c, pixels, directions)
+            cameras.append(np.full(len(ray), c, np.int32))
+            rays.append(ray)
+            normals.append(normal)
+            outside.append(
+                cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+            )
+        return cls(
+            views,
+            tuple(masks),
+            tuple(outside),
+            np.concatenate(cameras),
+            np.concatenate(rays),
+            np.concatenate(normals),
+        )
+
+
+def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Finds points on a silhouette's edge, with the direction that leads out of it.
+
+    Args:
+        mask: (h, w) bool.
+        step: pixels of contour between points.
+
+    Returns: positions (N, 2) float64 px on the edge between inside and outside, and unit outward
+        directions (N, 2). Where the silhouette is cut by the image border there are none.
+    """
+    height, width = mask.shape
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    positions, outward = [np.empty((0, 2))], [np.empty((0, 2))]
+    for contour in found:
+        points = contour[:, 0].astype(float)
+        if len(points) < 4 * _TANGENT_PX:
+            continue
+        tangent = np.roll(points, -_TANGENT_PX, 0) - np.roll(points, _TANGENT_PX, 0)
+        keep = np.arange(0, len(points), step)
+        tangent, points = tangent[keep], points[keep]
+        length = np.linalg.norm(tangent, axis=1, keepdims=True)
+        # OpenCV walks outer contours and holes so that the inside lies on one and the same hand.
+        normal = np.stack([tangent[:, 1], -tangent[:, 0]], 1) / np.maximum(length, 1e-9)
+        inner = np.all(
+            (points >= _BORDER_PX) & (points < (width - _BORDER_PX, height - _BORDER_PX)), axis=1
+        ) & (length[:, 0] > 1e-9)
+        sides = _on_mask(mask, points - 1.5 * normal) & ~_on_mask(mask, points + 1.5 * normal)
+        flipped = _on_mask(mask, points + 1.5 * normal) & ~_on_mask(mask, points - 1.5 * normal)
+        normal[flipped] *= -1
+        good = inner & (sides | flipped)
+        # A contour pixel belongs to the inside; the edge is half a pixel farther out.
+        positions.append((points + 0.5 * normal)[good])
+        outward.append(normal[good])
+    return np.concatenate(positions), np.concatenate(outward)
+
+
+def _on_mask(mask: np.ndarray, points: np.ndarray) -> np.ndarray:
+    column = np.clip(np.rint(points[:, 0]).astype(int), 0, mask.shape[1] - 1)
+    row = np.clip(np.rint(points[:, 1]).astype(int), 0, mask.shape[0] - 1)
+    return mask[row, column]
+
+
+def _tangent_planes(
+    views: PinholeViews, c: int, pixels: np.ndarray, outward: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    fx, fy, cx, cy = views.intrinsics[c]
+    ray = np.stack([(pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy, np.ones(len(pixels))], 1)
+    tangent = np.stack([-outward[:, 1] / fx, outward[:, 0] / fy, np.zeros(len(pixels))], 1)
+    away = np.stack([outward[:, 0] / fx, outward[:, 1] / fy, np.zeros(len(pixels))], 1)
+    normal = np.cross(ray, tangent)
+    normal *= np.sign((normal * away).sum(1, keepdims=True))
+    unit = lambda v: v / np.linalg.norm(v, axis=1, keepdims=True)  # noqa: E731
+    return unit(ray) @ views.rotation[c], unit(normal) @ views.rotation[c]

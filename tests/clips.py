@@ -1,0 +1,34 @@
+"""Takes for tests: a body that moves without any estimator."""
+
+import numpy as np
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.motion import Motion
+
+
+def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
+    """Walks ahead while turning, the right arm raised and the left knee bent: no left-right
+    symmetry hides a mistake.
+    """
+    model = BodyModel.from_sizes(BodySizes(stature_m))
+    angles = np.zeros((count, model.dof_count))
+    phase = np.linspace(0, 1, count)
+    for name, from_deg, to_deg in (
+        ("right_upper_arm.abduction", 20, 120),
+        ("right_forearm.flexion", 60, 10),
+        ("left_thigh.flexion", 0, 50),
+        ("left_shin.flexion", 5, 80),
+        ("lumbar.flexion", 0, 15),
+        ("thorax.rotation", -10, 10),
+        ("neck.rotation", 0, 30),
+    ):
+        angles[:, model.dof_names.index(name)] = np.radians(from_deg + phase * (to_deg - from_deg))
+    yaw = np.radians(30 + 60 * phase) / 2
+    quaternion = np.column_stack([np.cos(yaw), np.zeros((count, 2)), np.sin(yaw)])
+    root = model.joints_m[0] + np.column_stack([0.1 * phase, -0.5 * phase, 0.02 * phase])
+    quality = {
+        "part_overlap": np.tile(np.linspace(0.5, 1, len(model.names)), (count, 1)),
+        "unexplained": 0.1 * phase,
+    }
+    return Motion(fps, model, root, quaternion, angles, quality=quality)

@@ -1,0 +1,63 @@
+"""Motion checks what it is given."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from silhouette_core.motion.motion import Motion
+
+MODEL = SimpleNamespace(dof_part=np.zeros(4, int), landmark_part=np.zeros(15, int))
+
+
+def motion(count: int = 5, **changes) -> Motion:
+    arrays = {
+        "root_m": np.zeros((count, 3)),
+        "root_quaternion": np.tile([1.0, 0, 0, 0], (count, 1)),
+        "angles_rad": np.zeros((count, 4)),
+    }
+    return Motion(30.0, MODEL, **{**arrays, **changes})  # type: ignore[arg-type]
+
+
+def test_frames_and_times_follow_from_the_rate():
+    clip = motion()
+    assert clip.frames.tolist() == [0, 1, 2, 3, 4]
+    np.testing.assert_allclose(clip.time_s, np.arange(5) / 30)
+
+
+def test_selecting_rows_keeps_everything_in_step():
+    clip = motion(quality={"unexplained": np.arange(5) / 10})
+    part = clip.select(slice(1, 4))
+    assert len(part) == 3
+    assert part.frames.tolist() == [1, 2, 3]
+    np.testing.assert_array_equal(part.quality["unexplained"], [0.1, 0.2, 0.3])
+
+
+def test_landmark_confidence_takes_the_best_that_there_is():
+    assert motion().landmark_confidence().shape == (5, 15)
+    overlap = motion(quality={"part_overlap": np.full((5, 27), 0.25)})
+    np.testing.assert_array_equal(overlap.landmark_confidence(), 0.25)
+    own = motion(
+        quality={
+            "part_overlap": np.full((5, 27), 0.25),
+            "landmark_confidence": np.full((5, 15), 0.75),
+        }
+    )
+    np.testing.assert_array_equal(own.landmark_confidence(), 0.75)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"angles_rad": np.zeros((5, 3))}, r"angles_rad must be \(5, 4\), got \(5, 3\)"),
+        ({"root_m": np.full((5, 3), np.nan)}, "root_m holds NaN"),
+        ({"frames": np.array([0, 1, 1, 2, 3])}, "frames must increase"),
+        (
+            {"quality": {"unexplained": np.zeros(4)}},
+            "quality 'unexplained' must have 5 rows, got 4",
+        ),
+    ],
+)
+def test_wrong_arrays_are_named(changes, words):
+    with pytest.raises(ValueError, match=words):
+        motion(**changes)

@@ -1,0 +1,124 @@
+"""What a silhouette says: contour points, tangent planes that touch the body, distances outside."""
+
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from silhouette_core.refinement.observation import Observation, PinholeViews, contour_points
+from silhouette_core.refinement.silhouette_error import silhouette_error
+from tests.voxelpose.carving.carving_scenes import look_at
+from tests.voxelpose.matching.matching_scenes import (
+    fitting_model,
+    observe,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+
+
+def ball_masks(seen_by: PinholeViews, centre: np.ndarray, radius: float) -> list[np.ndarray]:
+    """Pixels whose viewing ray passes through a ball."""
+    masks = []
+    for camera in seen_by.rig:
+        width, height = camera.size
+        pixels = (
+            np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1)
+            .reshape(-1, 2)
+            .astype(float)
+        )
+        origin, directions = camera.rays(pixels)
+        away = np.linalg.norm(np.cross(directions, centre - origin), axis=1)
+        masks.append((away < radius).reshape(height, width))
+    return masks
+
+
+def test_every_tangent_plane_touches_a_ball():
+    seen_by, centre, radius = views(4, (480, 360)), np.array([0.1, -0.2, 1.1]), 0.4
+    seen = Observation.of(seen_by, ball_masks(seen_by, centre, radius), 3.5)
+    assert set(seen.camera) == {0, 1, 2, 3} and len(seen.ray) > 4 * 60
+    np.testing.assert_allclose(np.linalg.norm(seen.ray, axis=1), 1)
+    np.testing.assert_allclose((seen.ray * seen.normal).sum(1), 0, atol=1e-12)
+    # The plane through the camera passes the middle at one radius, and its normal points away from
+    # it.
+    distance = ((seen_by.center_m[seen.camera] - centre) * seen.normal).sum(1)
+    pixel_m = 3.5 / seen_by.intrinsics[0, 0]
+    assert np.abs(distance - radius).max() < pixel_m
+    assert abs(distance.mean() - radius) < 0.1 * pixel_m
+
+
+def test_distance_outside_grows_from_the_edge():
+    seen_by = views(2)
+    masks = ball_masks(seen_by, np.array([0.0, 0, 0.9]), 0.3)
+    seen = Observation.of(seen_by, masks)
+    for outside, mask in zip(seen.outside_px, masks, strict=True):
+        assert (
+            outside.dtype == np.float32
+            and (outside[mask] == 0).all()
+            and (outside[~mask] >= 0.9).all()
+        )
+
+
+def test_contour_of_a_square_with_a_hole():
+    mask = np.zeros((80, 100), bool)
+    mask[20:60, 30:70] = True
+    mask[32:49, 42:59] = False
+    points, outward = contour_points(mask, 1)
+    np.testing.assert_allclose(np.linalg.norm(outward, axis=1), 1)
+    hole = np.abs(points - (50, 40)).max(1) < 12
+    straight = np.abs(np.abs(points - (50, 40)).min(1)) < 4
+    to_middle = ((points - (50, 40)) * outward).sum(1)
+    assert (
+        hole.sum() > 30
+        and (to_middle[hole & straight] < 0).all()
+        and (to_middle[~hole & straight] > 0).all()
+    )
+    left = (outward[:, 0] < -0.999) & ~hole
+    np.testing.assert_allclose(points[left, 0], 29.5)
+
+
+def test_where_the_image_cuts_the_body_there_is_no_contour():
+    mask = np.zeros((80, 100), bool)
+    mask[30:, 40:60] = True
+    points, outward = contour_points(mask, 1)
+    assert points[:, 1].max() < 78 and not (outward[:, 1] > 0.9).any()
+    assert len(contour_points(np.zeros((80, 100), bool), 1)[0]) == 0
+    assert len(contour_points(np.ones((80, 100), bool), 1)[0]) == 0
+
+
+def test_a_body_explains_its_own_silhouettes_and_no_other():
+    seen_by, model = views(3), fitting_model()
+    pose = stance(model)
+    assert silhouette_error(model, pose, observe(seen_by, model, pose)) == 0
+    moved = stance(model, place_m=(0.1, 0.0))
+    stranger = silhouette_error(model, pose, observe(seen_by, other_body(), pose))
+    assert 0.02 < stranger < 0.3
+    assert silhouette_error(model, moved, observe(seen_by, model, pose)) > 0.1
+    assert (
+        silhouette_error(model, stance(model, place_m=(1.0, 1.0)), observe(seen_by, model, pose))
+        > 0.9
+    )
+
+
+def test_a_camera_that_sees_nothing_and_should_not_is_left_out():
+    away = look_at("away", (3, 0, 1), (6, 0, 1), (320, 320), 288)
+    seen_by = PinholeViews.of(Rig((*views(2).rig.cameras, away)))
+    model = fitting_model()
+    assert silhouette_error(model, stance(model), observe(seen_by, model, stance(model))) == 0
+    blind = PinholeViews.of(Rig((away,)))
+    assert (
+        silhouette_error(
+            model, stance(model), Observation.of(blind, photograph(blind, model, stance(model)))
+        )
+        == 1
+    )
+
+
+def test_plain_arrays_are_those_of_the_cameras():
+    seen_by = views(3)
+    for c, camera in enumerate(seen_by.rig):
+        np.testing.assert_allclose(seen_by.center_m[c], camera.center_m)
+        point = np.array([[0.2, 0.1, 1.0]])
+        x, y, z = (point @ seen_by.rotation[c].T + seen_by.translation_m[c])[0]
+        fx, fy, cx, cy = seen_by.intrinsics[c]
+        assert camera.project(point)[0][0] == pytest.approx((fx * x / z + cx, fy * y / z + cy))

@@ -1,0 +1,213 @@
+"""Silhouettes kept as bits, one body picked out of them, and smoothing over time."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.motion.smoothing import smooth, smooth_quaternions
+from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from tests.voxelpose.matching.matching_scenes import (
+    fitting_model,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.body_volume import BodyVolume
+from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.observe import HullObserver
+from voxelpose.matching.quality import assess
+
+VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
+
+
+def body_at(x: float):
+    body = other_body()
+    pose = stance(body, {"left_upper_arm.abduction": 20.0}, (x, 0.0))
+    return body, pose
+
+
+@pytest.fixture(scope="module")
+def observer():
+    return HullObserver(views(4), VOLUME, 0.04, CarveRule(least_agreeing=3))
+
+
+@pytest.fixture(scope="module")
+def masks(observer):
+    return photograph(observer.views, *body_at(0.0))
+
+
+def test_what_is_kept_comes_back_as_it_was():
+    """Widths that fill no whole bytes, and cameras of different size."""
+    rng = np.random.default_rng(0)
+    sizes = [(37, 20), (64, 48)]
+    frames = [[rng.random((height, width)) < 0.3 for width, height in sizes] for _ in range(3)]
+    store = MaskStore(sizes, 3)
+    try:
+        for t in (2, 0, 1):
+            store.put(t, frames[t])
+        assert len(store) == 3
+        for t, frame in enumerate(frames):
+            for kept, given in zip(store[t], frame, strict=True):
+                assert kept.dtype == np.bool_
+                np.testing.assert_array_equal(kept, given)
+    finally:
+        store.close()
+
+
+def test_scratch_files_vanish(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    store = MaskStore([(10, 10)], 1)
+    assert len(list(tmp_path.iterdir())) == 1
+    store.close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_hull_holds_the_body(observer, masks):
+    observed = observer.look(masks)
+    assert observed is not None and observed.occupancy.shape == observed.grid.shape
+    body, pose = body_at(0.0)
+    points = observed.grid.indices(np.concatenate([p @ r.T + o for p, r, o in _placed(body, pose)]))
+    assert observed.grid.contains(points).all()
+    assert observed.occupancy[tuple(points.T)].mean() > 0.97
+    volume = observed.occupancy.sum() * observed.grid.voxel_size_m**3
+    assert 0.05 < volume < 0.25
+
+
+def _placed(body, pose):
+    from silhouette_core.motion.kinematics import forward, quaternions
+
+    rotation, origin = forward(
+        body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+    )
+    return zip(body.part_points(0.05), rotation[0], origin[0], strict=True)
+
+
+def test_of_two_bodies_the_one_nearby_is_taken(observer):
+    """And the other one's silhouettes are dropped."""
+    here, there = body_at(-0.9), body_at(0.9)
+    alone = photograph(observer.views, *here)
+    both = [a | b for a, b in zip(alone, photograph(observer.views, *there), strict=True)]
+    for x in (-0.9, 0.9):
+        observed = observer.look(both, np.array([x, 0.0, 0.9]))
+        middle = observed.grid.occupied_points(observed.occupancy).mean(0)
+        assert np.linalg.norm(middle[:2] - (x, 0)) < 0.15
+    observed = observer.look(both, np.array([-0.9, 0.0, 0.9]))
+    for kept, mask, joined in zip(observed.observation.masks, alone, both, strict=True):
+        assert kept[mask].mean() > 0.95
+        # Where the other one stands beside, and not behind, it is gone.
+        others = joined & ~mask
+        assert kept[others].mean() < 0.1 or np.count_nonzero(others) < 0.9 * np.count_nonzero(mask)
+
+
+def test_stray_pieces_of_one_camera_are_dropped(observer, masks):
+    stray = [mask.copy() for mask in masks]
+    stray[1][5:40, 5:40] = True
+    assert not masks[1][5:40, 5:40].any()
+    observed = observer.look(stray)
+    assert not observed.observation.masks[1][5:40, 5:40].any()
+    for kept, mask in zip(observed.observation.masks, masks, strict=True):
+        assert np.count_nonzero(kept ^ mask) < 0.02 * np.count_nonzero(mask)
+
+
+def test_nothing_and_specks_are_no_body(observer, masks):
+    assert observer.look([np.zeros_like(mask) for mask in masks]) is None
+    specks = [np.zeros_like(mask) for mask in masks]
+    for c, camera in enumerate(observer.views.rig):
+        ((x, y),) = np.rint(camera.project(np.array([[0.0, 0.0, 1.0]]))[0]).astype(int)
+        specks[c][y - 3 : y + 4, x - 3 : x + 4] = True
+    assert observer.look(specks) is None
+
+
+def test_quality_says_which_parts_the_voxels_support(observer, masks):
+    observed = observer.look(masks)
+    model = fitting_model()
+    body_volume = BodyVolume.of(model, 0.04)
+    pose = stance(model, {"left_upper_arm.abduction": 20.0})
+    right = assess(body_volume, pose, observed)
+    assert (
+        right.part_overlap.shape == (27,)
+        and np.nanmin(right.part_overlap) >= 0
+        and np.nanmax(right.part_overlap) <= 1
+    )
+    assert (
+        0.1 < right.unexplained < 0.75
+    )  # four cameras and large voxels: the hull is much larger than the body
+    core = [
+        model.names.index(name) for name in ("pelvis", "thorax", "left_thigh", "right_shin", "head")
+    ]
+    assert right.part_overlap[core].min() > 0.6 and not right.part_unsupported[core].any()
+    # An arm stretched to where nobody has one.
+    wrong = assess(body_volume, stance(model, {"left_upper_arm.abduction": 110.0}), observed)
+    forearm = model.names.index("left_forearm")
+    assert (
+        wrong.part_unsupported[forearm]
+        and wrong.part_overlap[forearm] < right.part_overlap[forearm]
+    )
+    assert wrong.unexplained > right.unexplained
+    away = assess(body_volume, stance(model, place_m=(5.0, 0.0)), observed)
+    sampled = [part for part, points in enumerate(body_volume.part_points) if len(points)]
+    assert away.part_overlap[sampled].max() == 0 and away.unexplained == 1
+    assert len(sampled) >= 24
+    # What is smaller than a voxel was not measured, and is not called unsupported.
+    unknown = np.isnan(away.part_overlap)
+    assert unknown.sum() == 27 - len(sampled) and not away.part_unsupported[unknown].any()
+
+
+def test_smoothing_keeps_what_stands_still_and_what_moves_evenly():
+    constant = np.full((60, 3), [0.3, -1.0, 2.0])
+    np.testing.assert_allclose(smooth(constant, 30.0), constant, atol=1e-12)
+    ramp = np.linspace(0, 1, 60)[:, None]
+    np.testing.assert_allclose(smooth(ramp, 30.0)[8:-8], ramp[8:-8], atol=1e-3)
+
+
+def test_smoothing_has_no_lag_and_removes_jitter():
+    t = np.arange(200) / 50.0
+    slow = np.sin(2 * np.pi * 1.0 * t)[:, None]
+    smoothed = smooth(slow, 50.0)
+    shifts = np.arange(-5, 6)
+    match = [float((smoothed[20:-20] * np.roll(slow, s, 0)[20:-20]).sum()) for s in shifts]
+    assert shifts[int(np.argmax(match))] == 0
+    np.testing.assert_allclose(smoothed[20:-20], slow[20:-20], atol=0.01)
+    jitter = np.random.default_rng(0).normal(size=(200, 1))
+    third = lambda values: np.abs(np.diff(values, 3, axis=0)).mean()  # noqa: E731
+    assert third(smooth(jitter, 50.0)) < 0.2 * third(jitter)
+    # Time reversed gives the same, reversed: neither direction is preferred.
+    np.testing.assert_allclose(
+        smooth(jitter[::-1], 50.0)[20:-20], smooth(jitter, 50.0)[::-1][20:-20], atol=1e-3
+    )
+
+
+def test_short_and_slow_takes_are_left_as_they_are():
+    values = np.random.default_rng(0).normal(size=(12, 2))
+    assert smooth(values, 30.0) is values
+    values = np.random.default_rng(0).normal(size=(100, 2))
+    assert smooth(values, 15.0) is values
+
+
+def test_smoothed_rotations_stay_rotations_whatever_their_signs():
+    steps = Rotation.from_rotvec(np.linspace([0, 0, 0], [0, 0, 4.0], 80))
+    quaternions = steps.as_quat(scalar_first=True) * np.random.default_rng(1).choice(
+        [-1, 1], (80, 1)
+    )
+    smoothed = smooth_quaternions(quaternions, 30.0)
+    np.testing.assert_allclose(np.linalg.norm(smoothed, axis=1), 1)
+    apart = (Rotation.from_quat(smoothed, scalar_first=True) * steps.inv()).magnitude()
+    assert apart[8:-8].max() < 0.01
+
+
+def test_steps_between_poses_lead_there_and_back():
+    rng = np.random.default_rng(2)
+    poses = [
+        Pose(
+            rng.normal(size=3),
+            Rotation.random(random_state=k).as_matrix(),
+            RELAXED_RAD + rng.normal(size=len(RELAXED_RAD)),
+        )
+        for k in (0, 1)
+    ]
+    there = poses[0].moved(poses[1].minus(poses[0]))
+    np.testing.assert_allclose(there.root_rotation, poses[1].root_rotation, atol=1e-12)
+    np.testing.assert_allclose(there.minus(poses[1]), 0, atol=1e-12)

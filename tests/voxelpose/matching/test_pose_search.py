@@ -1,0 +1,159 @@
+"""From one frame and nothing else to a pose: where the torso is, limbs on the silhouettes, the
+whole search, and a short take.
+"""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.refinement.pose import Pose
+from silhouette_core.refinement.surface import Surface
+from tests.voxelpose.matching.matching_scenes import (
+    fitting_model,
+    hull,
+    joint_errors_m,
+    observe,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.body_volume import BodyVolume
+from voxelpose.matching.limb_search import CHAINS, place_limb
+from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observe import HullObserver
+from voxelpose.matching.pose_search import FittingBody, find_pose
+from voxelpose.matching.torso_search import find_torso
+from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
+
+TURNS = {"left_upper_arm.abduction": 20.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0}
+TORSO = [
+    LANDMARK_NAMES.index(name)
+    for name in ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "neck")
+]
+
+
+@pytest.fixture(scope="module")
+def body():
+    model = fitting_model()
+    return FittingBody(model, BodyVolume.of(model, 0.03), Surface(model, 600))
+
+
+def turned(pose: Pose, yaw_deg: float) -> Pose:
+    step = np.zeros(6 + len(pose.angles_rad))
+    step[5] = np.radians(yaw_deg)
+    return pose.moved(step)
+
+
+def test_torso_is_among_the_first_placements(body):
+    actor = other_body(1)
+    truth = turned(stance(actor, TURNS), 50)
+    found = find_torso(body.body_volume, *hull(views(), actor, truth))
+    assert 2 <= len(found) <= 8
+    errors = [joint_errors_m(body.model, pose, actor, truth)[TORSO].mean() for pose in found]
+    assert min(errors) < 0.10
+    # Front and back look alike to a torso: the other way round is offered as well.
+    facing = [pose.root_rotation[:, 1] @ truth.root_rotation[:, 1] for pose in found]
+    assert min(facing) < -0.7 < 0.7 < max(facing)
+
+
+def test_no_hull_no_torso(body):
+    grid = VoxelGrid(np.zeros(3), 0.1, (5, 5, 5))
+    assert find_torso(body.body_volume, grid, np.zeros(grid.shape, bool)) == []
+    assert (
+        find_pose(
+            body,
+            observe(views(2), body.model, stance(body.model)),
+            grid,
+            np.zeros(grid.shape, bool),
+        )
+        == []
+    )
+
+
+@pytest.mark.parametrize(
+    ("chain", "turns"),
+    [
+        (0, {"left_upper_arm.abduction": 40.0}),
+        (3, {"right_thigh.flexion": 50.0, "right_shin.flexion": 60.0}),
+    ],
+)
+def test_a_limb_is_found_on_the_silhouettes_alone(body, chain, turns):
+    """Everything but one limb stands right."""
+    actor = other_body(1)
+    truth, start = stance(actor, turns), stance(body.model)
+    found = place_limb(body.body_volume, observe(views(), actor, truth), start, CHAINS[chain])
+    ends = [
+        LANDMARK_NAMES.index(name)
+        for name in (("left_elbow", "left_wrist"), ("right_knee", "right_ankle"))[chain > 1]
+    ]
+    before, after = (
+        joint_errors_m(body.model, pose, actor, truth)[ends] for pose in (start, found)
+    )
+    assert before.max() > 0.3 and after.max() < 0.15
+    own = {limb.name for limb in CHAINS[chain]}
+    other = [k for k, name in enumerate(body.model.dof_names) if name.partition(".")[0] not in own]
+    np.testing.assert_array_equal(found.angles_rad[other], start.angles_rad[other])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "yaw_deg"), [(1, 50.0), (4, -130.0)])
+def test_whole_search_from_nothing(body, seed, yaw_deg):
+    """Another body, turned, two limbs moved: joints to a few centimetres, and nobody back to front."""
+    actor = other_body(seed)
+    truth = turned(stance(actor, TURNS), yaw_deg)
+    seen_by = views()
+    found = find_pose(
+        body, observe(seen_by, actor, truth), *hull(seen_by, actor, truth), MatchSettings(), 4
+    )
+    errors = joint_errors_m(body.model, found[0].pose, actor, truth)
+    assert errors.mean() < 0.05 and errors.max() < 0.15
+    assert [f.error for f in found] == sorted(f.error for f in found)
+    assert found[0].error < 0.2
+
+
+@pytest.mark.slow
+def test_a_take_is_carried_both_ways_and_mended(body):
+    """Six frames of a rising arm; the third is known. The gap of one empty frame stops the
+    carrying, and is left without a pose.
+    """
+    actor, seen_by = other_body(1), views(4)
+    truth = [
+        stance(actor, {"left_upper_arm.abduction": 10.0 * t, "right_thigh.flexion": 5.0 * t})
+        for t in range(6)
+    ]
+    store = MaskStore([camera.size for camera in seen_by.rig], 6)
+    try:
+        for t, pose in enumerate(truth):
+            masks = photograph(seen_by, actor, pose)
+            store.put(t, [np.zeros_like(mask) for mask in masks] if t == 5 else masks)
+        observer = HullObserver(
+            seen_by,
+            VoxelGrid.from_bounds((-1, -1, -0.1), (1, 1, 2.2), 0.05),
+            0.03,
+            CarveRule(least_agreeing=3),
+        )
+        advanced = []
+        track = PoseTracker(
+            body,
+            observer,
+            store,
+            PoseTrackerSettings(15.0, MatchSettings()),
+            lambda _: nullcontext(),
+            lambda: advanced.append(1),
+        )
+        track.begin(
+            {2: Pose(truth[2].root_m, truth[2].root_rotation, truth[2].angles_rad)}, {2: 0.12}
+        )
+        track.polish()
+    finally:
+        store.close()
+    assert track.poses[5] is None and np.isinf(track.error[5])
+    for t in range(5):
+        assert joint_errors_m(body.model, track.poses[t], actor, truth[t]).mean() < 0.04, t
+    assert len(advanced) == 4 + 6

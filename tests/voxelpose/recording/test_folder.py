@@ -1,0 +1,329 @@
+"""Recordings made here, good and bad."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.timestamps import write_timestamps
+
+WIDTH, HEIGHT = 96, 64
+
+
+def picture(number: int, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
+    """A frame that tells its number by its brightness."""
+    return np.full((size[1], size[0], 3), 20 + 10 * number, np.uint8)
+
+
+def write_video(
+    path: Path, count: int = 8, fps: float = 25.0, size: tuple[int, int] = (WIDTH, HEIGHT)
+) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), fps, size)
+    assert writer.isOpened()
+    for number in range(count):
+        writer.write(picture(number, size))
+    writer.release()
+
+
+def write_stills(folder: Path, count: int = 8, suffix: str = ".png") -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(count):
+        cv2.imwrite(str(folder / f"frame_{number}{suffix}"), picture(number))
+
+
+def write_calibration(
+    path: Path, names: tuple[str, ...] = ("cam_1", "cam_2"), unit: str | None = "m"
+) -> None:
+    text = "".join(
+        f'[{name}]\nname = "{name}"\nsize = [{WIDTH}, {HEIGHT}]\nmatrix = [[90.0, 0, 48], [0, 90.0,'
+        " 32], [0, 0, 1]]\ndistortions = [0, 0, 0, 0, 0]\nrotation = [1.5, 0.1,"
+        f" {index}]\ntranslation = [0, 1, 4]\n"
+        for index, name in enumerate(names)
+    )
+    path.write_text(text + (f'[metadata]\nunit = "{unit}"\n' if unit else ""))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two cameras, eight frames at 25 frames per second, a background video for the first and a
+    still for the second.
+    """
+    write_calibration(tmp_path / "calibration.toml")
+    for name in ("cam_1", "cam_2"):
+        write_video(tmp_path / f"{name}.avi")
+    write_video(tmp_path / "background/cam_1.avi", 3)
+    cv2.imwrite(str(tmp_path / "background/cam_2.png"), picture(0))
+    return tmp_path
+
+
+def number_of(frame: np.ndarray) -> int:
+    return round((float(frame.mean()) - 20) / 10)
+
+
+def numbers(recording: Recording) -> list[tuple[int, list[int]]]:
+    return [
+        (index, [number_of(frame) for frame in frames.values()]) for index, _, frames in recording
+    ]
+
+
+def test_frames_come_in_order_from_every_camera(folder: Path):
+    recording = Recording.open(folder)
+    assert recording.rig.names == ("cam_1", "cam_2")
+    assert (recording.fps, recording.frame_count) == (25.0, 8)
+    assert numbers(recording) == [(n, [n, n]) for n in range(8)]
+    assert numbers(recording) == [(n, [n, n]) for n in range(8)]  # a second time
+    np.testing.assert_allclose([time for _, time, _ in recording], np.arange(8) / 25)
+
+
+def test_a_range_of_frames_keeps_their_numbers_and_times(folder: Path):
+    recording = Recording.open(folder, frames=(3, 6))
+    assert numbers(recording) == [(n, [n, n]) for n in (3, 4, 5)]
+    assert [time for _, time, _ in recording] == pytest.approx([0.12, 0.16, 0.2])
+    assert Recording.open(folder, frames=(6, None)).frame_count == 2
+
+
+def test_backgrounds_are_videos_or_stills_or_missing(folder: Path):
+    backgrounds = Recording.open(folder).backgrounds()
+    assert {name: len(list(one)) for name, one in backgrounds.items()} == {"cam_1": 3, "cam_2": 1}
+    (folder / "background/cam_2.png").unlink()
+    assert list(Recording.open(folder).backgrounds()) == ["cam_1"]
+
+
+def test_a_folder_of_frames_is_sorted_by_number(folder: Path):
+    (folder / "cam_2.avi").unlink()
+    (folder / "cam_1.avi").unlink()
+    for name in ("cam_1", "cam_2"):
+        write_stills(folder / name, 12)
+    recording = Recording.open(folder, fps=10)
+    assert numbers(recording) == [(n, [n, n]) for n in range(12)]
+    assert recording.fps == 10
+    with pytest.raises(InputError, match="--fps"):
+        Recording.open(folder)
+
+
+def test_silhouettes_alone_are_a_recording(tmp_path: Path):
+    write_calibration(tmp_path / "calibration.toml")
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[10:40, 30:50] = 255
+    for name, suffix in (("cam_1", "png"), ("cam_2", "pbm")):
+        (tmp_path / "masks" / name).mkdir(parents=True)
+        cv2.imwrite(str(tmp_path / "masks" / name / f"0.{suffix}"), mask)
+    recording = Recording.open(tmp_path)
+    assert recording.silhouettes_given
+    assert recording.frame_count == 1
+    (_, _, frames), *_ = recording
+    for frame in frames.values():
+        np.testing.assert_array_equal(frame[..., 0] > 127, mask > 0)
+
+
+def test_some_cameras(folder: Path):
+    write_video(folder / "cam_9.avi", 5)
+    assert Recording.open(folder, cameras=["cam_2"]).rig.names == ("cam_2",)
+    with pytest.raises(InputError, match="no camera cam_7"):
+        Recording.open(folder, cameras=["cam_7", "cam_1"])
+
+
+def test_subject_and_regions(folder: Path):
+    (folder / "subject.toml").write_text('stature = 1.62\nchest_girth = 0.9\nsex = "female"\n')
+    (folder / "regions").mkdir()
+    region = np.zeros((HEIGHT, WIDTH), np.uint8)
+    region[:, 20:] = 255
+    cv2.imwrite(str(folder / "regions/cam_1.png"), region)
+    recording = Recording.open(folder)
+    assert (
+        recording.subject.stature_m,
+        recording.subject.chest_girth_m,
+        recording.subject.sex,
+    ) == (1.62, 0.9, "female")
+    regions = recording.regions()
+    assert list(regions) == ["cam_1"]
+    np.testing.assert_array_equal(regions["cam_1"], region > 0)
+
+
+def test_timestamps_give_rate_and_times(folder: Path):
+    rows = [f"{camera},{100 + n / 20 + 0.001 * camera}" for n in range(8) for camera in (1, 2)]
+    (folder / "timestamps.csv").write_text("cam_id,frame_time\n" + "\n".join(rows) + "\n")
+    recording = Recording.open(folder)
+    assert recording.fps == pytest.approx(20)
+    np.testing.assert_allclose(recording.times_s, np.arange(8) / 20)
+
+
+def write_times(folder: Path, times: dict[str, list[float]]) -> None:
+    write_timestamps(
+        folder / "timestamps.csv", {name: np.array(one) for name, one in times.items()}
+    )
+
+
+def test_timestamps_put_a_late_camera_in_step(folder: Path):
+    write_times(
+        folder, {"cam_1": [n / 25 for n in range(8)], "cam_2": [(n + 2.3) / 25 for n in range(8)]}
+    )
+    recording = Recording.open(folder)
+    assert numbers(recording) == [(step, [step + 2, step]) for step in range(6)]
+    np.testing.assert_allclose(recording.times_s, np.arange(6) / 25)
+    assert numbers(Recording.open(folder, frames=(2, 4))) == [(2, [4, 2]), (3, [5, 3])]
+    assert [number_of(frames["cam_1"]) for frames in recording.at([1, 4])] == [3, 6]
+
+
+def test_timestamps_put_cameras_of_different_rates_and_lengths_in_step(folder: Path):
+    write_video(folder / "cam_2.avi", 5, fps=12.5)
+    write_times(
+        folder, {"cam_1": [n / 25 for n in range(8)], "cam_2": [0.015 + n / 12.5 for n in range(5)]}
+    )
+    recording = Recording.open(folder)
+    assert recording.fps == pytest.approx(12.5)
+    assert numbers(recording) == [(0, [0, 0]), (1, [2, 1]), (2, [4, 2]), (3, [6, 3])]
+
+
+def test_a_frame_that_comes_twice_is_not_drawn_on_twice(folder: Path):
+    readers = Recording.open(folder).readers["cam_1"].pick([1, 1, 4])
+    frames = []
+    for frame in readers:
+        frames.append(number_of(frame))
+        frame[:] = 255
+    assert frames == [1, 1, 4]
+
+
+def late_camera(folder: Path) -> None:
+    rows = [f"{camera},{n / 20 + 3 * camera}" for n in range(8) for camera in (1, 2)]
+    (folder / "timestamps.csv").write_text("cam_id,frame_time\n" + "\n".join(rows) + "\n")
+
+
+def truncated(folder: Path) -> None:
+    path = folder / "cam_2.avi"
+    path.write_bytes(path.read_bytes()[:100])
+
+
+BAD: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no videos": (lambda f: [path.unlink() for path in f.glob("*.avi")], "holds no video"),
+    "video missing": (lambda f: (f / "cam_2.avi").unlink(), "camera cam_2 of .* has no video"),
+    "video unreadable": (truncated, "cam_2.avi cannot be read as a video"),
+    "calibration missing": (lambda f: (f / "calibration.toml").unlink(), "holds no calibration"),
+    "camera not calibrated": (
+        lambda f: write_calibration(f / "calibration.toml", ("cam_1",)),
+        "camera cam_2 has no calibration",
+    ),
+    "unit unknown": (lambda f: write_calibration(f / "calibration.toml", unit=None), "unit"),
+    "other size": (
+        lambda f: write_video(f / "cam_2.avi", size=(64, 48)),
+        "64 x 48 px, but camera cam_2 was calibrated at 96 x 64",
+    ),
+    "other length": (
+        lambda f: write_video(f / "cam_2.avi", 5),
+        r"cam_1 8, cam_2 5 frames\).*--frames 0:5",
+    ),
+    "other rate": (
+        lambda f: write_video(f / "cam_2.avi", fps=30),
+        "differ in rate .*cam_1 25, cam_2 30",
+    ),
+    "two of one name": (lambda f: write_stills(f / "cam_2"), "both cam_2 and cam_2.avi"),
+    "late camera": (late_camera, "at no moment all cameras filmed"),
+    "too few times": (
+        lambda f: (f / "timestamps.csv").write_text("cam_id,frame_time\n1,0\n"),
+        "1 times for camera cam_1",
+    ),
+    "no table of times": (lambda f: (f / "timestamps.csv").write_text("a,b\n1,0\n"), "not a table"),
+    "subject misspelt": (
+        lambda f: (f / "subject.toml").write_text("statue = 1.7"),
+        "statue is not known",
+    ),
+    "subject in centimetres": (
+        lambda f: (f / "subject.toml").write_text("stature = 170"),
+        "stature = 170 is impossible",
+    ),
+    "subject no toml": (
+        lambda f: (f / "subject.toml").write_text("stature: 1.7"),
+        "cannot be read as TOML",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named_in_one_line(folder: Path, case: str):
+    spoil, message = BAD[case]
+    spoil(folder)
+    with pytest.raises(InputError, match=message) as caught:
+        Recording.open(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_frames_outside_the_recording(folder: Path):
+    for frames in ((0, 9), (5, 5), (-1, 3)):
+        with pytest.raises(InputError, match="8 frames"):
+            Recording.open(folder, frames=frames)
+    write_video(folder / "cam_2.avi", 5)
+    assert Recording.open(folder, frames=(0, 5)).frame_count == 5
+    with pytest.raises(InputError, match=r"cam_2.avi has 5 frames"):
+        Recording.open(folder, frames=(0, 6))
+
+
+def test_a_background_of_another_size_is_refused(folder: Path):
+    write_video(folder / "background/cam_1.avi", size=(64, 48))
+    with pytest.raises(InputError, match=r"background.cam_1.avi is 64 x 48 px"):
+        Recording.open(folder).backgrounds()
+
+
+def test_a_frame_of_another_size_is_named(folder: Path):
+    for name in ("cam_1", "cam_2"):
+        (folder / f"{name}.avi").unlink()
+        write_stills(folder / name)
+    cv2.imwrite(str(folder / "cam_2/frame_5.png"), picture(0, (30, 20)))
+    with pytest.raises(InputError, match="frame 5 is 30 x 20 px"):
+        list(Recording.open(folder, fps=25))
+
+
+def test_stopping_early_leaves_no_thread(folder: Path):
+    before = threading.active_count()
+    steps = iter(Recording.open(folder))
+    next(steps)
+    steps.close()  # type: ignore[attr-defined]
+    assert threading.active_count() == before
+
+
+def test_a_missing_folder(tmp_path: Path):
+    with pytest.raises(InputError, match="is not a recording"):
+        Recording.open(tmp_path / "nowhere")
+
+
+def test_shared_recordings_open(shared: Path):
+    recording = Recording.open(shared / "data/walk4", frames=(70, 78))
+    assert recording.rig.names == ("cam_0", "cam_1", "cam_2", "cam_3")
+    assert sorted(recording.backgrounds()) == ["cam_0", "cam_1", "cam_2", "cam_3"]
+    assert not recording.silhouettes_given
+    assert [index for index, _, _ in recording] == list(range(70, 78))
+
+
+def test_announced_frames_that_are_not_there(shared: Path, tmp_path: Path):
+    source = shared / "data/standing4"
+    (tmp_path / "background").mkdir()
+    (tmp_path / "calibration.toml").symlink_to(source / "calibration.toml")
+    for number in range(1, 5):
+        (tmp_path / f"cam_{number}.avi").symlink_to(source / f"cam_{number}_person_and_board.avi")
+        (tmp_path / f"background/cam_{number}.avi").symlink_to(
+            source / f"cam_{number}_background.avi"
+        )
+    recording = Recording.open(tmp_path)
+    assert recording.frame_count == 127  # the files announce 129
+    assert {one.frame_count for one in recording.backgrounds().values()} == {119}
+    assert sum(1 for _ in recording) == 127
+
+
+def test_silhouettes_and_projection_matrices_are_enough(shared: Path, tmp_path: Path):
+    source = shared / "data/dancer8"
+    (tmp_path / "calibration.json").symlink_to(source / "projections.json")
+    for number in range(8):
+        (tmp_path / f"masks/cam_{number}").mkdir(parents=True)
+        (tmp_path / f"masks/cam_{number}/0.pbm").symlink_to(
+            source / f"silh_cam{number:02d}_00023_0000008550.pbm"
+        )
+    recording = Recording.open(tmp_path)
+    assert recording.silhouettes_given
+    assert len(recording.rig) == 8
+    (_, _, frames), *_ = recording
+    assert all(0.01 < (frame > 127).mean() < 0.3 for frame in frames.values())

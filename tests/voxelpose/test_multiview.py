@@ -1,0 +1,94 @@
+"""The multi-view estimator from videos to motion, on the demo's recording: a body that is not the
+fitting model.
+"""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.estimator import Settings, load_estimator
+from silhouette_core.motion.kinematics import forward, landmarks
+from silhouette_core.progress import SilentReporter
+from tests.sources import GreySource, ring
+from voxelpose.demo.filming import make_recording
+from voxelpose.evaluation import score_motion
+from voxelpose.fitting import Output, fit
+from voxelpose.multiview import MultiViewEstimator
+from voxelpose.recording.folder import Recording
+
+FRAMES = 3
+
+
+@pytest.mark.slow
+def test_a_short_recording_from_end_to_end(tmp_path):
+    """Three frames, four cameras, written videos with noise and shadow: all posed, nobody mirrored,
+    joints to 40 mm about the pelvis.
+    """
+    folder = make_recording(tmp_path / "walk", frames=FRAMES)
+    truth = json.loads((folder / "truth.json").read_text())["joints"]
+    started = time.perf_counter()
+    result = fit(
+        Recording.open(folder), Output(tmp_path / "out", pictures=False), Settings(threads=2)
+    )
+    seconds = time.perf_counter() - started
+    motion = result.motion
+    assert motion.frames.tolist() == list(range(FRAMES))
+    placed = landmarks(
+        motion.model,
+        *forward(motion.model, motion.root_m, motion.root_quaternion, motion.angles_rad),
+    )
+    score = score_motion(np.stack([truth[name] for name in LANDMARK_NAMES], axis=1), placed)
+    assert score.lost == 0 and score.flips == 0
+    assert score.root_mm < 40 and score.mpjpe_mm < 45
+    check_report(json.loads((tmp_path / "out" / "summary.json").read_text()), motion)
+    assert seconds < 180  # half a minute on two busy cores
+
+
+def check_report(summary, motion):
+    assert summary["estimator"] == "multiview" and summary["frames"]["lost"] == []
+    assert {"silhouettes", "pose", "refinement", "quality", "proportions"} <= set(
+        summary["seconds"]["stages"]
+    )
+    assert summary["facts"]["stature_given"] is True
+    assert abs(summary["facts"]["stature_m"] - summary["body"]["stature_m"]) < 0.05
+    assert motion.quality["part_overlap"].shape == (FRAMES, 27)
+    assert 0.6 < motion.quality["confidence"].min() <= motion.quality["confidence"].max() <= 1
+    assert (motion.quality["unexplained"] < 0.7).all()
+    core = [
+        motion.model.names.index(name)
+        for name in ("pelvis", "thorax", "head", "left_thigh", "right_thigh")
+    ]
+    assert not motion.quality["part_unsupported"][:, core].any()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"voxels": 3}, "no option 'voxels'.*voxel_size_m"),
+        ({"voxel_size_m": 2.5}, "voxels of 2.5 m cannot be matched.*0.025"),
+        ({"voxel_size_m": 0.0}, "cannot be matched"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        MultiViewEstimator().estimate(
+            GreySource(ring(2), 2), Settings(options=options), SilentReporter()
+        )
+
+
+def test_one_camera_is_too_few():
+    with pytest.raises(InputError, match="1 camera is too few"):
+        MultiViewEstimator().estimate(GreySource(ring(1), 2), Settings(), SilentReporter())
+
+
+def test_nobody_in_the_pictures():
+    with pytest.raises(InputError, match="foreground"):
+        MultiViewEstimator().estimate(GreySource(ring(3), 3), Settings(), SilentReporter())
+
+
+def test_it_is_registered():
+    assert isinstance(load_estimator("multiview"), MultiViewEstimator)

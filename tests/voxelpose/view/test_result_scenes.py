@@ -1,0 +1,200 @@
+"""What the viewer shows, before it is drawn."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_BONES
+from tests.clips import waving
+from tests.sources import ring, write_staged
+from voxelpose.cli import run
+from voxelpose.export.hypotheses import read_hypotheses
+from voxelpose.view.viewer.legend import area_words, frame_words, legend_html, overlap_colours
+from voxelpose.view.viewer.result_scenes import ResultScenes
+from voxelpose.view.viewer.scene_renderer import camera_picture
+
+CAMERAS, FRAMES = 4, 4
+
+
+@pytest.fixture
+def fitted(desk):
+    """A result "out" whose poses are those of the recording "walk"; the first frame is lost."""
+    write_staged(desk / "walk", waving(FRAMES), ring(CAMERAS, (320, 240)))
+    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
+    return desk
+
+
+def test_a_scene_holds_what_the_fit_saw(fitted):
+    scenes = ResultScenes("out", voxel_size_m=0.03)
+    scene = scenes.scene(2)
+    assert scene.frame == 2 and scene.time_s == pytest.approx(2 / 25) and not scene.notes
+    assert [camera_frame.camera.name for camera_frame in scene.camera_frames] == [
+        f"cam_{k + 1}" for k in range(CAMERAS)
+    ]
+    for camera_frame in scene.camera_frames:
+        pixels, _ = camera_frame.camera.project(scene.body.joints_m)
+        columns, rows = np.rint(pixels).astype(int).T
+        assert (
+            camera_frame.mask[rows, columns].mean() > 0.85
+        )  # the pose lies in the silhouettes, so frames are not mixed up
+        assert (
+            camera_frame.picture[camera_frame.mask].mean(0)[0]
+            > camera_frame.picture[~camera_frame.mask].mean(0)[0] + 80
+        )  # red, the person's most in RGB
+    hull = scene.hull
+    held = hull.grid.indices(scene.body.joints_m)
+    assert hull.occupancy[tuple(held.T)].mean() > 0.85
+    assert len(hull.off_m) == len(hull.unexplained_m) < np.count_nonzero(hull.occupancy)
+    assert (
+        hull.off_m.max() > 0.05
+        and hull.occupancy[tuple(hull.grid.indices(hull.unexplained_m).T)].all()
+    )
+    assert scenes.scene(2) is scene
+    scenes.close()
+
+
+def test_frames_in_any_order_are_the_same(fitted):
+    one, other = ResultScenes("out", voxel_size_m=0.04), ResultScenes("out", voxel_size_m=0.04)
+    forward = [one.scene(frame) for frame in (1, 2, 3)]
+    backward = [other.scene(frame) for frame in (3, 2, 1)][::-1]
+    for a, b in zip(forward, backward, strict=True):
+        np.testing.assert_array_equal(a.camera_frames[0].picture, b.camera_frames[0].picture)
+        np.testing.assert_array_equal(a.hull.occupancy, b.hull.occupancy)
+    assert (forward[0].camera_frames[0].picture != forward[2].camera_frames[0].picture).any()
+
+
+def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
+    scenes = ResultScenes("out", voxel_size_m=0.04)
+    scene = scenes.scene(0)
+    assert (
+        scene.body is None
+        and scene.hull.occupancy.any()
+        and scene.notes == ("no pose was found in this frame",)
+    )
+    assert "no pose" in frame_words(scene) and scenes.areas(0) == {}
+    assert "no pose" in area_words("neck", {})
+
+
+def test_movable_areas(fitted):
+    scenes = ResultScenes("out", voxel_size_m=0.04)
+    areas = scenes.areas(2)
+    assert {"left_thigh", "right_forearm", "neck"} <= set(areas)
+    thigh = areas["left_thigh"]
+    assert 0 < len(thigh.disputed_m) < len(thigh.points_m) and "right_thigh" in thigh.interferes
+    assert "right thigh" in area_words("left_thigh", areas)
+
+
+def test_a_recording_that_is_gone(fitted):
+    shutil.rmtree("walk")
+    scenes = ResultScenes("out")
+    scene = scenes.scene(1)
+    assert scene.hull is None and scene.body is not None and scene.camera_frames[0].picture is None
+    assert "say where with --recording" in frame_words(scene)
+    assert scenes.areas(1) == {} and camera_picture(scene.camera_frames[0], "both") is None
+
+
+def test_a_fit_knows_its_unit(fitted):
+    calibration = fitted / "walk" / "calibration.toml"
+    calibration.write_text(
+        "".join(
+            line
+            for line in calibration.read_text().splitlines(keepends=True)
+            if not line.startswith("unit")
+        )
+    )
+    with pytest.raises(InputError, match="in which unit"):
+        ResultScenes("walk")
+    assert ResultScenes("out").scene(1).hull is not None
+
+
+def test_a_recording_alone(fitted):
+    scenes = ResultScenes("walk", voxel_size_m=0.04)
+    scene = scenes.scene(1)
+    assert (
+        scene.body is None
+        and scene.hull.occupancy.any()
+        and not scene.notes
+        and len(scenes.frames) == FRAMES
+    )
+
+
+def test_cameras_stay_in_step_where_timestamps_say_so(fitted):
+    """The second camera's first picture is missing: what it shows must still be of the frame's
+    moment.
+    """
+    lines = [
+        "cam_id,frame_time",
+        *(
+            f"cam_{c},{(t + (c == 2)) / 25:.4f}"
+            for c in range(1, CAMERAS + 1)
+            for t in range(FRAMES)
+        ),
+    ]
+    (fitted / "walk" / "timestamps.csv").write_text("\n".join(lines) + "\n")
+    late = ResultScenes("walk", voxel_size_m=0.05)
+    (fitted / "walk" / "timestamps.csv").unlink()
+    whole = ResultScenes("walk", voxel_size_m=0.05)
+    assert len(late.frames) == FRAMES - 1
+    np.testing.assert_array_equal(
+        late.camera_frames(1)[0].picture, whole.camera_frames(2)[0].picture
+    )
+    np.testing.assert_array_equal(
+        late.camera_frames(1)[1].picture, whole.camera_frames(1)[1].picture
+    )
+
+
+def test_pictures_of_cameras(fitted):
+    camera_frame = ResultScenes("out", voxel_size_m=0.04).scene(1).camera_frames[0]
+    silhouette, plain = (
+        camera_picture(camera_frame, "silhouette"),
+        camera_picture(camera_frame, "picture"),
+    )
+    assert (
+        set(np.unique(silhouette)) == {30, 255}
+        and (silhouette[..., 0] == 255).sum() == camera_frame.mask.sum()
+    )
+    np.testing.assert_array_equal(plain, camera_frame.picture)
+    assert (
+        camera_picture(camera_frame, "both")[~camera_frame.mask].mean()
+        < 0.6 * plain[~camera_frame.mask].mean()
+    )
+
+
+def test_hypotheses(fitted, tmp_path):
+    lines = ["frame,rank,probability,joint,x_m,y_m,z_m"]
+    lines += [
+        f"{frame},{rank},{0.7 if rank == 1 else 0.2},neck,{frame},{rank},1.5"
+        for frame in (1, 3)
+        for rank in (2, 1)
+    ]
+    (tmp_path / "out" / "hypotheses.csv").write_text("\n".join(lines) + "\n")
+    scenes = ResultScenes("out", voxel_size_m=0.05)
+    hypotheses = scenes.scene(3).hypotheses
+    assert (
+        scenes.has_hypotheses
+        and [guess.rank for guess in hypotheses] == [1, 2]
+        and hypotheses[0].probability == 0.7
+    )
+    assert np.nansum(hypotheses[1].joints_m) == 3 + 2 + 1.5 and scenes.scene(2).hypotheses == ()
+    assert "Pose 2: 20 %" in frame_words(scenes.scene(3)) and "other poses" in legend_html(True)
+    (tmp_path / "out" / "hypotheses.csv").write_text(
+        "frame,rank,probability,joint,x_m,y_m,z_m\n1,1,0.5,tail,0,0,0\n"
+    )
+    with pytest.raises(InputError, match=r"hypotheses.csv is damaged"):
+        read_hypotheses(tmp_path / "out" / "hypotheses.csv")
+
+
+def test_every_joint_of_a_hypothesis_is_drawn():
+    assert set(LANDMARK_BONES.ravel()) == set(range(15))
+
+
+def test_colours_tell_good_from_bad():
+    bad, half, good, unknown = overlap_colours(np.array([0.0, 0.5, 1.0, np.nan])).astype(int)
+    assert (
+        bad[0] > good[0] + 100
+        and good[2] > bad[2] + 100
+        and unknown.std() == 0
+        and half[1] > max(bad[1], good[1])
+    )

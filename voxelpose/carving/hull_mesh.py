@@ -1,0 +1,130 @@
+"""The skin of a voxel body, and PLY files."""
+
+import os
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from voxelpose.carving.grid import VoxelGrid
+
+_RELAXATIONS = 5
+_FREEDOM = 0.49  # how far a vertex may move within its cell, in voxels
+
+
+def surface(
+    grid: VoxelGrid, occupancy: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Makes a closed triangle mesh around the occupied voxels.
+
+    One vertex for every eight neighbouring voxels that are not all alike; it then moves toward the
+    mean of its neighbours, but never out of its cell, so that the mesh is smooth, separates the
+    same voxel centres, and loses nothing thin.
+
+    Args:
+        grid: The voxels' places.
+        occupancy: (nx, ny, nz) bool.
+
+    Returns: Vertices (V, 3) float64, world, m, and triangles (F, 3) int64, counter-clockwise from
+        outside.
+
+    Raises:
+        ValueError: The occupancy does not fit the grid.
+
+    Source: Gibson, "Constrained elastic surface nets" (1998).
+    """
+    if occupancy.shape != grid.shape or occupancy.dtype != np.bool_:
+        raise ValueError(
+            f"occupancy must be {grid.shape} bool, got {occupancy.shape} {occupancy.dtype}"
+        )
+    padded = np.pad(occupancy, 1)
+    cells = tuple(n + 1 for n in grid.shape)
+    count = np.zeros(cells, dtype=np.uint8)
+    for i, j, k in np.ndindex(2, 2, 2):
+        count += padded[i : i + cells[0], j : j + cells[1], k : k + cells[2]]
+    mixed = (count > 0) & (count < 8)
+    number = np.full(cells, -1, dtype=np.int64)
+    number[mixed] = np.arange(np.count_nonzero(mixed))
+    places = np.argwhere(mixed)
+    quads = np.concatenate([_quads(padded, number, axis) for axis in range(3)])
+    # A cell's middle is a corner of voxels.
+    vertices = grid.lattice + places + _relax(len(places), quads, places)
+    return vertices * grid.voxel_size_m, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def write_ply(
+    path: Path | str,
+    grid: VoxelGrid,
+    occupancy: NDArray[np.bool_],
+    style: Literal["surface", "voxels"] = "surface",
+) -> None:
+    """Writes the hull as a binary PLY file, in metres; it appears whole or not at all.
+
+    Args:
+        path: The file.
+        grid: The voxels' places.
+        occupancy: (nx, ny, nz) bool, something of it occupied.
+        style: "surface" is a triangle mesh, "voxels" the centres of the occupied voxels as points.
+
+    Raises:
+        InputError: The file cannot be written.
+        ValueError: Nothing is occupied.
+    """
+    if not occupancy.any():
+        raise ValueError("no voxel is occupied")
+    if style == "surface":
+        vertices, faces = surface(*grid.cropped(occupancy))
+        shape = trimesh.Trimesh(vertices, faces, process=False)
+    else:
+        shape = trimesh.PointCloud(grid.occupied_points(occupancy))
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        with beside.open("wb") as file:
+            shape.export(file, file_type="ply")
+        beside.replace(target)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise InputError(f"{target} cannot be written: {error.strerror}") from None
+
+
+def _quads(padded: NDArray[np.bool_], number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
+    """Returns (Q, 4) vertex numbers: a face across every pair of neighbours along `axis` of which
+    one is occupied.
+    """
+    inside = np.moveaxis(padded, axis, 0)
+    outward, inward = inside[:-1] & ~inside[1:], ~inside[:-1] & inside[1:]
+    across, second, third = (axis, (axis + 1) % 3, (axis + 2) % 3)
+    quads = []
+    for steps, order in ((outward, [0, 1, 2, 3]), (inward, [0, 3, 2, 1])):
+        cell = np.empty((np.count_nonzero(steps), 3), dtype=np.int64)
+        others = [a for a in range(3) if a != axis]
+        cell[:, [across, *others]] = np.argwhere(steps)
+        around = []
+        for b, c in ((-1, -1), (0, -1), (0, 0), (-1, 0)):
+            corner = cell.copy()
+            corner[:, second] += b
+            corner[:, third] += c
+            around.append(number[tuple(corner.T)])
+        quads.append(np.stack(around, axis=1)[:, order])
+    return np.concatenate(quads)
+
+
+def _relax(count: int, quads: NDArray[np.int64], places: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Returns the shift (V, 3), in voxels, of every vertex from the middle of its cell."""
+    ends = np.concatenate([quads[:, [i, (i + 1) % 4]] for i in range(4)])
+    degree = np.bincount(ends.ravel(), minlength=count)[:, None]
+    shift = np.zeros((count, 3))
+    for _ in range(_RELAXATIONS):
+        now = places + shift
+        mean = np.empty_like(shift)
+        for axis in range(3):
+            total = np.bincount(ends[:, 0], weights=now[ends[:, 1], axis], minlength=count)
+            mean[:, axis] = total + np.bincount(
+                ends[:, 1], weights=now[ends[:, 0], axis], minlength=count
+            )
+        shift = np.clip(mean / degree - places, -_FREEDOM, _FREEDOM)
+    return shift

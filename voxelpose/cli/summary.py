@@ -1,0 +1,80 @@
+"""What a command says at its end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from voxelpose.evaluation import Score
+    from voxelpose.results import Result
+
+_FILES = (
+    ("contact_sheet.png", "look here first: the fitted body over moments of every camera"),
+    ("overlay_*.mp4", "the same as video"),
+    ("joints.csv", "positions of 15 joints, metres"),
+    ("motion.bvh", "the skeleton for Blender, Maya, ..."),
+    ("motion.safetensors", "joint angles, root and quality, for programs"),
+    ("summary.json", "quality and timings"),
+)
+
+
+def print_result(result: Result) -> None:
+    """Says what a fit found, how well, and where the files are."""
+    console = Console(highlight=False)
+    summary: Any = result.summary
+    frames, seconds = summary["frames"], summary["seconds"]
+    count = frames["with_pose"] + len(frames["lost"])
+    console.print(
+        f"[bold]{frames['with_pose']} of {count} frames[/bold] have a pose; {seconds['total']:.1f}"
+        " s in all"
+    )
+    stages = Table("stage", "min ms", "median ms", "max ms", box=None, padding=(0, 2, 0, 0))
+    for name, spread in seconds["stages"].items():
+        if "median" in spread:
+            stages.add_row(name, *(f"{1000 * spread[key]:.1f}" for key in ("min", "median", "max")))
+    if stages.row_count:
+        console.print(stages)
+    for name, spread in summary["quality"].items():
+        if "median" in spread:
+            console.print(
+                f"{name}: median {spread['median']:.3f}, from {spread['min']:.3f} to"
+                f" {spread['max']:.3f}"
+            )
+    console.print(f"[bold]{result.folder}[/bold]", soft_wrap=True)
+    for pattern, meaning in _FILES:
+        if any(result.folder.glob(pattern)):
+            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
+    console.print(f"to look around: voxelpose view {result.folder}", soft_wrap=True)
+    console.print(f"to read how good it is: voxelpose report {result.folder}", soft_wrap=True)
+
+
+def print_score(score: Score) -> None:
+    """Says how far a result is from the truth."""
+    from silhouette_core.body.joints import LANDMARK_NAMES
+
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for value, meaning in (
+        (f"{score.root_mm:.1f} mm", "root_mm: mean joint error, pelvises put on each other"),
+        (f"{score.mpjpe_mm:.1f} mm", "mpjpe_mm: mean joint error in the world"),
+        (f"{score.pa_mm:.1f} mm", "pa_mm: mean joint error after the best similarity"),
+        (f"{100 * score.pck150:.1f} %", "pck150: joints within 150 mm"),
+        (f"{score.angle_deg:.1f} deg", "angle_deg: mean angle between bones"),
+        (
+            f"{score.jitter_mm:.1f} mm",
+            f"jitter_mm: third difference (truth: {score.jitter_truth_mm:.1f})",
+        ),
+        (f"{100 * score.flips:.1f} %", "flips: frames with left and right exchanged"),
+        (
+            f"{100 * score.lost:.1f} %",
+            f"lost: frames without a pose or beyond 300 mm, of {score.frames}",
+        ),
+    ):
+        table.add_row(f"[bold]{value}[/bold]", meaning)
+    console = Console(highlight=False)
+    console.print(table)
+    if score.joint_root_mm:
+        worst = sorted(zip(score.joint_root_mm, LANDMARK_NAMES, strict=True), reverse=True)[:3]
+        console.print("worst joints: " + ", ".join(f"{name} {mm:.0f} mm" for mm, name in worst))

@@ -1,0 +1,180 @@
+"""The parts that the voxel matcher places, and the angles it tries for each.
+
+Paper B matches "parts" of a coarse body model. Here a matched part is a limb: one or several of the
+27 parts held rigidly together (a forearm with its hand), turned by the joint angles that its own
+placement shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.model import BodyModel
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A rigid group of parts and how it is turned.
+
+    Attributes: name: also that of its first part, whose joint it hangs on. parts: names of the
+        parts it consists of. parent: the limb that must be placed before it is selectable; None for
+        the root. swing: the two angles that point it, empty for a hinge. hinge: the angle of its
+        own hinge joint, None for a ball joint. twist_of: for a hinge, the ball joint above, whose
+        twist about the bone shows only in this limb.
+    """
+
+    name: str
+    parts: tuple[str, ...]
+    parent: str | None
+    swing: tuple[str, ...] = ()
+    hinge: str | None = None
+    twist_of: str | None = None
+
+    @property
+    def part(self) -> int:
+        """Index of the part whose frame carries the limb."""
+        return PART_NAMES.index(self.name)
+
+
+TORSO = Limb(
+    "pelvis",
+    ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "left_clavicle", "right_clavicle"),
+    None,
+)
+
+
+def _limbs() -> tuple[Limb, ...]:
+    found = [
+        TORSO,
+        Limb("neck", ("neck", "head"), "pelvis", swing=("neck.flexion", "neck.lateral")),
+    ]
+    for s in ("left", "right"):
+        found += [
+            Limb(
+                f"{s}_upper_arm",
+                (f"{s}_upper_arm",),
+                "pelvis",
+                swing=(f"{s}_upper_arm.abduction", f"{s}_upper_arm.forward"),
+            ),
+            Limb(
+                f"{s}_thigh",
+                (f"{s}_thigh",),
+                "pelvis",
+                swing=(f"{s}_thigh.flexion", f"{s}_thigh.abduction"),
+            ),
+            Limb(
+                f"{s}_forearm",
+                tuple(f"{s}_{part}" for part in ("forearm", "hand", "thumb", "fingers")),
+                f"{s}_upper_arm",
+                hinge=f"{s}_forearm.flexion",
+                twist_of=f"{s}_upper_arm",
+            ),
+            Limb(
+                f"{s}_shin",
+                tuple(f"{s}_{part}" for part in ("shin", "foot", "toes")),
+                f"{s}_thigh",
+                hinge=f"{s}_shin.flexion",
+                twist_of=f"{s}_thigh",
+            ),
+        ]
+    return tuple(found)
+
+
+LIMBS = _limbs()
+_TWIST_AXIS = {
+    name: next(
+        f.axis
+        for part, f in BodyModel.dofs
+        if PART_NAMES[part] == name and f.name in ("twist", "rotation")
+    )
+    for name in ("left_upper_arm", "right_upper_arm", "left_thigh", "right_thigh")
+}
+
+
+def sample_angles(
+    limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None
+) -> np.ndarray:
+    """Samples a limb's joint angles within their limits.
+
+    Args: limb: which. angles_rad: (D,) the angles decided so far. step_rad: distance between
+        samples. around: samples at most this many radians from `angles_rad`; None: the whole range
+        of the joints.
+
+    Returns:
+        (K, D) angles: `angles_rad` with the limb's own replaced. The present angles come first.
+
+    Source: Iiyama, Kameda and Minoh, section 2.
+    """
+    names = BodyModel.dof_names
+    if limb.swing:
+        columns = [names.index(name) for name in limb.swing]
+        axes = [
+            _ticks(BodyModel.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns
+        ]
+        mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
+        found = np.tile(angles_rad, (len(mesh), 1))
+        found[:, columns] = mesh
+        if around is None:
+            # Over the whole range the twist of the old placement means nothing at the new ones.
+            for k, name in enumerate(names):
+                if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
+                    found[:, k] = 0.0
+    else:
+        found = sample_hinge(limb, angles_rad[None], step_rad, around)[0]
+    return np.concatenate([angles_rad[None], found[within_limits(found)]])
+
+
+def sample_hinge(
+    limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None
+) -> np.ndarray:
+    """Samples the bend of a hinge and the twist of the bone above it, for several placements of
+    that bone at once.
+
+    Args: limb: one with a hinge. angles_rad: (M, D), alike in the hinge's own angle. step_rad:
+        distance between samples of the bend; the twist, which moves less, takes half as many.
+        around: as in `sample_angles`.
+
+    Returns:
+        (M, K, D); not all within the limits of the bone above (see `within_limits`).
+    """
+    names = BodyModel.dof_names
+    hinge = names.index(limb.hinge or "")
+    above = [k for k, name in enumerate(names) if name.partition(".")[0] == limb.twist_of]
+    axes = BodyModel.dof_axis[
+        above
+    ]  # orthonormal, so that angles are coordinates of the rotation vector
+    bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
+    reach = np.radians(100) if around is None else around
+    twists = _ticks((-reach, reach), 0.0, 2 * step_rad, None)
+    bends = _ticks(BodyModel.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
+    swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
+    turned = (
+        swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
+    ).as_rotvec() @ axes.T
+    found = np.repeat(angles_rad[:, None], len(twists) * len(bends), axis=1)
+    found[..., above] = np.repeat(
+        turned.reshape(len(angles_rad), len(twists), 3), len(bends), axis=1
+    )
+    found[..., hinge] = np.tile(bends, len(twists))
+    return found
+
+
+def within_limits(angles_rad: np.ndarray) -> np.ndarray:
+    """Returns for each (…, D) whether every angle is within its limits: (…,) bool."""
+    low, high = BodyModel.dof_limits_rad.T
+    return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
+
+
+def _ticks(
+    limits: Sequence[float] | np.ndarray, middle: float, step: float, around: float | None
+) -> np.ndarray:
+    low, high = limits
+    if around is not None:
+        low, high = max(low, middle - around), min(high, middle + around)
+    count = max(int(np.ceil((high - low) / step - 1e-9)), 1)
+    return np.linspace(low, high, count + 1)

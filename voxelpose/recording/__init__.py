@@ -1,0 +1,1 @@
+"""A recording folder: its videos, frames, time stamps and subject."""

@@ -1,0 +1,281 @@
+"""The pictures of one camera in time: a video, a folder of frames, or a still. Read in order, never
+held whole.
+"""
+
+import queue
+import re
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+
+Frame = NDArray[np.uint8]
+STILLS = frozenset(
+    {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pbm", ".pgm", ".ppm", ".webp"}
+)
+VIDEOS = frozenset(
+    {
+        ".mp4",
+        ".avi",
+        ".mov",
+        ".mkv",
+        ".m4v",
+        ".webm",
+        ".mpg",
+        ".mpeg",
+        ".wmv",
+        ".mts",
+        ".m2ts",
+        ".ts",
+        ".3gp",
+        ".ogv",
+    }
+)
+_AHEAD = 3  # frames that a camera may be read ahead of the others
+
+
+@dataclass(frozen=True)
+class FrameReader:
+    """Pictures of one camera; iterating reads them from the start, as often as wanted.
+
+    Attributes: path: video, still, or folder of frames. stills: the frames' files where path is a
+        still or a folder; empty for a video. size: image (width, height), px, as the frames come (a
+        rotation noted in the video is applied). frame_count: frames that can be read. fps: frames
+        per second; None where the files do not tell. numbers: which of the file's frames these are,
+        in order, some perhaps left out or repeated; None for all.
+    """
+
+    path: Path
+    stills: tuple[Path, ...]
+    size: tuple[int, int]
+    frame_count: int
+    fps: float | None
+    numbers: tuple[int, ...] | None = None
+
+    @classmethod
+    def open(cls, path: Path) -> "FrameReader":
+        """Looks at a video, a still or a folder of frames.
+
+        Raises:
+            InputError: it is missing, empty or cannot be read.
+        """
+        if not path.exists():
+            raise InputError(f"{path} is missing")
+        stills = ()
+        if path.is_dir():
+            stills = tuple(
+                sorted(
+                    (file for file in path.iterdir() if file.suffix.lower() in STILLS), key=_natural
+                )
+            )
+            if not stills:
+                raise InputError(
+                    f"{path} holds no frames: put images there ({', '.join(sorted(STILLS))}) or"
+                    " remove the folder"
+                )
+        elif path.suffix.lower() in STILLS:
+            stills = (path,)
+        if stills:
+            height, width = read_still(stills[0]).shape[:2]
+            return cls(path, stills, (width, height), len(stills), None)
+        return cls(path, (), *_probe(path))
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yields every frame, (H, W, 3) uint8, BGR."""
+        return self.frames(0, self.frame_count)
+
+    def frames(self, start: int, stop: int) -> Iterator[Frame]:
+        """Yields the frames start, start + 1, ..., stop - 1.
+
+        Raises:
+            InputError: a frame is missing, unreadable, or of another size.
+        """
+        numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
+        for number, frame in zip(
+            numbers, self._stills(numbers) if self.stills else self._video(numbers), strict=True
+        ):
+            if frame.shape[1::-1] != self.size:
+                raise InputError(
+                    f"{self.path}: frame {number} is {_by(frame.shape[1::-1])} px, the first"
+                    f" {_by(self.size)}: make all alike"
+                )
+            yield frame
+
+    def pick(self, numbers: Sequence[int]) -> "FrameReader":
+        """Returns the same pictures with only some of the frames.
+
+        Args:
+            numbers: of the frames, never falling; one may come twice.
+        """
+        chosen = tuple(
+            int(number) if self.numbers is None else self.numbers[number] for number in numbers
+        )
+        return replace(self, numbers=chosen, frame_count=len(chosen))
+
+    def _stills(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        for number in numbers:
+            yield read_still(self.stills[number])
+
+    def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        capture = cv2.VideoCapture(str(self.path))
+        at, frame = 0, None
+        try:
+            for number in numbers:
+                # Skipped by decoding: seeking lands on a wrong frame in some containers.
+                good = all(capture.grab() for _ in range(at, number))
+                if good and (at <= number or frame is None):
+                    good, frame = capture.read()
+                    at = number + 1
+                if not good or frame is None:
+                    raise InputError(
+                        f"{self.path} cannot be read beyond frame {number}: repair it, or give"
+                        f" --frames 0:{number}"
+                    )
+                yield _three_channels(
+                    frame if self.numbers is None else frame.copy()
+                )  # one that comes twice may be drawn on
+        finally:
+            capture.release()
+
+
+def together(
+    readers: Mapping[str, FrameReader], start: int, stop: int
+) -> Iterator[dict[str, Frame]]:
+    """Reads several cameras at once, one thread each, a few frames ahead at most.
+
+    Args:
+        readers: by camera name.
+        start: first frame.
+        stop: one past the last frame.
+
+    Yields:
+        A frame per camera name.
+
+    Raises:
+        InputError: a camera's pictures cannot be read.
+    """
+    done = threading.Event()
+    queues: dict[str, queue.Queue[Frame | Exception]] = {
+        name: queue.Queue(_AHEAD) for name in readers
+    }
+    threads = [
+        threading.Thread(
+            target=_feed,
+            args=(readers[name], start, stop, queues[name], done),
+            name=f"read {name}",
+            daemon=True,
+        )
+        for name in readers
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        for _ in range(start, stop):
+            step: dict[str, Frame] = {}
+            for name, waiting in queues.items():
+                frame = waiting.get()
+                if isinstance(frame, Exception):
+                    raise frame
+                step[name] = frame
+            yield step
+    finally:
+        done.set()
+        for thread in threads:
+            thread.join()
+
+
+def _feed(
+    readers: FrameReader,
+    start: int,
+    stop: int,
+    waiting: "queue.Queue[Frame | Exception]",
+    done: threading.Event,
+) -> None:
+    try:
+        for frame in readers.frames(start, stop):
+            if not _put(waiting, frame, done):
+                return
+    except Exception as error:  # handed to the reading side, which raises it
+        _put(waiting, error, done)
+
+
+def _put(
+    waiting: "queue.Queue[Frame | Exception]", item: Frame | Exception, done: threading.Event
+) -> bool:
+    while not done.is_set():
+        try:
+            waiting.put(item, timeout=0.1)
+            return True
+        except queue.Full:
+            continue
+    return False
+
+
+def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
+    """Returns size, number of frames and rate of a video."""
+    capture = cv2.VideoCapture(str(path))
+    try:
+        good, frame = capture.read()
+        if not good or frame is None:
+            raise InputError(
+                f"{path} cannot be read as a video: convert it, for example with ffmpeg to .mp4"
+                " (H.264)"
+            )
+        count, fps = (
+            int(capture.get(cv2.CAP_PROP_FRAME_COUNT)),
+            float(capture.get(cv2.CAP_PROP_FPS)),
+        )
+        # Some containers announce more frames than they hold; then, and only then, all are counted.
+        if count > 1:
+            capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
+        if count < 1 or (count > 1 and not capture.grab()):
+            capture.release()
+            capture = cv2.VideoCapture(str(path))
+            count = 0
+            while capture.grab():
+                count += 1
+    finally:
+        capture.release()
+    height, width = frame.shape[:2]
+    return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None
+
+
+def read_still(file: Path) -> Frame:
+    """Returns an image file's picture, (H, W, 3) uint8, BGR.
+
+    Raises:
+        InputError: it is missing or no image.
+    """
+    try:
+        # Not imread: it cannot open names with letters outside the code page on Windows.
+        image = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_COLOR)
+    except (OSError, cv2.error):
+        image = None
+    if image is None:
+        raise InputError(f"{file} cannot be read as an image: convert it to PNG")
+    return _three_channels(image)
+
+
+def _three_channels(image: np.ndarray) -> Frame:
+    if image.ndim == 2:
+        image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    return np.ascontiguousarray(image, np.uint8)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sorts frame_2 before frame_10."""
+    return [
+        (int(word), "") if word.isdigit() else (-1, word)
+        for word in re.split(r"(\d+)", path.name)
+        if word
+    ]
+
+
+def _by(size: tuple[int, ...]) -> str:
+    return f"{size[0]} x {size[1]}"

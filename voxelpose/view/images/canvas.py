@@ -1,0 +1,114 @@
+"""Colours, text and antialiased strokes for all pictures."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+# BGR. Left and right stay apart for every kind of colour vision: blue against orange.
+LEFT: Colour = (255, 158, 58)
+RIGHT: Colour = (38, 130, 255)
+MIDDLE: Colour = (196, 214, 110)
+PAPER: Colour = (30, 25, 22)
+INK: Colour = (240, 236, 232)
+FAINT: Colour = (165, 155, 148)
+WARNING: Colour = (80, 80, 245)
+
+_SHIFT = 4  # OpenCV draws with 1/16 pixel
+
+
+def colour_of(part: str) -> Colour:
+    """Returns the colour of a body part's side."""
+    return LEFT if part.startswith("left_") else RIGHT if part.startswith("right_") else MIDDLE
+
+
+def write_text(
+    image: Image,
+    text: str,
+    x: int,
+    y: int,
+    size: int = 16,
+    colour: Colour = INK,
+    bold: bool = False,
+) -> None:
+    """Writes one line in place; (x, y) is the left end of its base line, `size` its height in
+    pixels.
+    """
+    if hasattr(cv2, "FontFace"):
+        cv2.putText(image, text, (x, y), colour, cv2.FontFace("sans"), size, 600 if bold else 400)
+    else:  # OpenCV 4 knows only its own stroke font, without letters beyond ASCII
+        plain = text.replace("·", "-").replace("–", "-").encode("ascii", "replace").decode()
+        cv2.putText(
+            image,
+            plain,
+            (x, y),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            size / 32,
+            colour,
+            2 if bold else 1,
+            cv2.LINE_AA,
+        )
+
+
+def text_width(text: str, size: int, bold: bool = False) -> int:
+    """Returns how wide `write_text` makes a line, in pixels."""
+    if hasattr(cv2, "FontFace"):
+        return cv2.getTextSize(
+            (4096, 4096), text, (0, 0), cv2.FontFace("sans"), size, 600 if bold else 400
+        )[2]
+    return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size / 32, 1)[0][0]
+
+
+def stroke(
+    image: Image, points: NDArray[np.float64], colour: Colour, width: int = 1, closed: bool = False
+) -> None:
+    """Draws a line through (N, 2) pixels in place; points that are not finite are left out."""
+    fixed = _fixed(points)
+    if len(fixed) > 1:
+        cv2.polylines(image, [fixed], closed, colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def dot(image: Image, point: NDArray[np.float64], radius: float, colour: Colour) -> None:
+    """Draws a filled circle around (2,) pixels in place."""
+    fixed = _fixed(point[None])
+    if len(fixed):
+        cv2.circle(
+            image,
+            tuple(int(v) for v in fixed[0, 0]),
+            int(radius * 2**_SHIFT),
+            colour,
+            cv2.FILLED,
+            cv2.LINE_AA,
+            _SHIFT,
+        )
+
+
+def tint(
+    image: Image, outlines: list[NDArray[np.float64]], colour: Colour, strength: float
+) -> Image:
+    """Returns the image with the inside of closed outlines (N, 2), holes by even-odd, mixed with a
+    colour.
+    """
+    fixed = [_fixed(outline) for outline in outlines]
+    fixed = [outline for outline in fixed if len(outline) > 2]
+    if not fixed:
+        return image
+    corners = np.concatenate(fixed)[:, 0] >> _SHIFT
+    left, top = np.maximum(corners.min(0) - 1, 0)
+    right, bottom = corners.max(0) + 2
+    inside = image[top:bottom, left:right]
+    if inside.size == 0:
+        return image
+    layer = inside.copy()
+    corner = np.array([left, top], np.int32) << _SHIFT
+    cv2.fillPoly(layer, [outline - corner for outline in fixed], colour, cv2.LINE_AA, _SHIFT)
+    image[top:bottom, left:right] = cv2.addWeighted(layer, strength, inside, 1 - strength, 0)
+    return image
+
+
+def _fixed(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Returns (N, 1, 2) int32 in OpenCV's fixed point."""
+    good = points[np.isfinite(points).all(axis=1) & (np.abs(points) < 1e5).all(axis=1)]
+    return np.round(good * 2**_SHIFT).astype(np.int32)[:, None]

@@ -1,0 +1,172 @@
+"""A contact sheet: moments from left to right, cameras from top to bottom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from silhouette_core.motion import kinematics
+from silhouette_core.motion.motion import Motion
+from voxelpose.view.images.canvas import (
+    FAINT,
+    INK,
+    LEFT,
+    MIDDLE,
+    PAPER,
+    RIGHT,
+    Image,
+    dot,
+    text_width,
+    write_text,
+)
+from voxelpose.view.images.figure import FigurePainter
+
+_MOMENTS = 6
+_GAP, _MARGIN, _HEAD, _LABEL = 6, 28, 96, 92
+_LEGEND = 360
+_WIDEST, _HIGHEST = 1900, 2000
+
+
+class ContactSheet:
+    """Gathers tiles while frames go by; each camera is cropped to where the body moves."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        rotation: NDArray[np.float64],
+        origin: NDArray[np.float64],
+        cameras: Sequence[Camera],
+        moments: int = _MOMENTS,
+    ) -> None:
+        """Chooses the moments and the crops.
+
+        Args:
+            motion: the poses.
+            rotation: (T, P, 3, 3) world from part, as `motion.parts()` gives.
+            origin: (T, P, 3), likewise.
+            cameras: one row each.
+            moments: how many columns, at most.
+        """
+        self.motion = motion
+        self.rotation, self.origin = rotation, origin
+        self.rows = list(
+            dict.fromkeys(
+                np.linspace(0, len(motion) - 1, min(moments, len(motion)))
+                .round()
+                .astype(int)
+                .tolist()
+            )
+        )
+        boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
+        aspect = float(
+            np.clip(np.median([width / height for _, _, width, height in boxes]), 0.55, 1.4)
+        )
+        width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
+        height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
+        self.tile = round(height * aspect), round(height)
+        self.views = [
+            _View(motion, camera, box, self.tile)
+            for camera, box in zip(cameras, boxes, strict=True)
+        ]
+        self.tiles: dict[tuple[int, int], Image] = {}
+
+    def add(self, row: int, images: Mapping[str, Image]) -> None:
+        """Keeps the tiles of one time step, if it is one of the moments."""
+        if row in self.rows:
+            for line, view in enumerate(self.views):
+                pose = self.rotation[row], self.origin[row]
+                self.tiles[line, self.rows.index(row)] = view.crop(
+                    images[view.painter.camera.name], *pose
+                )
+
+    def image(self, title: str) -> Image:
+        """Returns the finished sheet, (h, w, 3) uint8 BGR."""
+        width, height = self.tile
+        across = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
+        across = max(across, 2 * _MARGIN + text_width(title, 24, True) + _LEGEND)
+        sheet = np.full(
+            (_HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN, across, 3), PAPER, np.uint8
+        )
+        write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
+        x = across - _MARGIN
+        for words, colour in (("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)):
+            x -= text_width(words, 14)
+            write_text(sheet, words, x, 42, 14, FAINT)
+            dot(sheet, np.array([x - 12.0, 37.0]), 5, colour)
+            x -= 36
+        for line, view in enumerate(self.views):
+            top = _HEAD + line * (height + _GAP)
+            write_text(
+                sheet, view.painter.camera.name, _MARGIN, top + height // 2, 16, INK, bold=True
+            )
+            for column, row in enumerate(self.rows):
+                left = _MARGIN + _LABEL + column * (width + _GAP)
+                if line == 0:
+                    label = f"frame {self.motion.frames[row]} · {self.motion.time_s[row]:.2f} s"
+                    write_text(sheet, label, left, _HEAD - 10, 14, FAINT)
+                if (line, column) in self.tiles:
+                    sheet[top : top + height, left : left + width] = self.tiles[line, column]
+        return sheet
+
+
+class _View:
+    """One camera's crop, painted at the size at which it is shown."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        camera: Camera,
+        box: tuple[float, float, float, float],
+        tile: tuple[int, int],
+    ) -> None:
+        left, top, width, height = box
+        self.tile = tile
+        # A distant figure is enlarged threefold at most: beyond that there is nothing more to see.
+        scale = min(3.0, tile[0] / width, tile[1] / height)
+        self.painter = FigurePainter(motion.model, camera, scale)
+        middle = (np.array([left + width / 2, top + height / 2]) + 0.5) * scale - 0.5
+        self.shift = np.array(tile) / 2 - middle
+        # Where there is picture beyond the tile's edge, it is shown rather than an empty rim.
+        slack = np.array(tile) - np.array(self.painter.size)
+        self.shift = np.clip(self.shift, np.minimum(slack, slack / 2), np.maximum(0, slack / 2))
+
+    def crop(
+        self, frame: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> Image:
+        image = self.painter.paint(self.painter.resized(frame), rotation, origin)
+        move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
+        return np.asarray(
+            cv2.warpAffine(
+                image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=(48, 42, 38)
+            ),
+            np.uint8,
+        )
+
+
+def _box(
+    motion: Motion,
+    rotation: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    camera: Camera,
+    rows: Sequence[int],
+) -> tuple[float, float, float, float]:
+    """Returns left, top, width and height, recorded pixels, around the body in all the moments; the
+    whole picture where it is unseen.
+    """
+    seen = []
+    for row in rows:
+        pixels, _ = camera.project(kinematics.skin(motion.model, rotation[row], origin[row]))
+        seen.append(pixels[np.isfinite(pixels).all(axis=1)])
+    pixels = np.clip(np.concatenate(seen), 0, np.array(camera.size) - 1)
+    low, high = (
+        (pixels.min(0), pixels.max(0))
+        if len(pixels)
+        else (np.zeros(2), np.array(camera.size, float))
+    )
+    width, height = np.maximum(high - low, 16)
+    rim = 0.07 * max(width, height)
+    return low[0] - rim, low[1] - rim, width + 2 * rim, height + 2 * rim

@@ -1,0 +1,159 @@
+"""The fitted body over a camera's picture: tinted sides, outline, skeleton."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion import kinematics
+from voxelpose.view.images.canvas import (
+    INK,
+    LEFT,
+    MIDDLE,
+    PAPER,
+    RIGHT,
+    Colour,
+    Image,
+    colour_of,
+    dot,
+    stroke,
+    tint,
+)
+
+_TINT = 0.33
+_SIDES: tuple[Colour, ...] = (MIDDLE, LEFT, RIGHT)
+_LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
+
+
+def skeleton_bones() -> list[tuple[int, int, Colour]]:
+    """Lists the lines of the skeleton: the joints at both ends (index of the part, 27 for the
+    vertex of the head), and the colour.
+    """
+    joints = (*PART_NAMES, "head_top")
+    chains = ["pelvis lumbar upper_thorax neck head head_top".split()]
+    for side in ("left_", "right_"):
+        chains += [
+            [names[0], *(side + name for name in names[1:])]
+            for names in (limb.split() for limb in _LIMBS)
+        ]
+    return [
+        (joints.index(start), joints.index(end), colour_of(end))
+        for chain in chains
+        for start, end in pairwise(chain)
+    ]
+
+
+def skeleton_joints(
+    model: BodyModel, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Returns the (28, 3) joints of the skeleton's lines in the world, metres, from one frame's
+    parts (27, 3, 3) and (27, 3).
+    """
+    top = kinematics.landmarks(model, rotation[None], origin[None])[
+        0, LANDMARK_NAMES.index("head_top")
+    ]
+    return np.vstack([origin, top])
+
+
+class FigurePainter:
+    """Paints one body into the pictures of one camera.
+
+    The picture stays as recorded: the body is drawn through the camera's lens, distortion included.
+    """
+
+    def __init__(self, model: BodyModel, camera: Camera, scale: float = 1.0) -> None:
+        """Prepares for a body and a camera.
+
+        Args:
+            model: the body.
+            camera: as calibrated, at the recorded size.
+            scale: size of the working picture over that of the recorded one.
+        """
+        self.model = model
+        self.camera = camera
+        self.scale = scale
+        self.ideal = camera.pinhole(self.scale)
+        self.size = self.ideal.size
+        self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
+        self._bones = skeleton_bones()
+
+    def resized(self, frame: Image) -> Image:
+        """Returns a copy of a recorded frame at the working size."""
+        if self.scale == 1.0:
+            return frame.copy()
+        way = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_CUBIC
+        return np.asarray(cv2.resize(frame, self.size, interpolation=way), np.uint8)
+
+    def paint(
+        self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> Image:
+        """Draws one pose.
+
+        Args:
+            image: (h, w, 3) uint8 BGR at the working size (see `resized`); changed in place.
+            rotation: (P, 3, 3) world from part.
+            origin: (P, 3) joints in the world, metres.
+
+        Returns:
+            The image.
+        """
+        surface = (
+            kinematics.skin(self.model, rotation, origin) @ self.ideal.rotation.T
+            + self.ideal.translation
+        )
+        parts, _ = render_parts(
+            surface, self.model.faces, self.model.face_part, self.ideal.matrix, self.size
+        )
+        rows = np.flatnonzero(parts.any(axis=1))
+        if not len(rows):
+            return image
+        line = max(1, round((rows[-1] - rows[0]) / 300))
+        for side, colour in enumerate(_SIDES):
+            outlines = self._outlines(self._side[parts] == side)
+            tint(image, outlines, colour, _TINT)
+            for outline in outlines:
+                stroke(image, outline, colour, line, closed=True)
+        for outline in self._outlines(parts > 0):
+            stroke(image, outline, INK, line, closed=True)
+        self._skeleton(image, rotation, origin, line)
+        return image
+
+    def pixels(self, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns where (N, 3) world points, metres, are in the working picture: (N, 2), NaN where
+        unseen.
+        """
+        recorded, _ = self.camera.project(points_world)
+        return (recorded + 0.5) * self.scale - 0.5
+
+    def _skeleton(
+        self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64], line: int
+    ) -> None:
+        joints = self.pixels(skeleton_joints(self.model, rotation, origin))
+        for start, end, _ in self._bones:
+            stroke(image, joints[[start, end]], PAPER, line + 3)
+        for start, end, colour in self._bones:
+            stroke(image, joints[[start, end]], colour, line + 1)
+        for joint in {joint for start, end, _ in self._bones for joint in (start, end)}:
+            dot(image, joints[joint], line + 1.3, PAPER)
+            dot(image, joints[joint], line + 0.3, INK)
+
+    def _outlines(self, mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+        """Returns the closed borders of a mask in the pinhole picture as (N, 2) pixels of the
+        working picture.
+        """
+        found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        outlines = [np.asarray(outline, float)[:, 0] for outline in found if len(outline) > 4]
+        if self.camera.is_pinhole:
+            return outlines
+        bent = []
+        for outline in outlines:
+            origin, directions = self.ideal.rays(outline)
+            bent.append(self.pixels(origin + directions))
+        return bent

@@ -1,0 +1,156 @@
+"""Pictures and windows of a carved body, with a skeleton if there is one."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.image.raster import render_parts
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.carving.hull_mesh import surface
+from voxelpose.view.open3d_import import import_open3d
+
+_BACKGROUND = (247, 244, 240)  # BGR
+_SKIN = np.array([168.0, 190.0, 208.0])
+_BONE = (40, 60, 200)
+_FOCAL = 4.0  # in image heights: nearly parallel
+_FILLS = 0.9  # of the picture's height or width
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Joints and the bones between them.
+
+    Attributes:
+        joints_m: (J, 3) float64, world, m; rows with NaN are not drawn.
+        bones: (B, 2) int, joint numbers.
+    """
+
+    joints_m: NDArray[np.float64]
+    bones: NDArray[np.integer]
+
+
+def hull_picture(
+    grid: VoxelGrid,
+    occupancy: NDArray[np.bool_],
+    skeleton: Skeleton | None = None,
+    azimuths_deg: tuple[float, ...] = (-90.0, -30.0, 30.0, 90.0),
+    size: tuple[int, int] = (480, 720),
+    box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+) -> NDArray[np.uint8]:
+    """Draws the hull's surface from several sides, beside each other, without a screen.
+
+    Args: grid: The voxels' places. occupancy: (nx, ny, nz) bool, something of it occupied.
+        skeleton: Drawn over the surface. azimuths_deg: Where the viewer stands, one picture each: 0
+        is along +x, 90 along +y; -90 sees the face of who looks along -y. size: Width and height of
+        each, px. box_m: Low and high corner (3,) of what fills the picture; None: of the hull.
+
+    Returns:
+        (height, width * number of sides, 3) uint8, BGR.
+    """
+    vertices, faces = surface(*grid.cropped(occupancy))
+    box = box_m or (vertices.min(axis=0), vertices.max(axis=0))
+    return np.concatenate(
+        [_one_side((vertices, faces), box, skeleton, azimuth, size) for azimuth in azimuths_deg],
+        axis=1,
+    )
+
+
+def show_hull(
+    grid: VoxelGrid,
+    occupancy: NDArray[np.bool_],
+    skeleton: Skeleton | None = None,
+    title: str = "voxelpose",
+) -> None:
+    """Opens a window with the hull's surface and the skeleton; returns when it is closed.
+
+    Args:
+        grid: The voxels' places.
+        occupancy: (nx, ny, nz) bool, something of it occupied.
+        skeleton: Drawn as lines inside the surface.
+        title: Of the window.
+
+    Raises:
+        InputError: open3d cannot be imported, or there is no screen.
+    """
+    open3d = import_open3d(screen=True)
+    vertices, faces = surface(*grid.cropped(occupancy))
+    mesh = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(vertices), open3d.utility.Vector3iVector(faces)
+    )
+    if skeleton is None:
+        mesh.compute_vertex_normals()
+        mesh.paint_uniform_color(_SKIN[::-1] / 255)
+        shown = [mesh]
+    else:
+        # Lines inside a closed surface are hidden: the surface becomes a net.
+        lines = open3d.geometry.LineSet(
+            open3d.utility.Vector3dVector(np.nan_to_num(skeleton.joints_m)),
+            open3d.utility.Vector2iVector(_drawn(skeleton)),
+        )
+        lines.paint_uniform_color(np.array(_BONE[::-1]) / 255)
+        net = open3d.geometry.LineSet.create_from_triangle_mesh(mesh)
+        net.paint_uniform_color(_SKIN[::-1] / 255)
+        shown = [net, lines]
+    open3d.visualization.draw_geometries(shown, window_name=title)
+
+
+def _drawn(skeleton: Skeleton) -> NDArray[np.integer]:
+    """Returns the bones (B, 2) both of whose ends are known."""
+    known = np.isfinite(skeleton.joints_m.sum(axis=1))
+    return skeleton.bones[np.logical_and(known[skeleton.bones[:, 0]], known[skeleton.bones[:, 1]])]
+
+
+def _one_side(
+    skin: tuple[NDArray[np.float64], NDArray[np.int64]],
+    box_m: tuple[NDArray[np.float64], NDArray[np.float64]],
+    skeleton: Skeleton | None,
+    azimuth_deg: float,
+    size: tuple[int, int],
+) -> NDArray[np.uint8]:
+    """Draws the surface from one side, lit from above the viewer's shoulder."""
+    (vertices, faces), (low, high), (width, height) = skin, box_m, size
+    angle = np.radians(azimuth_deg)
+    forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
+    camera_from_world = np.stack([np.cross(forward, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], forward])
+    middle, diagonal = 0.5 * (low + high), float(np.linalg.norm((high - low)[:2]))
+    # Far enough for the nearest corner to fit, for any azimuth.
+    focal = _FOCAL * height
+    distance = 0.5 * diagonal + focal / _FILLS * max(
+        float(high[2] - low[2]) / height, diagonal / width
+    )
+    matrix = np.array([[focal, 0, 0.5 * (width - 1)], [0, focal, 0.5 * (height - 1)], [0, 0, 1]])
+    seen = (vertices - middle) @ camera_from_world.T + np.array([0, 0, distance])
+    parts, depth = render_parts(seen, faces, np.zeros(len(faces), dtype=np.int32), matrix, size)
+    picture = _shade(depth, parts > 0, focal)
+    if skeleton is not None:
+        joints = (skeleton.joints_m - middle) @ camera_from_world.T + np.array([0, 0, distance])
+        pixels = (
+            np.rint(np.nan_to_num(joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]))
+            .astype(int)
+            .tolist()
+        )
+        for a, b in _drawn(skeleton):
+            cv2.line(picture, pixels[a], pixels[b], _BONE, 2, cv2.LINE_AA)
+    return picture
+
+
+def _shade(
+    depth_m: NDArray[np.float32], body: NDArray[np.bool_], focal: float
+) -> NDArray[np.uint8]:
+    """Lights a depth image (h, w) where `body` is; returns (h, w, 3) uint8, BGR."""
+    depth = np.where(body, depth_m, 0.0).astype(np.float64)
+    # Smoothed only over the body, or its rim would turn away.
+    weight = cv2.GaussianBlur(body.astype(np.float64), (0, 0), 1.2)
+    smooth = np.where(body, cv2.GaussianBlur(depth, (0, 0), 1.2) / np.maximum(weight, 1e-9), 0.0)
+    slope_y, slope_x = (
+        np.gradient(smooth, axis=axis) * focal / np.maximum(smooth, 1e-9) for axis in (0, 1)
+    )
+    normal = np.stack([slope_x, slope_y, -np.ones_like(smooth)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    light = np.array([-0.4, -0.6, -0.7])
+    bright = 0.35 + 0.65 * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1)
+    return np.where(body[..., None], bright[..., None] * _SKIN, np.array(_BACKGROUND)).astype(
+        np.uint8
+    )

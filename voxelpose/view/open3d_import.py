@@ -1,0 +1,61 @@
+"""Importing open3d where a bare machine would not let it."""
+
+import ctypes
+import os
+import sys
+from types import ModuleType
+
+from calib.errors import InputError
+
+
+def import_open3d(screen: bool = False) -> ModuleType:
+    """Imports open3d, which takes a second or two and is therefore done only where it is used.
+
+    On Linux its library needs libusb, which bare machines lack; the libusb-package wheel carries
+    it.
+
+    Args:
+        screen: Whether a window will be opened.
+
+    Returns:
+        The module.
+
+    Raises:
+        InputError: It is missing or broken, or there is no screen; the line names the remedy.
+    """
+    if (
+        screen
+        and sys.platform.startswith("linux")
+        and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    ):
+        raise InputError(
+            "there is no screen to open a window on: say --png FILE for a picture instead"
+        )
+    try:
+        if sys.platform.startswith("linux"):
+            _load_libusb()
+        import open3d
+    except ImportError as error:
+        raise InputError(
+            f"open3d is not installed ({error}): pip install open3d-cpu on Linux, else pip install"
+            " open3d"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"open3d cannot be loaded ({error}): install the library it names, or say --png FILE"
+            " for a picture"
+        ) from None
+    return open3d
+
+
+def _load_libusb() -> None:
+    """Makes libusb's symbols visible to what is loaded next; where the wheel is missing the
+    system's own may do.
+    """
+    try:
+        import libusb_package
+    except ImportError:
+        return
+    path = libusb_package.get_library_path()
+    if path:
+        ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)

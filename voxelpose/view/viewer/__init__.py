@@ -1,0 +1,1 @@
+"""The viewer: scenes of a result, drawn in a browser."""
