@@ -1,0 +1,99 @@
+"""Plain folders: images or videos per camera, masks, backgrounds, any calibration."""
+
+import argparse
+from pathlib import Path
+
+from take import (
+    UP_AXES,
+    InputError,
+    Pictures,
+    Take,
+    View,
+    camera_name,
+    choose,
+    find_pictures,
+    placed,
+    read_rig,
+)
+
+SUMMARY = "Plain folders of images or videos, with masks, and any calibration that voxelpose reads."
+
+_CALIBRATIONS = [
+    f"calibration{end}" for end in (".toml", ".yml", ".yaml", ".json", ".xml", ".txt", "")
+]
+
+
+def add_options(group: argparse._ArgumentGroup) -> None:
+    """Adds the options that say how the folder is laid out."""
+    group.add_argument(
+        "--calibration", type=Path, help="file or folder (default SOURCE/calibration.*)"
+    )
+    group.add_argument(
+        "--unit", choices=("m", "cm", "mm"), help="of the calibration, if it does not say it"
+    )
+    group.add_argument(
+        "--up", choices=UP_AXES, default="z", help="axis of its world that points up (z)"
+    )
+    group.add_argument("--fps", type=float, help="frames per second, needed for folders of images")
+    for name, default in (
+        ("pictures", "{camera}"),
+        ("masks", "masks/{camera}"),
+        ("background", "background/{camera}"),
+    ):
+        group.add_argument(
+            f"--{name}",
+            default=default,
+            metavar="PATH",
+            help=f"where a camera's {name} are in SOURCE, without suffix (default {default})",
+        )
+    group.add_argument(
+        "--mask-above",
+        type=int,
+        default=127,
+        help="a mask's pixel is the person above this value (127)",
+    )
+
+
+def read(source: Path, options: argparse.Namespace) -> Take:
+    """Reads a folder.
+
+    Raises:
+        InputError: something is missing or cannot be read.
+    """
+    file = options.calibration or _calibration(source)
+    sizes = {Pictures.open(path).size for path in _anything(source, options)}
+    rig = read_rig(file, unit=options.unit, size=sizes.pop() if len(sizes) == 1 else None)
+    views = []
+    for name in choose(rig.names, options.cameras, "camera", file):
+        pictures, masks, background = (
+            None if (path := _at(source, pattern, name)) is None else Pictures.open(path)
+            for pattern in (options.pictures, options.masks, options.background)
+        )
+        if pictures is None and masks is None:
+            raise InputError(
+                f"camera {name} of {file} has neither {options.pictures} nor {options.masks} in "
+                f"{source}: say where with --pictures and --masks, or choose with --cameras"
+            )
+        camera = placed(rig[name], options.up, name=camera_name(name))
+        views.append(View(camera, pictures, 0, masks, options.mask_above, background))
+    return Take(tuple(views), options.fps, notes={"take": source.resolve().name})
+
+
+def _calibration(source: Path) -> Path:
+    found = next((source / name for name in _CALIBRATIONS if (source / name).exists()), None)
+    if found is None:
+        raise InputError(f"{source} holds no calibration.*: say where it is with --calibration")
+    return found
+
+
+def _at(source: Path, pattern: str, camera: str) -> Path | None:
+    if "{camera}" not in pattern:
+        raise InputError(f"{pattern!r} must hold {{camera}}, which stands for the camera's name")
+    return find_pictures(source / pattern.replace("{camera}", camera))
+
+
+def _anything(source: Path, options: argparse.Namespace) -> list[Path]:
+    """Returns all pictures and masks: they have the size that a calibration may leave unsaid."""
+    patterns = [pattern.replace("{camera}", "*") for pattern in (options.pictures, options.masks)]
+    places = (path for pattern in patterns for path in sorted(source.glob(pattern)))
+    return [found for path in places if (found := find_pictures(path)) is not None]

@@ -1,0 +1,172 @@
+"""Plain folders with masks, and what convert.py does for every data set."""
+
+import numpy as np
+import pytest
+
+from tests.datasets.miniatures import (
+    CONVERT,
+    FRAMES,
+    POINTS,
+    SIZE,
+    looking,
+    opened,
+    pinhole,
+    run_alone,
+    write_images,
+    write_masks,
+    write_video,
+)
+from voxelpose import Recording
+
+K = np.array([[70.0, 0, 31.5], [0, 70.0, 23.5], [0, 0, 1]])
+Y_UP_FROM_Z_UP = np.array([[1, 0, 0], [0, 0, 1.0], [0, -1, 0]])
+HOW = ("--unit", "mm", "--up", "y", "--fps", 20)
+
+
+def pixels() -> dict[str, np.ndarray]:
+    return {f"cam_view{n}": pinhole(POINTS, *looking(n), K) for n in range(2)}
+
+
+@pytest.fixture
+def source(tmp_path):
+    folder = tmp_path / "takes"
+    for number in range(2):
+        write_images(folder / f"view{number}")
+        write_masks(folder / "masks" / f"view{number}")
+        write_images(folder / "background" / f"view{number}", 1)
+    toml = []
+    for number in range(2):
+        rotation, translation = looking(number)
+        rotation = rotation @ Y_UP_FROM_Z_UP.T
+        toml.append(
+            f'[view{number}]\nname = "view{number}"\nsize = {list(SIZE)}\nmatrix = {K.tolist()}\n'
+            f"distortions = []\nrotation = {rotation.tolist()}\n"
+            f"translation = {(1000 * translation).tolist()}\n"
+        )
+    (folder / "calibration.toml").write_text("\n".join(toml))
+    return folder
+
+
+def test_pictures_masks_backgrounds_and_subject(source, tmp_path, convert):
+    out = tmp_path / "out"
+    said = convert("plain", source, out, *HOW, "--stature", 1.75, "--sex", "female")
+    assert said == f"{out}: 2 cameras, 6 frames of pictures\n"
+    recording = opened(out, pixels())
+    assert recording.fps == pytest.approx(20)
+    assert recording.subject.stature_m == 1.75 and recording.subject.sex == "female"
+    assert set(recording.backgrounds()) == {"cam_view0", "cam_view1"}
+    # Linked, not copied.
+    first = out / "cam_view0" / "000000.png"
+    assert first.stat().st_ino == (source / "view0" / "000000.png").stat().st_ino
+    assert not (out / "truth.json").exists()
+
+
+def test_silhouettes_only(source, tmp_path, convert):
+    convert("plain", source, tmp_path / "out", *HOW, "--silhouettes", "--copy")
+    recording = opened(tmp_path / "out", pixels())
+    assert recording.silhouettes_given
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "calibration.toml",
+        "masks",
+        "timestamps.csv",
+    ]
+
+
+def test_frames_and_other_places(source, tmp_path, convert):
+    for number in range(2):
+        (source / f"view{number}").rename(source / f"image_view{number}")
+        write_video(source / "films" / f"view{number}_rgb.avi", fps=20)
+    words = ("--pictures", "films/{camera}_rgb", "--frames", "2:5")
+    convert("plain", source, tmp_path / "out", *HOW[:4], *words)
+    recording = opened(tmp_path / "out", pixels())
+    assert recording.frame_count == 3
+    means = [pictures["cam_view0"].mean() for _, _, pictures in recording]
+    np.testing.assert_allclose(means, [60, 70, 80], atol=3)
+
+
+def test_videos_of_different_length(source, tmp_path, convert):
+    for number in range(2):
+        write_video(source / "films" / f"view{number}.mp4", FRAMES + number, fps=20)
+    convert("plain", source, tmp_path / "out", *HOW[:4], "--pictures", "films/{camera}")
+    assert opened(tmp_path / "out", pixels()).frame_count == FRAMES
+
+
+def test_overwriting(source, tmp_path, convert, refuse):
+    out = tmp_path / "out"
+    convert("plain", source, out, *HOW)
+    assert "replace it with --overwrite" in refuse("plain", source, out, *HOW)
+    convert("plain", source, out, *HOW, "--overwrite", "--cameras", "view1")
+    assert Recording.open(out).rig.names == ("cam_view1",)
+    other = tmp_path / "mine"
+    other.mkdir()
+    (other / "thesis.txt").write_text("years")
+    assert "was not made by this command" in refuse("plain", source, other, *HOW, "--overwrite")
+    assert "holds the data set itself" in refuse("plain", source, source, *HOW, "--overwrite")
+    assert "holds the data set itself" in refuse("plain", source, tmp_path, *HOW, "--overwrite")
+    # What fails leaves the old recording as it was.
+    (source / "view1" / "000003.png").write_bytes(b"broken")
+    (source / "masks" / "view1" / "000003.png").write_bytes(b"broken")
+    assert "000003.png cannot be read" in refuse("plain", source, out, *HOW, "--overwrite")
+    assert Recording.open(out).rig.names == ("cam_view1",)
+
+
+def test_mistakes(source, tmp_path, refuse):
+    out = tmp_path / "out"
+    assert "in which unit" in refuse("plain", source, out, "--fps", 20)
+    assert "give --fps" in refuse("plain", source, out, *HOW[:4])
+    assert "choose from 0:6" in refuse("plain", source, out, *HOW, "--frames", "4:9")
+    assert "is not A:B" in refuse("plain", source, out, *HOW, "--frames", "4")
+    assert "there is no camera 'x'" in refuse("plain", source, out, *HOW, "--cameras", "x")
+    assert "is impossible" in refuse("plain", source, out, *HOW, "--stature", "175")
+    assert "is no folder" in refuse("plain", tmp_path / "nowhere", out)
+    assert "must hold {camera}" in refuse("plain", source, out, *HOW, "--masks", "masks")
+    for file in (source / "masks" / "view0").iterdir():
+        file.unlink()
+    assert "no masks of camera cam_view0" in refuse("plain", source, out, *HOW, "--silhouettes")
+    write_images(source / "view0", 1, size=(32, 24))
+    said = refuse("plain", source, out, *HOW)
+    assert "32 x 24" in said and f" {out}/cam_view0 is" in said
+    assert "is no folder: make it" in refuse("plain", source, out / "deep" / "er", *HOW)
+    (source / "calibration.toml").unlink()
+    assert "--calibration" in refuse("plain", source, out, *HOW)
+
+
+def test_a_bug_keeps_its_traceback(source, tmp_path, convert, monkeypatch):
+    convert("--list")  # puts write.py in reach
+    import write
+
+    def broken(*_):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(write, "_write_subject", broken)
+    with pytest.raises(RuntimeError, match="a bug"):
+        convert("plain", source, tmp_path / "out", *HOW)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["takes"]
+
+
+def test_the_command_itself(source, tmp_path):
+    done = run_alone("plain", source, tmp_path / "out", *HOW)
+    assert done.returncode == 0 and "2 cameras" in done.stdout, done.stderr
+    done = run_alone("plain", source, tmp_path / "out", *HOW)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+
+
+def test_help_and_list(convert, refuse):
+    names = sorted(path.parent.name for path in CONVERT.parent.glob("*/recipe.py"))
+    assert len(names) == 9
+    assert [line.split()[0] for line in convert("--list").splitlines()] == names
+    assert "examples:" in convert("--help")
+    for name in names:
+        said = convert(name, "--help")
+        assert "--cameras" in said and f"{name}/card.md" in said
+        assert (CONVERT.parent / name / "card.md").is_file()
+    assert "name a data set" in refuse()
+    assert "invalid choice: 'humanova'" in refuse("humanova", "a", "b")
+
+
+def test_nothing_here_is_a_package_or_opens_pickles():
+    files = list(CONVERT.parent.rglob("*.py"))
+    assert files and not any(file.name == "__init__.py" for file in files)
+    for file in files:
+        text = file.read_text()
+        assert "import pickle" not in text and "allow_pickle=True" not in text

@@ -1,0 +1,92 @@
+"""Pose2Sim: videos, calibration/Calib_*.toml, TRC."""
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.datasets.miniatures import (
+    FIGURE,
+    FRAMES,
+    POINTS,
+    SIZE,
+    checked_truth,
+    looking,
+    moving,
+    opened,
+    pinhole,
+    truth_of,
+    write_video,
+)
+
+K = np.array([[70.0, 0, 31.5], [0, 70.0, 23.5], [0, 0, 1]])
+MARKERS = ("MidHip", "LHip", "LKnee", "LAnkle", "RHip", "RKnee", "RAnkle", "Neck", "Head")
+MARKERS += ("LShoulder", "LElbow", "LWrist", "RShoulder", "RElbow", "RWrist")
+
+
+def table(name: str, number: int) -> str:
+    rotation, translation = looking(number)
+    vector = cv2.Rodrigues(rotation)[0].ravel().tolist()
+    return (
+        f'[{name}]\nname = "{name}"\nsize = [ {SIZE[0]}.0, {SIZE[1]}.0]\nmatrix = {K.tolist()}\n'
+        f"distortions = [ 0.0, 0.0, 0.0, 0.0]\nrotation = {vector}\n"
+        f"translation = {translation.tolist()}\nfisheye = false\n\n"
+    )
+
+
+@pytest.fixture
+def source(tmp_path):
+    folder = tmp_path / "Demo"
+    (folder / "calibration").mkdir(parents=True)
+    text = "".join(table(f"int_cam0{number + 1}_img", number) for number in range(2))
+    text += "[metadata]\nadjusted = false\nerror = 0.0\n"
+    (folder / "calibration" / "Calib_scene.toml").write_text(text)
+    for number in range(2):
+        write_video(folder / "videos" / f"cam0{number + 1}.mp4", fps=60)
+    return folder
+
+
+def pixels() -> dict[str, np.ndarray]:
+    return {f"cam0{n + 1}": pinhole(POINTS, *looking(n), K) for n in range(2)}
+
+
+def test_pixels_and_reference(source, tmp_path, convert):
+    trc = source / "pose-3d" / "Demo_filt.trc"
+    trc.parent.mkdir()
+    head = (
+        "PathFileType\t4\t(X/Y/Z)\tDemo.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
+    )
+    head += f"60\t60\t{FRAMES}\t15\tm\nFrame#\tTime\t" + "\t\t\t".join(MARKERS) + "\n\t\tX1\n"
+    rows = []
+    for frame in range(FRAMES):
+        values = [moving(frame)[name][[1, 2, 0]] for name in FIGURE]  # its x y z are our y z x
+        rows.append("\t".join(map(repr, [frame + 1, frame / 60, *np.ravel(values).tolist()])))
+    trc.write_text(head + "\n".join(rows) + "\n")
+    convert("pose2sim", source, tmp_path / "out", "--trc", trc)
+    recording = opened(tmp_path / "out", pixels())
+    assert recording.fps == pytest.approx(60)
+    checked_truth(tmp_path / "out", truth_of())
+
+
+def test_calibration_of_the_session_and_order(source, tmp_path, convert):
+    trial = source / "Trial_1"
+    (trial / "videos").mkdir(parents=True)
+    for old, new in (("cam01.mp4", "left.mp4"), ("cam02.mp4", "right.mp4")):
+        (source / "videos" / old).rename(trial / "videos" / new)
+    convert("pose2sim", trial, tmp_path / "out")
+    named = dict(zip(("cam_left", "cam_right"), pixels().values(), strict=True))
+    opened(tmp_path / "out", named)
+
+
+def test_mistakes(source, tmp_path, refuse):
+    out = tmp_path / "out"
+    calibration = source / "calibration" / "Calib_scene.toml"
+    (calibration.parent / "Calib_other.toml").write_text(calibration.read_text())
+    assert "choose with --calibration" in refuse("pose2sim", source, out)
+    (calibration.parent / "Calib_other.toml").unlink()
+    write_video(source / "videos" / "door.mp4")
+    assert "name videos like cameras" in refuse("pose2sim", source, out)
+    (source / "videos" / "door.mp4").unlink()
+    calibration.write_text(calibration.read_text()[:200])
+    assert "Calib_scene.toml" in refuse("pose2sim", source, out)
+    calibration.unlink()
+    assert "holds no Calib*.toml" in refuse("pose2sim", source, out)
