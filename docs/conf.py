@@ -1,9 +1,8 @@
-"""How Sphinx makes the pages: `make docs`. The source folder is the repository's root, so that
-links lead where they lead on GitHub.
-"""
+"""Sphinx configuration of `make docs`; the source folder is the repository's root."""
 
 import os
 import re
+from importlib.metadata import files
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -15,7 +14,14 @@ author = "the voxelpose authors"
 copyright = "2026, the voxelpose authors"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.apidoc"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.apidoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+]
 root_doc = "README"
 include_patterns = [
     "README.md",
@@ -28,15 +34,24 @@ include_patterns = [
 html_theme = "furo"
 html_title = f"voxelpose {__version__}"
 html_show_sphinx = False
+viewcode_line_numbers = True
+
+# MathJax from its wheel, so that the pages need no network.
+mathjax_path = "tex-svg.js"
+html_static_path = [
+    str(path.locate())
+    for path in files("django-static-mathjax") or ()
+    if path.name == mathjax_path and path.parent.name == "es5"
+]
 
 myst_heading_anchors = 4
-# Names in annotations are short, so some have several homes; and a guide may go from # to ###.
+# Short names in annotations are ambiguous, and a guide may skip a heading level.
 suppress_warnings = ["ref.python", "myst.header"]
 
 # Docstrings write `name` for code, as comments do.
 default_role = "code"
 autodoc_typehints_format = "short"
-autodoc_mock_imports = ["skimage"]  # only who makes body templates anew needs it
+autodoc_mock_imports = ["skimage"]  # needed only to generate the body templates
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
@@ -44,8 +59,8 @@ napoleon_use_ivar = True
 
 _ROOT = Path(__file__).parents[1]
 _PACKAGES = ("voxelpose", "silhouette_core", "calib")
-# Each name in its own module, not also where a package shows it on. (Sphinx 9 heeds the setting of
-# that name for modules, not packages.)
+# Document each name in its own module only. (Sphinx 9 applies the setting of that name to modules,
+# not to packages.)
 os.environ["SPHINX_APIDOC_OPTIONS"] = "members,show-inheritance,ignore-module-all"
 apidoc_modules = [
     {
@@ -55,56 +70,58 @@ apidoc_modules = [
             str(_ROOT / package / name)
             for name in ("**/kernels", "**/kernels/*", "cli", "cli/*", "__main__.py")
         ],
-        "separate_modules": False,  # few pages: each carries the list of all, which costs
+        "separate_modules": False,  # few pages: each carries the list of all pages
         "module_first": True,
     }
     for package in _PACKAGES
 ]
 exclude_patterns = ["docs/reference/*/modules.rst"]
 
-_GUIDE = [
-    "guide",
-    "recordings",
-    "calibration",
-    "checking",
-    "viewing",
-    "exports",
-    "python",
-    "results",
-]
+_GUIDE = "guide recordings calibration checking viewing exports python results".split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
 _OTHERS = sorted(
     {path.stem for path in (_ROOT / "docs").glob("*.md")} - {*_GUIDE, "architecture", "papers"}
 )
 
 
-def _list(caption: str, pages: list[str]) -> str:
+def _toctree(caption: str, pages: list[str]) -> str:
     return "\n".join(
         ["", "```{toctree}", ":hidden:", f":caption: {caption}", "", *pages, "```", ""]
     )
 
 
 def _add_pages(app: Sphinx, page: str, source: list[str]) -> None:
-    """Adds the list of pages to the front page: the README, which needs none on GitHub."""
+    """Add the lists of pages to the front page, the README, which needs none on GitHub."""
     if page == root_doc:
-        source[0] += _list("User guide", [f"docs/{name}" for name in (*_GUIDE, *_OTHERS)])
-        source[0] += _list(
+        source[0] += _toctree("User guide", [f"docs/{name}" for name in (*_GUIDE, *_OTHERS)])
+        source[0] += _toctree(
             "Reference",
             ["docs/names", *(f"docs/reference/{package}/{package}" for package in _PACKAGES)],
         )
-        source[0] += _list("The project", _PROJECT)
+        source[0] += _toctree("The project", _PROJECT)
 
 
-def _keep_bars(
+def _link_names(app: Sphinx, page: str, source: list[str]) -> None:
+    """Link the functions in the map of the papers to the reference instead of the source files."""
+    if page == "docs/papers":
+        source[0] = re.sub(r"\[(`[\w.]+`)\]\([\w./]+\.py\)", r"{py:obj}\1", source[0])
+
+
+def _escape_bars(
     app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]
 ) -> None:
-    """Keeps |A| in docstrings, a size or an absolute value, from being read as a substitution; what
-    stands in backticks is left alone.
-    """
-    lines[:] = [re.sub(r"(`[^`]*`)|\|", lambda found: found[1] or r"\|", line) for line in lines]
+    """Escape the bars of |A|, which would start a substitution; code and equations are kept."""
+    in_equation = False
+    for number, line in enumerate(lines):
+        in_equation = line.lstrip().startswith(".. math::") or (
+            in_equation and (not line.strip() or line.startswith(" "))
+        )
+        if not in_equation:
+            lines[number] = re.sub(r"(`[^`]*`)|\|", lambda bar: bar[1] or r"\|", line)
 
 
 def setup(app: Sphinx) -> None:
-    """Connects what is above."""
-    app.connect("autodoc-process-docstring", _keep_bars)
+    """Connect the functions above."""
+    app.connect("autodoc-process-docstring", _escape_bars)
     app.connect("source-read", _add_pages)
+    app.connect("source-read", _link_names)

@@ -1,0 +1,60 @@
+"""The packages are laid out as docs/architecture.md says, and every public name is used once."""
+
+import ast
+import re
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("calib", "silhouette_core", "voxelpose")
+
+
+def modules() -> list[Path]:
+    """Return all modules of the packages, relative to the repository."""
+    return sorted(
+        path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*.py")
+    )
+
+
+def shares_names(path: Path) -> bool:
+    """Whether a module may repeat names and file names: a kernel or its reference."""
+    return "kernels" in path.parts or path.stem in ("__init__", "__main__", "reference")
+
+
+def listed_modules() -> set[Path]:
+    """Return the modules listed in the tree of docs/architecture.md."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    tree = re.search(r"```\n(calib/.*?)```", text, re.DOTALL)
+    assert tree is not None, "docs/architecture.md holds no tree that begins with calib/"
+    listed, folders = set(), [Path()]
+    for line in filter(str.strip, tree[1].splitlines()):
+        depth = (len(line) - len(line.lstrip())) // 2
+        names = re.split(r"\s{2,}", line.strip(), maxsplit=1)[0].split()
+        if names[0].endswith("/"):
+            folders[depth + 1 :] = [folders[depth] / names.pop(0)]
+            depth += 1
+        listed |= {folders[depth] / name for name in names}
+    return listed
+
+
+def test_architecture_lists_what_is_there():
+    there = {path for path in modules() if path.stem not in ("__init__", "__main__")}
+    assert listed_modules() == there
+
+
+def test_no_public_name_is_defined_twice():
+    homes = defaultdict(list)
+    for path in modules():
+        if not shares_names(path):
+            for node in ast.parse((ROOT / path).read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name[0] != "_":
+                    homes[node.name].append(path)
+    assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
+
+
+def test_no_file_name_is_used_twice_in_a_package():
+    homes = defaultdict(list)
+    for path in modules():
+        if not shares_names(path):
+            homes[path.parts[0], path.stem].append(path)
+    assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
