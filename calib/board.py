@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
 from calib.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -119,10 +120,7 @@ class Board:
         Returns:
             The view, or the reason why there is none.
         """
-        if picture.dtype != np.uint8 or picture.ndim not in (2, 3):
-            raise TypeError(
-                f"picture must be (H, W) or (H, W, 3) uint8, got {picture.shape} {picture.dtype}"
-            )
+        check_array("picture", picture, ("H", "W", 3)[: max(picture.ndim, 2)], np.uint8)
         grey = (
             picture
             if picture.ndim == 2

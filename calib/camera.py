@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calib.checks import float_array, image_size
 from calib.errors import InputError
 from calib.lens import FisheyeLens, RationalLens
 
@@ -22,30 +23,10 @@ _ROTATION_TOLERANCE = 1e-3  # files round their matrices to a few digits
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
-def _array(value: ArrayLike, shape: tuple[int | None, ...], what: str) -> FloatArray:
-    """Returns a read-only float64 copy of `value`, checked for shape and finite numbers."""
-    array = np.array(value, dtype=np.float64)
-    wanted = (
-        "("
-        + ", ".join("N" if n is None else str(n) for n in shape)
-        + ("," if len(shape) == 1 else "")
-        + ")"
-    )
-    if array.ndim != len(shape) or any(
-        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
-    ):
-        raise ValueError(f"{what} must be {wanted}, got {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{what} must be finite, got {array.tolist()}")
+def _frozen(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> FloatArray:
+    """Returns a read-only float64 copy of finite numbers."""
+    array = float_array(name, value, shape, finite=True).copy()
     array.setflags(write=False)
-    return array
-
-
-def _points(value: ArrayLike, columns: int, what: str) -> FloatArray:
-    """Returns `value` as (N, columns) float64 without copying where possible."""
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise ValueError(f"{what} must be (N, {columns}), got {array.shape}")
     return array
 
 
@@ -77,12 +58,7 @@ class Camera:
     def __post_init__(self) -> None:
         """Checks every value once and freezes the arrays."""
         who = f"camera {self.name}: "
-        size = tuple(int(n) for n in self.size)
-        if len(size) != 2 or min(size) < 1:
-            raise ValueError(
-                f"{who}size must be (width, height) of at least one pixel, got {self.size}"
-            )
-        matrix = _array(self.matrix, (3, 3), who + "matrix")
+        matrix = _frozen(who + "matrix", self.matrix, (3, 3))
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise ValueError(
                 f"{who}focal lengths must be positive, got {matrix[0, 0]:g}, {matrix[1, 1]:g}"
@@ -91,14 +67,14 @@ class Camera:
             raise ValueError(
                 f"{who}matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}"
             )
-        distortion = _array(self.distortion, (None,), who + "distortion")
+        distortion = _frozen(who + "distortion", self.distortion, ("n",))
         counts = (4,) if self.fisheye else _COUNTS
         if len(distortion) not in counts:
             raise ValueError(
                 f"{who}distortion must have {' or '.join(map(str, counts))} numbers, got"
                 f" {len(distortion)}"
             )
-        rotation = _array(self.rotation, (3, 3), who + "rotation")
+        rotation = _frozen(who + "rotation", self.rotation, (3, 3))
         error = np.abs(rotation @ rotation.T - np.eye(3)).max()
         if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
             raise ValueError(
@@ -106,11 +82,11 @@ class Camera:
                 f" {rotation.tolist()}"
             )
         for key, value in (
-            ("size", size),
+            ("size", image_size(who + "size", self.size)),
             ("matrix", matrix),
             ("distortion", distortion),
             ("rotation", rotation),
-            ("translation", _array(self.translation, (3,), who + "translation")),
+            ("translation", _frozen(who + "translation", self.translation, (3,))),
         ):
             object.__setattr__(self, key, value)
 
@@ -146,7 +122,7 @@ class Camera:
             the optical axis (N,) float64, m.
         """
         points_camera = (
-            _points(points_world, 3, "points_world") @ self.rotation.T + self.translation
+            float_array("points_world", points_world, ("N", 3)) @ self.rotation.T + self.translation
         )
         depth_m = points_camera[:, 2].copy()
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -163,7 +139,7 @@ class Camera:
         Returns: Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world;
             NaN where no ray meets the pixel.
         """
-        normalised = self.lens.undistort(self._normalised(_points(pixels, 2, "pixels")))
+        normalised = self.lens.undistort(self._normalised(float_array("pixels", pixels, ("N", 2))))
         directions = np.column_stack([normalised, np.ones(len(normalised))]) @ self.rotation
         return self.center_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
@@ -171,7 +147,9 @@ class Camera:
         """Moves recorded pixels (N, 2) to where the pinhole camera of the same matrix has them, (N,
         2) float64, px.
         """
-        return self._pixels(self.lens.undistort(self._normalised(_points(pixels, 2, "pixels"))))
+        return self._pixels(
+            self.lens.undistort(self._normalised(float_array("pixels", pixels, ("N", 2))))
+        )
 
     def pinhole(self, scale: float = 1.0) -> "Camera":
         """Returns the same camera without distortion, its image scaled by `scale`."""

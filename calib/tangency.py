@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import check_array
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -66,16 +67,14 @@ class Outline:
         Raises:
             ValueError: The silhouette has another shape than the camera's image.
         """
-        if (
-            mask.ndim != 2
-            or mask.dtype != np.bool_
-            or abs(mask.shape[0] * camera.size[0] / mask.shape[1] - camera.size[1]) > 4
-        ):
-            width, height = camera.size
-            raise ValueError(
-                f"camera {camera.name}: silhouette must be ({height}, {width}) bool, or scaled, got"
-                f" {mask.shape} {mask.dtype}"
-            )
+        width, height = camera.size
+        scaled = mask.ndim == 2 and abs(mask.shape[0] * width / mask.shape[1] - height) <= 4
+        check_array(
+            f"camera {camera.name}: silhouette",
+            mask,
+            mask.shape if scaled else (height, width),
+            np.bool_,
+        )
         if np.count_nonzero(mask) < _LEAST_PIXELS:
             return None
         scale = np.array(mask.shape[::-1]) / camera.size

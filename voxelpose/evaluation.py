@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.export.trc import POSE2SIM_AXES, read_trc
@@ -124,11 +125,8 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
     Raises:
         ValueError: shapes differ, or the truth is unknown throughout.
     """
-    if truth_m.shape != estimate_m.shape or truth_m.shape[1:] != (len(LANDMARK_NAMES), 3):
-        raise ValueError(
-            f"truth and estimate must both be (T, {len(LANDMARK_NAMES)}, 3), got {truth_m.shape}"
-            f" and {estimate_m.shape}"
-        )
+    check_array("truth_m", truth_m, ("T", len(LANDMARK_NAMES), 3))
+    check_array("estimate_m", estimate_m, truth_m.shape)
     known = np.isfinite(truth_m).all(axis=(1, 2))
     if not known.any():
         raise ValueError("no frame of the truth has all its joints")

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import check_array
 
 SIZE = (320, 240)
 _OVERSAMPLE = 2
@@ -29,11 +30,15 @@ _SEEN = 0.999
 class Window:
     """An observed silhouette as the library would show it.
 
-    Attributes: picture: (240, 320) bool, the silhouette. seen: (240, 320) bool, where the camera's
-        picture reaches; elsewhere nothing is known. world_from_virtual: (3, 3) float64, the virtual
-        camera's orientation (x right, level; y down; z forward). center_m: (3,) float64, the
-        camera's place in the world. focal_px: of the virtual camera. axis_px: (2,) float64, where
-        its optical axis meets the picture. distance_m: assumed distance of the person.
+    Attributes:
+        picture: (240, 320) bool, the silhouette.
+        seen: (240, 320) bool, where the camera's picture reaches; elsewhere nothing is known.
+        world_from_virtual: (3, 3) float64, the virtual camera's orientation (x right, level; y
+            down; z forward).
+        center_m: (3,) float64, the camera's place in the world.
+        focal_px: of the virtual camera.
+        axis_px: (2,) float64, where its optical axis meets the picture.
+        distance_m: assumed distance of the person.
     """
 
     picture: NDArray[np.bool_]
@@ -78,22 +83,24 @@ def look_at(
 ) -> Window:
     """Turns a virtual camera toward a silhouette.
 
-    Args: camera: without distortion; (h, w) are its size. mask: (h, w) bool, the silhouette, not
-        empty. distance_m: where the person is assumed, along the virtual optical axis.
-        pixels_per_metre: size of the library's pictures at that distance. toward_px: (2,) a pixel
-        of the window's middle; None: the silhouette's centroid, as the library's pictures have it.
+    Args:
+        camera: without distortion; (h, w) are its size.
+        mask: (h, w) bool, the silhouette, not empty.
+        distance_m: where the person is assumed, along the virtual optical axis.
+        pixels_per_metre: size of the library's pictures at that distance.
+        toward_px: (2,) a pixel of the window's middle; None: the silhouette's centroid, as the
+            library's pictures have it.
 
-    Returns: The window. Its silhouette's centroid is within half a pixel of the middle, unless
+    Returns:
+        The window. Its silhouette's centroid is within half a pixel of the middle, unless
         `toward_px` was given.
 
     Raises:
         ValueError: the silhouette is empty, or of another size than the camera's.
     """
-    if mask.shape != camera.size[::-1] or not mask.any():
-        raise ValueError(
-            f"mask must be {camera.size[::-1]} and not empty, got {mask.shape} with"
-            f" {np.count_nonzero(mask)} pixels"
-        )
+    check_array("mask", mask, camera.size[::-1])
+    if not mask.any():
+        raise ValueError("mask must not be empty")
     focal = pixels_per_metre * distance_m
     target = _centroid(mask) if toward_px is None else np.asarray(toward_px, float)
     camera_from_virtual = _turned(camera, target)

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
 from silhouette_core.image.foreground import Background, RefinedSettings, refined_mask
 from silhouette_core.image.kernels import background as kernels
 
@@ -88,13 +89,13 @@ class BackgroundModel:
             settings: thresholds; None for the defaults.
 
         Raises:
-            ValueError: no frame, or frames of different size.
-            TypeError: a frame is not (H, W, 3) uint8.
+            ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
+            TypeError: a frame is not uint8.
         """
         count = 0
         sums: list[np.ndarray] = []
         for frame in frames:
-            _check(frame, sums[0].shape if sums else None)
+            check_array("frame", frame, sums[0].shape if sums else ("H", "W", 3), np.uint8)
             if not sums:
                 sums = [np.zeros(frame.shape) for _ in range(4)]
             kernels.add_moments(np.ascontiguousarray(frame), *sums)
@@ -133,12 +134,12 @@ class BackgroundModel:
             over the recording). settings: thresholds; None for the defaults.
 
         Raises:
-            ValueError: no frame, or frames of different size.
-            TypeError: a frame is not (H, W, 3) uint8.
+            ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
+            TypeError: a frame is not uint8.
         """
         stack: list[np.ndarray] = []
         for frame in frames:
-            _check(frame, stack[0].shape if stack else None)
+            check_array("frame", frame, stack[0].shape if stack else ("H", "W", 3), np.uint8)
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
@@ -165,10 +166,10 @@ class BackgroundModel:
             Silhouette, (H, W) bool.
 
         Raises:
-            ValueError: a frame of another size.
-            TypeError: frame is not (H, W, 3) uint8.
+            ValueError: the frame has another size than the background.
+            TypeError: the frame is not uint8.
         """
-        _check(frame, self.mean.shape)
+        check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
         if self.settings.method == "refined":
             return refined_mask(frame, self._background, self.settings.refined, region)
@@ -178,10 +179,3 @@ class BackgroundModel:
             frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask
         )
         return mask if region is None else mask & region
-
-
-def _check(frame: np.ndarray, shape: tuple[int, ...] | None) -> None:
-    if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
-        raise TypeError(f"frame must be (H, W, 3) uint8, got {frame.shape} {frame.dtype}")
-    if shape is not None and frame.shape != shape:
-        raise ValueError(f"frame must be {shape} like the background, got {frame.shape}")

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 
+from calib.checks import check_array
 from silhouette_core.image.kernels import cleanup as kernels
 
 
@@ -28,14 +29,12 @@ def clean(
         A new mask, (H, W) bool.
 
     Raises:
-        TypeError: mask or region is not (H, W) bool of one size.
+        TypeError: mask or region is not bool.
+        ValueError: mask and region are not (H, W) of one size.
     """
-    if mask.ndim != 2 or mask.dtype != np.bool_:
-        raise TypeError(f"mask must be (H, W) bool, got {mask.shape} {mask.dtype}")
-    if region is not None and (region.shape != mask.shape or region.dtype != np.bool_):
-        raise TypeError(
-            f"region must be {mask.shape} bool like the mask, got {region.shape} {region.dtype}"
-        )
+    check_array("mask", mask, ("H", "W"), np.bool_)
+    if region is not None:
+        check_array("region", region, mask.shape, np.bool_)
     kept = mask.copy() if region is None else mask & region
     if min_area_px > 1 or min_share > 0:
         kept = _large_components(kept, min_area_px, min_share)

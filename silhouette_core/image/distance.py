@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
 from silhouette_core.image.kernels import distance as kernels
 from silhouette_core.image.spans import Spans
 
@@ -44,12 +45,12 @@ def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> ND
         to the nearest inside, D_Pmed to the thinned silhouette.
 
     Raises:
-        ValueError: not a mask, or no such weighting.
+        TypeError: mask is not bool.
+        ValueError: mask is not (h, w), or no such weighting.
 
     Source: Okada and Stenger, eq. (6)-(9).
     """
-    if mask.ndim != 2 or mask.dtype != np.bool_:
-        raise ValueError(f"mask must be (h, w) bool, got {mask.shape} {mask.dtype}")
+    check_array("mask", mask, ("h", "w"), np.bool_)
     if weighting not in WEIGHTINGS:
         raise ValueError(f"weighting must be one of {', '.join(WEIGHTINGS)}, got {weighting!r}")
     pixels = mask.view(np.uint8)
@@ -90,8 +91,7 @@ def thin_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), algorithm
     A1.
     """
-    if mask.ndim != 2 or mask.dtype != np.bool_:
-        raise ValueError(f"mask must be (h, w) bool, got {mask.shape} {mask.dtype}")
+    check_array("mask", mask, ("h", "w"), np.bool_)
     image = np.zeros((mask.shape[0] + 2, mask.shape[1] + 2), np.uint8)
     image[1:-1, 1:-1] = mask
     kernels.thin_in_place(image, _removable())
@@ -129,11 +129,8 @@ def silhouette_distances(
 
     Source: Okada and Stenger, eq. (6)-(9).
     """
-    if silhouettes.ndim != 3 or silhouettes.shape[1:] != mask.shape or weights.shape != mask.shape:
-        raise ValueError(
-            f"silhouettes and weights must be of the mask's size {mask.shape}, got"
-            f" {silhouettes.shape} and {weights.shape}"
-        )
+    check_array("silhouettes", silhouettes, ("K", *mask.shape))
+    check_array("weights", weights, mask.shape)
     distances = np.empty(len(silhouettes))
     kernels.dense_distance(mask, weights, silhouettes, distances)
     return distances / mask.size
@@ -207,14 +204,10 @@ class Target:
         shifts = (
             np.zeros((1, 2), np.int64) if shifts_px is None else np.asarray(shifts_px, np.int64)
         )
-        if (
-            shifts.ndim != 2
-            or shifts.shape[1] != 2
-            or (len(shifts) and np.abs(shifts).max() > self.margin_px)
-        ):
+        check_array("shifts_px", shifts, ("S", 2))
+        if len(shifts) and np.abs(shifts).max() > self.margin_px:
             raise ValueError(
-                f"shifts_px must be (S, 2) of at most the margin, {self.margin_px} px, got"
-                f" {shifts.tolist()}"
+                f"shifts_px must be at most the margin, {self.margin_px} px, got {shifts.tolist()}"
             )
         width = self.prefix.shape[1]
         origins = ((shifts[:, 1] + self.margin_px) * width + shifts[:, 0] + self.margin_px).astype(

@@ -17,6 +17,7 @@ The posed mesh is projected with hidden surfaces removed and every pixel holds i
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array, float_array, image_size
 from silhouette_core.image.kernels import raster as kernels
 
 NEAR_M = 0.05
@@ -48,7 +49,7 @@ def render_parts(
 
     Source: Okada and Stenger, 3.1.
     """
-    _check_shape("vertices_cam", vertices_cam, 2)
+    check_array("vertices_cam", vertices_cam, ("V", 3), np.floating)
     faces, face_part, matrix, (width, height) = _checked(
         faces, face_part, matrix, size, len(vertices_cam)
     )
@@ -93,7 +94,7 @@ def render_many(
 
     Source: Okada and Stenger, 3.1.
     """
-    _check_shape("vertices_cam", vertices_cam, 3)
+    check_array("vertices_cam", vertices_cam, ("N", "V", 3), np.floating)
     faces, face_part, matrix, (width, height) = _checked(
         faces, face_part, matrix, size, vertices_cam.shape[1]
     )
@@ -104,19 +105,6 @@ def render_many(
     return parts
 
 
-def _check_shape(name: str, points: NDArray[np.floating], dimensions: int) -> None:
-    """Refuses anything but floating-point rows of three."""
-    if (
-        points.ndim != dimensions
-        or points.shape[-1] != 3
-        or points.dtype not in (np.float32, np.float64)
-    ):
-        wanted = "(V, 3)" if dimensions == 2 else "(N, V, 3)"
-        raise ValueError(
-            f"{name} must be {wanted} float32 or float64, got {points.shape} {points.dtype}"
-        )
-
-
 def _checked(
     faces: NDArray[np.integer],
     face_part: NDArray[np.integer],
@@ -125,26 +113,18 @@ def _checked(
     vertices: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], tuple[int, int]]:
     """Checks what both renderers share and brings it into the kernels' types."""
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise ValueError(f"faces must be (F, 3) integers, got {faces.shape} {faces.dtype}")
-    if face_part.shape != (len(faces),) or face_part.dtype.kind not in "iu":
-        raise ValueError(
-            f"face_part must be ({len(faces)},) integers, got {face_part.shape} {face_part.dtype}"
-        )
-    if np.shape(matrix) != (3, 3):
-        raise ValueError(f"matrix must be (3, 3), got {np.shape(matrix)}")
-    if len(size) != 2 or min(size) < 1:
-        raise ValueError(f"size must be (width, height) of at least 1 pixel, got {size}")
+    check_array("faces", faces, ("F", 3), np.integer)
+    check_array("face_part", face_part, (len(faces),), np.integer)
+    wide = np.ascontiguousarray(float_array("matrix", matrix, (3, 3)))
     if len(faces) and (faces.min() < 0 or faces.max() >= vertices):
         raise ValueError(
             f"faces must index {vertices} vertices, got {faces.min()} to {faces.max()}"
         )
     if len(faces) and (face_part.min() < 0 or face_part.max() > 254):
         raise ValueError(f"face_part must be 0 to 254, got {face_part.min()} to {face_part.max()}")
-    wide = np.ascontiguousarray(matrix, np.float64)
     return (
         np.ascontiguousarray(faces, np.int32),
         np.ascontiguousarray(face_part, np.int32),
         wide,
-        (int(size[0]), int(size[1])),
+        image_size("size", size),
     )

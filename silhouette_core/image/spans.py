@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
+
 
 @dataclass(frozen=True, eq=False)
 class Spans:
@@ -32,11 +34,8 @@ class Spans:
     def __post_init__(self) -> None:
         """Checks every value once."""
         count = len(self.rows)
-        if len(self.starts) != count or len(self.ends) != count:
-            raise ValueError(
-                f"rows, starts and ends must be of one length, got {count}, {len(self.starts)},"
-                f" {len(self.ends)}"
-            )
+        check_array("starts", self.starts, (count,))
+        check_array("ends", self.ends, (count,))
         offsets = self.offsets
         if (
             not len(offsets)

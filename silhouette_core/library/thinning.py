@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import float_array
 from silhouette_core.library.kernels.thinning import thin_rows
 from silhouette_core.motion.heading import split_heading
 from silhouette_core.motion.motion import Motion
@@ -16,7 +17,8 @@ def pose_features(motion: Motion) -> NDArray[np.float64]:
     Args:
         motion: the take.
 
-    Returns: (T, D + 2) float64, radians: the joint angles, then how far the pelvis leans from the
+    Returns:
+        (T, D + 2) float64, radians: the joint angles, then how far the pelvis leans from the
         vertical, as a rotation vector about the body's x and y (its z is 0, the heading about the
         vertical being taken out).
     """
@@ -39,9 +41,11 @@ def thin_poses(
     coordinates that spread most, each of at most 64 cells; it grows with N and with how many kept
     poses share a cell, not with N².
 
-    Args: features_rad: (N, K) float64, finite. tolerance_rad: greater than 0. already_kept: (M, K)
-        float64, poses that are kept whatever is near to them, such as those of a library that
-        grows.
+    Args:
+        features_rad: (N, K) float64, finite.
+        tolerance_rad: greater than 0.
+        already_kept: (M, K) float64, poses that are kept whatever is near to them, such as those of
+            a library that grows.
 
     Returns:
         (L,) int64, increasing: the rows that stay.
@@ -51,21 +55,15 @@ def thin_poses(
 
     Source: Okada and Stenger, §3 (their tolerance is 5 degrees).
     """
-    features = np.ascontiguousarray(features_rad, float)
-    if features.ndim != 2:
-        raise ValueError(f"features_rad must be (N, K), got {features.shape}")
+    features = float_array("features_rad", features_rad, ("N", "K"), finite=True)
     kept_before = (
         np.empty((0, features.shape[1]))
         if already_kept is None
-        else np.asarray(already_kept, float)
+        else float_array("already_kept", already_kept, ("M", features.shape[1]), finite=True)
     )
-    if kept_before.ndim != 2 or kept_before.shape[1] != features.shape[1]:
-        raise ValueError(f"already_kept must be (M, {features.shape[1]}), got {kept_before.shape}")
     if not tolerance_rad > 0:
         raise ValueError(f"tolerance_rad must be greater than 0, got {tolerance_rad}")
     rows = np.vstack([kept_before, features])
-    if not np.isfinite(rows).all():
-        raise ValueError("features hold NaN or infinity")
     kept = np.zeros(len(rows), bool)
     spread = rows.std(axis=0) if len(rows) else np.zeros(rows.shape[1])
     grid = np.argsort(-spread, kind="stable")[:_GRID_COLUMNS].astype(np.int64)

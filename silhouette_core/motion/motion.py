@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 
 if TYPE_CHECKING:
@@ -20,16 +21,19 @@ if TYPE_CHECKING:
 class Motion:
     """Poses of one body over time.
 
-    Attributes: fps: frames per second of the recording. model: the body; its part and joint-angle
-        order is the order of the arrays below. root_m: (T, 3) float64, position of the root part's
-        joint in the world, metres. root_quaternion: (T, 4) float64, unit, w x y z: world_from_body
-        of the root part. angles_rad: (T, D) float64, joint angles, radians. frames: (T,) int64,
-        increasing: the frame of the recording that each pose belongs to. A frame that is left out
-        is lost. time_s: (T,) float64, increasing, seconds. quality: arrays with T in front. Known
-        names, all optional: `part_overlap` (T, P) share of the part's volume that lies in the
-            hull, `part_unsupported` (T, P) bool, no voxel speaks for the part, `unexplained` (T,)
-            share of the hull's voxels that no part covers, `confidence` (T,) from 0 to 1,
-            `landmark_confidence` (T, 15) from 0 to 1.
+    Attributes:
+        fps: frames per second of the recording.
+        model: the body; its part and joint-angle order is the order of the arrays below.
+        root_m: (T, 3) float64, position of the root part's joint in the world, metres.
+        root_quaternion: (T, 4) float64, unit, w x y z: world_from_body of the root part.
+        angles_rad: (T, D) float64, joint angles, radians.
+        frames: (T,) int64, increasing: the frame of the recording that each pose belongs to. A
+            frame that is left out is lost.
+        time_s: (T,) float64, increasing, seconds.
+        quality: arrays with T in front. Known names, all optional: `part_overlap` (T, P) share of
+            the part's volume that lies in the hull, `part_unsupported` (T, P) bool, no voxel speaks
+            for the part, `unexplained` (T,) share of the hull's voxels that no part covers,
+            `confidence` (T,) from 0 to 1, `landmark_confidence` (T, 15) from 0 to 1.
     """
 
     fps: float
@@ -60,10 +64,7 @@ class Motion:
             "time_s": (self.time_s, (count,)),
         }
         for name, (array, shape) in shapes.items():
-            if array.shape != shape:
-                raise ValueError(f"{name} must be {shape}, got {array.shape}")
-            if not np.isfinite(array).all():
-                raise ValueError(f"{name} holds NaN or infinity: leave the lost frames out instead")
+            check_array(name, array, shape, finite=True)
         if (np.diff(self.frames) <= 0).any():
             raise ValueError("frames must increase")
         for name, array in self.quality.items():
@@ -78,8 +79,9 @@ class Motion:
     def parts(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Places every part.
 
-        Returns: (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins (the joints at the
-            parts' near ends) in the world, metres.
+        Returns:
+            (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins (the joints at the parts'
+            near ends) in the world, metres.
         """
         from silhouette_core.motion import kinematics
 

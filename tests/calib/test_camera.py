@@ -174,7 +174,7 @@ def test_arrays_are_frozen_copies():
         ({"matrix": np.eye(4)}, r"matrix must be \(3, 3\), got \(4, 4\)"),
         ({"matrix": np.diag([0.0, 1, 1])}, "focal lengths must be positive"),
         ({"matrix": np.diag([1.0, 1, 2])}, "matrix must be"),
-        ({"matrix": np.full((3, 3), np.nan)}, "matrix must be finite"),
+        ({"matrix": np.full((3, 3), np.nan)}, r"matrix must be \(3, 3\) finite"),
         (
             {"distortion": [0.1] * 3},
             "distortion must have 0 or 4 or 5 or 8 or 12 or 14 numbers, got 3",

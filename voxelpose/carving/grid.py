@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calib.checks import check_array, float_array
+
 _LARGEST = 1 << 30  # voxels: one gigabyte of bool
 
 
@@ -29,11 +31,9 @@ class VoxelGrid:
 
     def __post_init__(self) -> None:
         """Checks every value once."""
-        origin = np.array(self.origin_m, dtype=np.float64)
+        origin = float_array("origin_m", self.origin_m, (3,), finite=True)
         shape = tuple(int(n) for n in self.shape)
         size = float(self.voxel_size_m)
-        if origin.shape != (3,) or not np.isfinite(origin).all():
-            raise ValueError(f"origin_m must be (3,) finite, got {self.origin_m}")
         if not (np.isfinite(size) and size > 0):
             raise ValueError(f"voxel_size_m must be positive, got {self.voxel_size_m}")
         if len(shape) != 3 or min(shape) < 1:
@@ -120,8 +120,7 @@ class VoxelGrid:
         """Returns the centres (N, 3) float64, world, m, of the occupied voxels of `occupancy` (nx,
         ny, nz) bool.
         """
-        if occupancy.shape != self.shape:
-            raise ValueError(f"occupancy must be {self.shape}, got {occupancy.shape}")
+        check_array("occupancy", occupancy, self.shape)
         return self.centres(np.argwhere(occupancy))
 
     def cropped(

@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from calib.checks import check_array
 from calib.errors import InputError
 from voxelpose.carving.grid import VoxelGrid
 
@@ -32,14 +33,12 @@ def surface(
         outside.
 
     Raises:
+        TypeError: The occupancy is not bool.
         ValueError: The occupancy does not fit the grid.
 
     Source: Gibson, "Constrained elastic surface nets" (1998).
     """
-    if occupancy.shape != grid.shape or occupancy.dtype != np.bool_:
-        raise ValueError(
-            f"occupancy must be {grid.shape} bool, got {occupancy.shape} {occupancy.dtype}"
-        )
+    check_array("occupancy", occupancy, grid.shape, np.bool_)
     padded = np.pad(occupancy, 1)
     cells = tuple(n + 1 for n in grid.shape)
     count = np.zeros(cells, dtype=np.uint8)

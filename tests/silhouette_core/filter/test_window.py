@@ -120,7 +120,7 @@ def test_a_middle_that_is_given_is_kept(library):
 
 def test_an_empty_or_misshapen_mask_is_refused():
     camera = camera_at((0, -4, 1))
-    with pytest.raises(ValueError, match="not empty"):
+    with pytest.raises(ValueError, match="must not be empty"):
         look_at(camera, np.zeros(camera.size[::-1], bool), 4.0, METRE_PX)
     with pytest.raises(ValueError, match="mask must be"):
         look_at(camera, np.ones((10, 10), bool), 4.0, METRE_PX)

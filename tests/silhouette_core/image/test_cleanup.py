@@ -48,5 +48,5 @@ def test_empty_and_full():
 def test_wrong_arrays_are_named(ring):
     with pytest.raises(TypeError, match=r"mask must be \(H, W\) bool, got \(5, 5\) uint8"):
         clean(np.zeros((5, 5), np.uint8))
-    with pytest.raises(TypeError, match=r"region must be \(40, 50\) bool"):
+    with pytest.raises(ValueError, match=r"region must be \(40, 50\) bool"):
         clean(ring, region=np.ones((4, 4), bool))

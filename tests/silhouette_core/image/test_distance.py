@@ -158,7 +158,7 @@ def test_silhouettes_without_a_contour_weigh_one():
 
 
 def test_wrong_arguments_are_refused():
-    with pytest.raises(ValueError, match="bool"):
+    with pytest.raises(TypeError, match=r"mask must be \(h, w\) bool"):
         pixel_weights(np.zeros((3, 4)), "xor")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="weighting"):
         pixel_weights(np.zeros((3, 4), bool), "and")  # type: ignore[arg-type]

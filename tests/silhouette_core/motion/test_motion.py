@@ -50,7 +50,7 @@ def test_landmark_confidence_takes_the_best_that_there_is():
     ("changes", "words"),
     [
         ({"angles_rad": np.zeros((5, 3))}, r"angles_rad must be \(5, 4\), got \(5, 3\)"),
-        ({"root_m": np.full((5, 3), np.nan)}, "root_m holds NaN"),
+        ({"root_m": np.full((5, 3), np.nan)}, r"root_m must be \(5, 3\) finite, got NaN"),
         ({"frames": np.array([0, 1, 1, 2, 3])}, "frames must increase"),
         (
             {"quality": {"unexplained": np.zeros(4)}},
