@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
-from silhouette_core.motion.kernels.inverse_kinematics import aim
+from silhouette_core.motion.kernels.kinematics import solve_angles
 
 _REST = 1e-3  # pulls each angle to rest where the directions leave it free: a spine bends evenly
 
@@ -57,17 +57,15 @@ class Targets:
         """
         model, free = self.model, ~self.model.dof_fixed
         angles = np.zeros((len(root_rotation), int(free.sum())))
-        aim(
+        solve_angles(
             model.parents,
             model.joints_m,
             model.dof_part[free],
             model.dof_axis[free],
             model.dof_limits_rad[free],
             np.ascontiguousarray(root_rotation),
-            np.array(self.parts),
-            np.array(self.axes),
+            (np.array(self.parts), np.array(self.axes), np.array(self.weights)),
             np.ascontiguousarray(np.stack(self.wanted, axis=1)),
-            np.array(self.weights),
             _REST,
             angles,
         )

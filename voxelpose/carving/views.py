@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import check_array
 from calib.lens import FisheyeLens, RationalLens
 from voxelpose.carving.kernels import blocks
+from voxelpose.carving.kernels.crop import foreground_box
 
 Masks = Mapping[str, NDArray[np.bool_]] | Sequence[NDArray[np.bool_]]
 
@@ -101,17 +103,7 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
     if len(masks) != len(rig):
         raise ValueError(f"{len(rig)} cameras but {len(masks)} masks")
     for camera, mask in zip(rig, masks, strict=True):
-        width, height = camera.size
-        if mask.dtype != np.bool_:
-            raise TypeError(
-                f"the mask of {camera.name} must be ({height}, {width}) bool, got {mask.shape}"
-                f" {mask.dtype}"
-            )
-        if mask.shape != (height, width):
-            raise ValueError(
-                f"the mask of {camera.name} must be ({height}, {width}) as its camera's image, got"
-                f" {mask.shape}"
-            )
+        check_array(f"mask of {camera.name}", mask, camera.size[::-1], np.bool_)
     return [np.ascontiguousarray(mask).view(np.uint8) for mask in masks]
 
 
@@ -126,7 +118,7 @@ def pack_masks(
     frames = np.zeros((len(masks), 8), dtype=np.int64)
     pixel_count, sum_count = 3, 0
     for frame, mask in zip(frames, masks, strict=True):
-        left, top, wide, high = blocks.foreground_box(mask)
+        left, top, wide, high = foreground_box(mask)
         # One pixel more on every side, even beyond the image: the rim is empty, and no crop is.
         frame[:] = (
             mask.shape[1],

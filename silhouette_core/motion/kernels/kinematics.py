@@ -1,14 +1,23 @@
-"""ForwardFilter kinematics, its axes of turning, and skinning."""
+"""Forward and inverse kinematics of a body, and linear blend skinning.
+
+Source: Rodrigues' formula and the left Jacobian of SO(3) as in Barfoot, "State Estimation for
+Robotics" (2017), section 7.1; linear blend skinning and the Gauss-Newton method are textbook.
+Reference: `silhouette_core.motion.kernels.reference`.
+"""
 
 import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
 
+_STEPS = 30
+_TRUST_RAD = 0.6  # largest change of an angle in one step: beyond it the linearisation is wrong
+_POOR = 0.05  # cost from which a frame is also started from the rest pose
+
 
 @kernel
-def turn(vector, rotation, jacobian):
-    """Rodrigues' formula: fills rotation = Exp(vector) and jacobian, the left Jacobian of SO(3)
-    there.
+def exponential_map(vector, rotation, jacobian):
+    """Fills rotation (3, 3) = Exp(vector) by Rodrigues' formula, and jacobian (3, 3), the left
+    Jacobian of SO(3) there; series for small angles.
     """
     x, y, z = vector[0], vector[1], vector[2]
     angle2 = x * x + y * y + z * z
@@ -23,9 +32,9 @@ def turn(vector, rotation, jacobian):
     for i in range(3):
         for j in range(3):
             square = vector[i] * vector[j] - (angle2 if i == j else 0.0)
-            one = 1.0 if i == j else 0.0
-            rotation[i, j] = one + s * k[i][j] + c * square
-            jacobian[i, j] = one + c * k[i][j] + d * square
+            identity = 1.0 if i == j else 0.0
+            rotation[i, j] = identity + s * k[i][j] + c * square
+            jacobian[i, j] = identity + c * k[i][j] + d * square
 
 
 @kernel
@@ -41,8 +50,8 @@ def place_parts_and_axes(
     part_origin,
     world_axis,
 ):
-    """Fills part_rotation (P, 3, 3), part_origin (P, 3) and world_axis (D, 3): turning DOF k moves
-    x by world_axis[k] x (x - origin).
+    """Fills part_rotation (P, 3, 3) and part_origin (P, 3), world from part, and world_axis (D, 3):
+    angle k moves a point x of its part at the rate world_axis[k] x (x - origin).
     """
     local, jacobian, vector = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     k = 0
@@ -54,17 +63,17 @@ def place_parts_and_axes(
         else:
             base = part_rotation[parent]
             for i in range(3):
-                moved = part_origin[parent, i]
+                position = part_origin[parent, i]
                 for j in range(3):
-                    moved += base[i, j] * (joints[p, j] - joints[parent, j])
-                part_origin[p, i] = moved
+                    position += base[i, j] * (joints[p, j] - joints[parent, j])
+                part_origin[p, i] = position
         first = k
         vector[:] = 0.0
         while k < dof_part.shape[0] and dof_part[k] == p:
             for i in range(3):
                 vector[i] += angles[k] * dof_axis[k, i]
             k += 1
-        turn(vector, local, jacobian)
+        exponential_map(vector, local, jacobian)
         for i in range(3):
             for j in range(3):
                 part_rotation[p, i, j] = (
@@ -87,20 +96,9 @@ def place_parts_and_axes(
 def place_parts(
     parents, joints, dof_part, dof_axis, root_rotation, root, angles, part_rotation, part_origin
 ):
-    """As `place_parts_and_axes`, without the axes."""
-    unused = np.empty((dof_part.shape[0], 3))
-    place_parts_and_axes(
-        parents,
-        joints,
-        dof_part,
-        dof_axis,
-        root_rotation,
-        root,
-        angles,
-        part_rotation,
-        part_origin,
-        unused,
-    )
+    """Fills part_rotation and part_origin as `place_parts_and_axes`, without the axes."""
+    body = (parents, joints, dof_part, dof_axis, root_rotation, root, angles)
+    place_parts_and_axes(*body, part_rotation, part_origin, np.empty((dof_part.shape[0], 3)))
 
 
 @parallel_kernel
@@ -137,3 +135,122 @@ def skin_vertices(vertices, joints, skin_parts, skin_weights, part_rotation, par
             y += w * (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + part_origin[p, 1])
             z += w * (r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + part_origin[p, 2])
         posed[v, 0], posed[v, 1], posed[v, 2] = x, y, z
+
+
+@kernel
+def _descends(parents, ancestor, part):
+    """Whether a part hangs on another, or is it."""
+    while part >= 0 and part != ancestor:
+        part = parents[part]
+    return part == ancestor
+
+
+@kernel
+def _solve_cholesky(matrix, vector, fixed):
+    """Solves in place for the unknowns that are not fixed, by Cholesky decomposition; the fixed
+    ones become 0.
+    """
+    n = vector.shape[0]
+    for i in range(n):
+        if fixed[i]:
+            vector[i] = 0.0
+            matrix[i, :] = 0.0
+            matrix[:, i] = 0.0
+            matrix[i, i] = 1.0
+    for j in range(n):
+        for k in range(j):
+            matrix[j, j] -= matrix[j, k] ** 2
+        matrix[j, j] = np.sqrt(matrix[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] /= matrix[j, j]
+    for i in range(n):
+        for k in range(i):
+            vector[i] -= matrix[i, k] * vector[k]
+        vector[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            vector[i] -= matrix[k, i] * vector[k]
+        vector[i] /= matrix[i, i]
+
+
+@kernel
+def _solve_frame(
+    parents, joints, dof_part, dof_axis, limits, root, targets, directions, rest, angles
+):
+    """Improves angles (D,) of one frame in place, as `solve_angles`; returns the cost.
+
+    An angle at its limit that is pushed outward is fixed for the step, so that the next part
+    takes over what it cannot do.
+    """
+    target_part, target_axis, weight = targets
+    count, parts = dof_part.shape[0], parents.shape[0]
+    rotation, origin = np.empty((parts, 3, 3)), np.empty((parts, 3))
+    axes, zero = np.empty((count, 3)), np.zeros(3)
+    normal, gradient = np.empty((count, count)), np.empty(count)
+    columns, members = np.empty((count, 3)), np.empty(count, np.int64)
+    fixed = np.zeros(count, np.bool_)
+    cost, previous = 0.0, np.inf
+    for _ in range(_STEPS):
+        place_parts_and_axes(
+            parents, joints, dof_part, dof_axis, root, zero, angles, rotation, origin, axes
+        )
+        cost = 0.0
+        normal[:] = 0.0
+        for d in range(count):
+            cost += rest * angles[d] ** 2
+            gradient[d] = -rest * angles[d]
+            normal[d, d] = rest + 1e-6
+        for k in range(target_part.shape[0]):
+            pointing = rotation[target_part[k]] @ target_axis[k]
+            error = directions[k] - pointing
+            cost += weight[k] * (error @ error)
+            used = 0
+            for d in range(count):
+                if _descends(parents, dof_part[d], target_part[k]):
+                    columns[used, 0] = axes[d, 1] * pointing[2] - axes[d, 2] * pointing[1]
+                    columns[used, 1] = axes[d, 2] * pointing[0] - axes[d, 0] * pointing[2]
+                    columns[used, 2] = axes[d, 0] * pointing[1] - axes[d, 1] * pointing[0]
+                    members[used] = d
+                    used += 1
+            for i in range(used):
+                gradient[members[i]] += weight[k] * (columns[i] @ error)
+                for j in range(used):
+                    normal[members[i], members[j]] += weight[k] * (columns[i] @ columns[j])
+        if abs(previous - cost) < 1e-7:
+            break
+        previous = cost
+        for d in range(count):
+            fixed[d] = (angles[d] <= limits[d, 0] and gradient[d] < 0) or (
+                angles[d] >= limits[d, 1] and gradient[d] > 0
+            )
+        _solve_cholesky(normal, gradient, fixed)
+        scale = max(1.0, np.abs(gradient).max() / _TRUST_RAD)
+        for d in range(count):
+            angles[d] = min(max(angles[d] + gradient[d] / scale, limits[d, 0]), limits[d, 1])
+    return cost
+
+
+@kernel
+def solve_angles(
+    parents, joints, dof_part, dof_axis, limits, roots, targets, directions, rest, angles
+):
+    """Fills angles (T, D), each within limits (D, 2), by Gauss-Newton steps on the cost
+    sum_k w_k |R_k a_k - t_k|^2 + rest |q|^2.
+
+    Each frame starts from the angles of the previous one and, where the result is poor, also from
+    the rest pose. Targets are parts (K,), axes a (K, 3) in those parts and weights w (K,), with
+    directions t (T, K, 3); roots (T, 3, 3) are world from body.
+    """
+    restarted = np.empty(angles.shape[1])
+    body = (parents, joints, dof_part, dof_axis, limits)
+    for t in range(angles.shape[0]):
+        if t > 0:
+            angles[t] = angles[t - 1]
+        cost = _solve_frame(*body, roots[t], targets, directions[t], rest, angles[t])
+        if t == 0 or cost > _POOR:
+            restarted[:] = 0.0
+            other = _solve_frame(*body, roots[t], targets, directions[t], rest, restarted)
+            if other < 0.8 * cost:
+                angles[t] = restarted

@@ -9,7 +9,11 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import DOFS, LANDMARK_NAMES, PARENTS, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts_and_axes, turn
+from silhouette_core.motion.kernels.kinematics import (
+    exponential_map,
+    place_one_part,
+    place_parts_and_axes,
+)
 from silhouette_core.motion.kinematics import (
     forward,
     landmarks,
@@ -137,7 +141,7 @@ def _ancestors(part):
 def test_turning_by_small_and_large_vectors(length):
     vector = length * np.array([0.6, -0.64, 0.48])
     rotation, jacobian = np.empty((3, 3)), np.empty((3, 3))
-    turn(vector, rotation, jacobian)
+    exponential_map(vector, rotation, jacobian)
     np.testing.assert_allclose(rotation, Rotation.from_rotvec(vector).as_matrix(), atol=1e-13)
     # Exp(v + dv) = Exp(J dv) Exp(v)
     for k in range(3):

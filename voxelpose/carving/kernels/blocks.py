@@ -1,9 +1,13 @@
-"""Carving from large blocks to small ones; see `voxelpose.carving.carver.carve` for the rule and
-`..reference` for its plain form.
+"""Visual hull by hierarchical carving, from large blocks of voxels to single ones.
 
-A camera is a row of float64 (layout: `..views`), a set of cameras a bit mask, and a block is known
-by its lowest voxel. A mixed block is taken apart into eight, and each camera is asked for all eight
-at once, without branches.
+A camera is a row of float64 (layout below, filled by `voxelpose.carving.views`), a set of cameras a
+bit mask, and a block is given by its lowest voxel. A mixed block is split into eight, and each
+camera classifies all eight at once, without branches.
+
+Source: shape from silhouette as in Laurentini, "The visual hull concept for silhouette-based image
+understanding" (1994); octree refinement as in Szeliski, "Rapid octree construction from image
+sequences" (1993). The summed-area test and the bounds under lens distortion are ours. Reference:
+`voxelpose.carving.kernels.reference.carve_blocks`, every voxel in every camera, equal bit for bit.
 """
 
 import math
@@ -14,9 +18,8 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 LARGEST, LEAF = 32, 4  # edges of blocks, voxels
 _LEAF_VOXELS = LEAF**3
-# of the parallel loop; a fixed number, so that nothing depends on how many threads there are
-_CHUNKS = 64
-_DEEPEST = 32  # blocks that may wait at once while one of the largest is taken apart
+_CHUNKS = 64  # of the parallel loop: fixed, so that nothing depends on the number of threads
+_DEEPEST = 32  # blocks that may wait at once while one of the largest is split
 
 PINHOLE, RATIONAL, FISHEYE = 0, 1, 2
 
@@ -30,12 +33,12 @@ FIELD_SQUARED, SEEN_RADIUS, REACH = 38, 39, 40
 COLUMNS = 41
 
 # Columns of a camera's frame: its image; the crop, which is the box of its foreground and one pixel
-# around; where that starts.
+# around; where that starts in pixels and in sums.
 WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS = 0, 1, 2, 3, 4, 5, 6, 7
 
-# What one camera says of a voxel, or of all voxels of a block. UNCLEAR: they differ, but it sees
-# all of them. CUT: it may not see some. BLIND is also what a voxel adds to the votes of a leaf:
-# cameras that agree are counted below it, those that do not see above.
+# Verdict of one camera on a voxel, or on all voxels of a block. UNCLEAR: they differ, but all are
+# visible. CUT: some may not be visible. BLIND is also what a voxel adds to the votes of a leaf:
+# cameras that agree are counted below it, those that do not see the voxel above.
 OBJECTS, AGREES, UNCLEAR, CUT, BLIND = 0, 1, 2, 3, 64
 _BLIND_BITS = 6
 
@@ -45,10 +48,9 @@ _DEPTH_ERROR_M = 1e-9
 
 
 @kernel
-def distort_unbounded(rows, c, kind, x, y):
-    """Distorts ideal coordinates; the operations and their order are those of
-    `reference.distort_unbounded`.
-    """
+def _distort_unbounded(rows, c, kind, x, y):
+    """Distorts ideal coordinates; operations and order are those of the reference."""
+    row = rows[c]
     s = x * x + y * y
     if kind == FISHEYE:
         radius = math.sqrt(s)
@@ -56,54 +58,41 @@ def distort_unbounded(rows, c, kind, x, y):
             return x, y
         angle = math.atan(radius)
         t = angle * angle
-        ratio = (
-            angle
-            * (1.0 + t * (rows[c, K1] + t * (rows[c, K2] + t * (rows[c, K3] + t * rows[c, K4]))))
-            / radius
-        )
+        ratio = angle * (1.0 + t * (row[K1] + t * (row[K2] + t * (row[K3] + t * row[K4])))) / radius
         return x * ratio, y * ratio
-    below = 1.0 + s * (rows[c, K4] + s * (rows[c, K5] + s * rows[c, K6]))
-    ratio = (1.0 + s * (rows[c, K1] + s * (rows[c, K2] + s * rows[c, K3]))) / below
+    below = 1.0 + s * (row[K4] + s * (row[K5] + s * row[K6]))
+    ratio = (1.0 + s * (row[K1] + s * (row[K2] + s * row[K3]))) / below
     xy = 2.0 * x * y
-    a = (
-        x * ratio
-        + (rows[c, P1] * xy + rows[c, P2] * (s + 2.0 * x * x))
-        + s * (rows[c, S1] + s * rows[c, S2])
-    )
-    b = (
-        y * ratio
-        + (rows[c, P1] * (s + 2.0 * y * y) + rows[c, P2] * xy)
-        + s * (rows[c, S3] + s * rows[c, S4])
-    )
-    if rows[c, TILT] != 0.0:
-        u = (rows[c, TILT] * a + rows[c, TILT + 1] * b) + rows[c, TILT + 2]
-        v = (rows[c, TILT + 3] * a + rows[c, TILT + 4] * b) + rows[c, TILT + 5]
-        w = (rows[c, TILT + 6] * a + rows[c, TILT + 7] * b) + rows[c, TILT + 8]
+    a = x * ratio + (row[P1] * xy + row[P2] * (s + 2.0 * x * x)) + s * (row[S1] + s * row[S2])
+    b = y * ratio + (row[P1] * (s + 2.0 * y * y) + row[P2] * xy) + s * (row[S3] + s * row[S4])
+    if row[TILT] != 0.0:
+        u = (row[TILT] * a + row[TILT + 1] * b) + row[TILT + 2]
+        v = (row[TILT + 3] * a + row[TILT + 4] * b) + row[TILT + 5]
+        w = (row[TILT + 6] * a + row[TILT + 7] * b) + row[TILT + 8]
         a, b = u / w, v / w
     return a, b
 
 
 @kernel
-def _pinhole_boxes(rows, c, middles, half, seen, boxes):
-    """Bounds the images of eight boxes of points, given by their middles (3, 8) and half their
-    edge.
+def _pinhole_boxes(rows, c, centres, half, seen, boxes):
+    """Bounds the images of eight cubes, given by their centres (3, 8) and half their edge.
 
     Fills seen (8,): BLIND or CUT, or AGREES where boxes (4, 8) holds left, right, top and bottom,
-        px, and all points project in between.
+    px, and all points project in between.
     """
     u_x, u_y, u_z, u_1 = rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3]
     v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
     w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
     depth = (abs(w_x) + abs(w_y) + abs(w_z)) * half
-    for n in range(middles.shape[1]):
-        x, y, z = middles[0, n], middles[1, n], middles[2, n]
+    for n in range(centres.shape[1]):
+        x, y, z = centres[0, n], centres[1, n], centres[2, n]
         w = w_x * x + w_y * y + w_z * z + w_1
         near = w - depth
         before = near >= _NEAR_M
         inverse, nearest = 1.0 / (w if before else 1.0), half / (near if before else 1.0)
         u = (u_x * x + u_y * y + u_z * z + u_1) * inverse
         v = (v_x * x + v_y * y + v_z * z + v_1) * inverse
-        # U / W - u = (U - u W) / W: the numerator is affine and zero in the middle, the denominator
+        # U / W - u = (U - u W) / W: the numerator is affine and zero in the centre, the denominator
         # is at least w - depth.
         du = (abs(u_x - u * w_x) + abs(u_y - u * w_y) + abs(u_z - u * w_z)) * nearest
         dv = (abs(v_x - v * w_x) + abs(v_y - v * w_y) + abs(v_z - v * w_z)) * nearest
@@ -112,17 +101,14 @@ def _pinhole_boxes(rows, c, middles, half, seen, boxes):
         boxes[2, n] = v - dv
         boxes[3, n] = v + dv
     for n in range(8):
-        w = w_x * middles[0, n] + w_y * middles[1, n] + w_z * middles[2, n] + w_1
-        seen[n] = (
-            AGREES if w - depth >= _NEAR_M else (BLIND if w + depth < -_DEPTH_ERROR_M else CUT)
-        )
+        w = w_x * centres[0, n] + w_y * centres[1, n] + w_z * centres[2, n] + w_1
+        behind = BLIND if w + depth < -_DEPTH_ERROR_M else CUT
+        seen[n] = AGREES if w - depth >= _NEAR_M else behind
 
 
 @kernel
 def _lens_boxes(rows, kinds, bounds, c, seen, boxes):
-    """Turns boxes of ideal coordinates, as `_pinhole_boxes` fills them for a camera that is no more
-    than [R | t], into pixels.
-    """
+    """Turns boxes of ideal coordinates, as `_pinhole_boxes` fills them for [R | t], into pixels."""
     for n in range(8):
         if seen[n] != AGREES:
             continue
@@ -136,14 +122,14 @@ def _lens_boxes(rows, kinds, bounds, c, seen, boxes):
         if farthest >= rows[c, REACH]:
             seen[n] = CUT
             continue
-        # Mean value theorem: over a disc where |J| <= steep and |J - 1| <= change, a point's image
-        # is no farther from the middle's.
+        # Mean value theorem: bounds the distance between the images of a point and of the box's
+        # centre over a disc where |J| <= steep and |J - 1| <= change.
         bins = bounds.shape[2]
-        place = min(bins - 1, int(farthest / rows[c, REACH] * bins))
-        steep, change = bounds[c, 0, place], bounds[c, 1, place]
+        disc = min(bins - 1, int(farthest / rows[c, REACH] * bins))
+        steep, change = bounds[c, 0, disc], bounds[c, 1, disc]
         dx, dy = 0.5 * (right - left), 0.5 * (bottom - top)
         reach = math.sqrt(dx * dx + dy * dy)
-        a, b = distort_unbounded(rows, c, kinds[c], 0.5 * (left + right), 0.5 * (top + bottom))
+        a, b = _distort_unbounded(rows, c, kinds[c], 0.5 * (left + right), 0.5 * (top + bottom))
         da, db = min(dx + change * reach, steep * reach), min(dy + change * reach, steep * reach)
         u, v = rows[c, FX] * a + rows[c, SKEW] * b + rows[c, CX], rows[c, FY] * b + rows[c, CY]
         du, dv = rows[c, FX] * da + abs(rows[c, SKEW]) * db, rows[c, FY] * db
@@ -152,9 +138,7 @@ def _lens_boxes(rows, kinds, bounds, c, seen, boxes):
 
 @kernel
 def _judge(frames, sums, c, seen, boxes):
-    """Replaces AGREES in seen (8,) by what the camera says of all points whose pixels lie in the
-    boxes (4, 8).
-    """
+    """Replaces AGREES in seen (8,) by the verdict on all pixels in boxes (4, 8)."""
     width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     wide, high, first = np.int32(frames[c, WIDE]), np.int32(frames[c, HIGH]), frames[c, SUMS]
     left_crop, upper_crop = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER])
@@ -187,18 +171,15 @@ def _judge(frames, sums, c, seen, boxes):
 
 
 @kernel
-def _whole_places(rows, frames, c, points, places):
-    """Finds the pixels of a leaf's voxels, all of which a pinhole camera sees: places (LEAF^3,)
-    uint32 in `pixels`.
+def _visible_positions(rows, frames, c, points, positions):
+    """Fills positions (LEAF^3,) uint32: the index in `pixels` of each voxel of a leaf, all of which
+    a pinhole camera sees.
     """
     u_x, u_y, u_z, u_1 = rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3]
     v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
     w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
-    left, upper, wide = (
-        np.int32(frames[c, LEFT]),
-        np.int32(frames[c, UPPER]),
-        np.int32(frames[c, WIDE]),
-    )
+    left, upper = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER])
+    wide = np.int32(frames[c, WIDE])
     right, lower = left + wide - np.int32(1), upper + np.int32(frames[c, HIGH]) - np.int32(1)
     first = np.int32(frames[c, PIXELS])
     for n in range(_LEAF_VOXELS):
@@ -209,18 +190,18 @@ def _whole_places(rows, frames, c, points, places):
         # Not negative, so that truncation rounds down: the nearest pixel centre, ties upward.
         # Beyond the crop is its empty rim.
         column, line = min(max(np.int32(u), left), right), min(max(np.int32(v), upper), lower)
-        places[n] = first + (line - upper) * wide + (column - left)
+        positions[n] = first + (line - upper) * wide + (column - left)
 
 
 @kernel
-def _places(rows, kinds, frames, c, points, places):
-    """Does the same for any camera and any voxels; a place is 0, which holds OBJECTS, beyond the
-    crop, and 2, BLIND, if not seen.
+def _positions(rows, kinds, frames, c, points, positions):
+    """Fills positions as `_visible_positions`, for any camera and any voxels: 0 (OBJECTS) beyond
+    the crop, 2 (BLIND) where a voxel is not visible.
     """
     width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     for n in range(_LEAF_VOXELS):
         x, y, z = points[0, n], points[1, n], points[2, n]
-        places[n] = 2
+        positions[n] = 2
         w = ((rows[c, 8] * x + rows[c, 9] * y) + rows[c, 11]) + rows[c, 10] * z
         if not w > 0.0:
             continue
@@ -230,48 +211,44 @@ def _places(rows, kinds, frames, c, points, places):
         if kinds[c] != PINHOLE:
             if u * u + v * v > rows[c, FIELD_SQUARED]:
                 continue
-            a, b = distort_unbounded(rows, c, kinds[c], u, v)
-            u, v = (
-                (rows[c, FX] * a + rows[c, SKEW] * b) + rows[c, CX],
-                rows[c, FY] * b + rows[c, CY],
-            )
+            a, b = _distort_unbounded(rows, c, kinds[c], u, v)
+            u = (rows[c, FX] * a + rows[c, SKEW] * b) + rows[c, CX]
+            v = rows[c, FY] * b + rows[c, CY]
         u, v = u + 0.5, v + 0.5
         if not (u >= 0.0 and v >= 0.0 and u < width and v < height):
             continue
         column, line = int(u) - frames[c, LEFT], int(v) - frames[c, UPPER]
         known = column >= 0 and line >= 0 and column < frames[c, WIDE] and line < frames[c, HIGH]
-        places[n] = frames[c, PIXELS] + line * frames[c, WIDE] + column if known else 0
+        positions[n] = frames[c, PIXELS] + line * frames[c, WIDE] + column if known else 0
 
 
 @kernel
-def _carve_leaf(
-    rows, kinds, frames, pixels, rule, axes, occupancy, block, state, places, votes, points
-):
+def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
     """Decides a leaf voxel by voxel."""
+    rows, kinds, _, frames, _, pixels = cameras
+    _, _, _, _, _, positions, votes, points = scratch
     tolerance, least, outside = rule
     xs, ys, zs = axes
     i0, j0, k0 = block
     unclear, cut, agreeing, objecting = state
     for n in range(_LEAF_VOXELS):
-        points[0, n], points[1, n], points[2, n] = (
-            xs[i0 + n // (LEAF * LEAF)],
-            ys[j0 + n // LEAF % LEAF],
-            zs[k0 + n % LEAF],
-        )
+        points[0, n] = xs[i0 + n // (LEAF * LEAF)]
+        points[1, n] = ys[j0 + n // LEAF % LEAF]
+        points[2, n] = zs[k0 + n % LEAF]
         votes[n] = 0
-    asked = 0
+    voting = 0
     for c in range(len(kinds)):
         if not (unclear >> c) & 1:
             continue
-        asked += 1
+        voting += 1
         if kinds[c] == PINHOLE and not (cut >> c) & 1:
-            _whole_places(rows, frames, c, points, places)
+            _visible_positions(rows, frames, c, points, positions)
         else:
-            _places(rows, kinds, frames, c, points, places)
+            _positions(rows, kinds, frames, c, points, positions)
         for n in range(_LEAF_VOXELS):
-            votes[n] += pixels[places[n]]
+            votes[n] += pixels[positions[n]]
     enough_agree = least - agreeing
-    enough_unopposed = objecting + asked - tolerance
+    enough_unopposed = objecting + voting - tolerance
     for i in range(min(LEAF, occupancy.shape[0] - i0)):
         for j in range(min(LEAF, occupancy.shape[1] - j0)):
             for k in range(min(LEAF, occupancy.shape[2] - k0)):
@@ -284,26 +261,28 @@ def _carve_leaf(
 
 
 @kernel
-def _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, boxes, states):
-    """Asks the cameras that have yet to speak of a block for its eight children: fills states (4,
-    8).
+def _classify_children(cameras, rule, parent, half, scratch):
+    """Fills states (4, 8) of a block's children: bits of the cameras that are UNCLEAR or CUT, bits
+    of those that are CUT, numbers of those that agree and object.
     """
+    rows, kinds, bounds, frames, sums, _ = cameras
+    _, centres, seen, boxes, states, _, _, _ = scratch
     tolerance, _, outside = rule
     for n in range(8):
         states[0, n], states[1, n], states[2, n], states[3, n] = 0, 0, parent[2], parent[3]
     for c in range(len(kinds)):
         if not (parent[0] >> c) & 1:
             continue
-        _pinhole_boxes(rows, c, middles, half, seen, boxes)
+        _pinhole_boxes(rows, c, centres, half, seen, boxes)
         if kinds[c] != PINHOLE:
             _lens_boxes(rows, kinds, bounds, c, seen, boxes)
         _judge(frames, sums, c, seen, boxes)
-        this = np.int64(1) << c
+        bit = np.int64(1) << c
         alive = 0
         for n in range(8):
             verdict = outside if seen[n] == BLIND else seen[n]
-            states[0, n] |= this if (verdict == UNCLEAR) | (verdict == CUT) else 0
-            states[1, n] |= this if verdict == CUT else 0
+            states[0, n] |= bit if (verdict == UNCLEAR) | (verdict == CUT) else 0
+            states[1, n] |= bit if verdict == CUT else 0
             states[2, n] += verdict == AGREES
             states[3, n] += verdict == OBJECTS
             alive += states[3, n] <= tolerance
@@ -312,17 +291,7 @@ def _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, b
 
 
 @kernel
-def _fill(occupancy, i0, j0, k0, edge):
-    """Sets a block."""
-    nx, ny, nz = occupancy.shape
-    for i in range(i0, min(i0 + edge, nx)):
-        for j in range(j0, min(j0 + edge, ny)):
-            for k in range(k0, min(k0 + edge, nz)):
-                occupancy[i, j, k] = True
-
-
-@kernel
-def _count(cameras):
+def _count_bits(cameras):
     """Counts a set of cameras."""
     count = 0
     while cameras:
@@ -332,12 +301,10 @@ def _count(cameras):
 
 
 @kernel
-def _carve_largest(
-    rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, largest, scratch
-):
-    """Takes one of the largest blocks apart, as far as it is mixed."""
+def _carve_largest(cameras, rule, axes, occupancy, largest, scratch):
+    """Splits one of the largest blocks as far as it is mixed."""
     tolerance, least, _ = rule
-    stack, middles, seen, boxes, states, places, votes, points = scratch
+    stack, centres, _, _, states, _, _, _ = scratch
     xs, ys, zs = axes
     nx, ny, nz = occupancy.shape
     for column in range(8):
@@ -345,79 +312,56 @@ def _carve_largest(
     waiting = 1
     while waiting:
         waiting -= 1
-        i0, j0, k0, edge = (
-            stack[waiting, 0],
-            stack[waiting, 1],
-            stack[waiting, 2],
-            stack[waiting, 3] // 2,
-        )
+        i0, j0, k0 = stack[waiting, 0], stack[waiting, 1], stack[waiting, 2]
+        edge = stack[waiting, 3] // 2
         parent = (stack[waiting, 4], stack[waiting, 5], stack[waiting, 6], stack[waiting, 7])
         half = 0.5 * (xs[i0 + edge - 1] - xs[i0])
         for n in range(8):
             i, j, k = i0 + (n >> 2) * edge, j0 + (n >> 1 & 1) * edge, k0 + (n & 1) * edge
-            middles[0, n], middles[1, n], middles[2, n] = xs[i] + half, ys[j] + half, zs[k] + half
-        _ask(rows, kinds, bounds, frames, sums, rule, parent, middles, half, seen, boxes, states)
+            centres[0, n], centres[1, n], centres[2, n] = xs[i] + half, ys[j] + half, zs[k] + half
+        _classify_children(cameras, rule, parent, half, scratch)
         for n in range(8):
             i, j, k = i0 + (n >> 2) * edge, j0 + (n >> 1 & 1) * edge, k0 + (n & 1) * edge
-            unclear, cut, agreeing, objecting = (
-                states[0, n],
-                states[1, n],
-                states[2, n],
-                states[3, n],
-            )
+            state = (states[0, n], states[1, n], states[2, n], states[3, n])
+            unclear, _, agreeing, objecting = state
             if i >= nx or j >= ny or k >= nz or objecting > tolerance:
                 continue
-            undecided = _count(unclear)
+            undecided = _count_bits(unclear)
             if agreeing + undecided < least:
                 continue
             if agreeing >= least and objecting + undecided <= tolerance:
-                _fill(occupancy, i, j, k, edge)
+                occupancy[i : i + edge, j : j + edge, k : k + edge] = True
             elif edge == LEAF:
-                state = (unclear, cut, agreeing, objecting)
-                _carve_leaf(
-                    rows,
-                    kinds,
-                    frames,
-                    pixels,
-                    rule,
-                    axes,
-                    occupancy,
-                    (i, j, k),
-                    state,
-                    places,
-                    votes,
-                    points,
-                )
+                _carve_leaf(cameras, rule, axes, occupancy, (i, j, k), state, scratch)
             else:
-                stack[waiting, 0], stack[waiting, 1], stack[waiting, 2], stack[waiting, 3] = (
-                    i,
-                    j,
-                    k,
-                    edge,
-                )
-                stack[waiting, 4], stack[waiting, 5], stack[waiting, 6], stack[waiting, 7] = (
-                    unclear,
-                    cut,
-                    agreeing,
-                    objecting,
-                )
+                for column, value in enumerate((i, j, k, edge, *state)):
+                    stack[waiting, column] = value
                 waiting += 1
 
 
 @parallel_kernel
 def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, occupancy):
-    """Carves.
+    """Carves a grid, each of its largest blocks on its own.
 
-    Args: rows: (C, COLUMNS) float64, cameras. kinds: (C,) int64, PINHOLE, RATIONAL or FISHEYE.
-        bounds: (C, 2, bins) float64, how much a lens stretches, and how far it is from no lens, up
-        to a radius. frames: (C, 8) int64, images and crops. sums: (S,) uint16, summed-area tables
-        of all crops modulo 2^16, (HIGH + 1) * (WIDE + 1) each. pixels: (P,) uint8, OBJECTS or
-        AGREES; the first three are OBJECTS, AGREES and BLIND, then come all crops. rule: most
-        cameras that may object, least that must agree, what a camera says that does not see. axes:
-        centres of the voxels along x, y and z, float64, m, continued to a multiple of LARGEST.
-        order: (N,) int64, the order in which the N largest blocks are carved. occupancy: (nx, ny,
-        nz) bool, all False, written: each block its own voxels.
+    Args:
+        rows: (C, COLUMNS) float64, cameras.
+        kinds: (C,) int64, PINHOLE, RATIONAL or FISHEYE.
+        bounds: (C, 2, bins) float64, largest norms of a lens's Jacobian and of its difference from
+            the identity, up to a radius.
+        frames: (C, 8) int64, images and crops.
+        sums: (S,) uint16, summed-area tables of all crops, (HIGH + 1) * (WIDE + 1) each, modulo
+            2^16.
+        pixels: (P,) uint8, OBJECTS or AGREES; the first three are OBJECTS, AGREES and BLIND, then
+            come all crops.
+        rule: most cameras that may object, fewest that must agree, verdict of a camera that does
+            not see the voxel.
+        axes: centres of the voxels along x, y and z, float64, m, continued to a multiple of
+            LARGEST.
+        order: (N,) int64, order in which the N largest blocks are carved.
+        occupancy: (nx, ny, nz) bool, all False; filled, each block its own voxels.
     """
+    cameras = (rows, kinds, bounds, frames, sums, pixels)
+    everyone = (np.int64(1) << len(rows)) - 1
     ny, nz = len(axes[1]) // LARGEST, len(axes[2]) // LARGEST
     for chunk in prange(_CHUNKS):
         scratch = (
@@ -432,53 +376,6 @@ def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, o
         )
         for t in range(chunk * len(order) // _CHUNKS, (chunk + 1) * len(order) // _CHUNKS):
             n = order[t]
-            everyone = (np.int64(1) << len(rows)) - 1
-            largest = (
-                n // (ny * nz) * LARGEST,
-                n // nz % ny * LARGEST,
-                n % nz * LARGEST,
-                LARGEST,
-                everyone,
-                0,
-                0,
-                0,
-            )
-            _carve_largest(
-                rows, kinds, bounds, frames, sums, pixels, rule, axes, occupancy, largest, scratch
-            )
-
-
-@kernel
-def _any(line):
-    """Says whether anything in a row of uint8 is not zero, without stopping early: faster than
-    stopping.
-    """
-    found = np.uint8(0)
-    for x in range(len(line)):
-        found |= line[x]
-    return found != 0
-
-
-@kernel
-def foreground_box(mask):
-    """Returns left, top, width and height of the box around all non-zero pixels of (h, w) uint8;
-    zeros where there are none.
-    """
-    height, width = mask.shape
-    top, bottom = 0, height
-    while top < height and not _any(mask[top]):
-        top += 1
-    if top == height:
-        return 0, 0, 0, 0
-    while not _any(mask[bottom - 1]):
-        bottom -= 1
-    columns = np.zeros(width, np.uint8)
-    for y in range(top, bottom):
-        for x in range(width):
-            columns[x] |= mask[y, x]
-    left, right = 0, width
-    while not columns[left]:
-        left += 1
-    while not columns[right - 1]:
-        right -= 1
-    return left, top, right - left, bottom - top
+            i, j, k = n // (ny * nz) * LARGEST, n // nz % ny * LARGEST, n % nz * LARGEST
+            largest = (i, j, k, LARGEST, everyone, 0, 0, 0)
+            _carve_largest(cameras, rule, axes, occupancy, largest, scratch)
