@@ -35,7 +35,7 @@ from voxelpose.demo.filming import make_recording
 from voxelpose.evaluation import read_joints, read_truth, score_motion
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.timestamps import NAME
+from voxelpose.recording.timestamps import TIMESTAMPS
 
 MOMENTS = 12
 MOST_LATE = 12
@@ -309,7 +309,7 @@ def fitted() -> None:
         offsets = sync_recording(folder, SyncSettings(most_s=1.0, rates=dict.fromkeys(cut, 30.0)))
         for title, stamped in (("as filmed", False), ("in step", True)):
             if stamped:
-                offsets.write(folder / NAME)
+                offsets.write(folder / TIMESTAMPS)
             recording = Recording.open(folder, (10, 34), fps=None if stamped else 30.0)
             out = Path(scratch) / "out"
             fit(

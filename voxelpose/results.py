@@ -1,8 +1,7 @@
-"""Result folders: written beside and renamed at the end, so that a folder is whole or not there."""
+"""Result folders, which are written whole or not at all."""
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import shutil
@@ -20,24 +19,25 @@ from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion
+from voxelpose.atomic import is_disk_full, unwritable
 
 SUMMARY = "summary.json"
 MOTION = "motion.safetensors"
 CALIBRATION = "calibration.toml"
 SETTINGS = "settings.toml"
-_MARK = "voxelpose"  # the key of summary.json by which a folder is known as ours
+_MARK = "voxelpose"  # key of summary.json that marks a folder as a result
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a fit left behind.
+    """Result of a fit, read from its folder.
 
     Attributes:
-        folder: where it lies.
+        folder: the result folder.
         motion: the poses, with their body.
         rig: the cameras.
-        summary: summary.json: version, frames, timings, quality.
-        settings: settings.toml: what the fit was told.
+        summary: contents of summary.json: version, frames, timings, quality.
+        settings: contents of settings.toml: the settings of the fit.
     """
 
     folder: Path
@@ -51,15 +51,15 @@ class Result:
         """Reads a result folder.
 
         Args:
-            folder: as given to `fit --out`.
+            folder: the folder, as given to `fit --out`.
 
         Raises:
-            InputError: it is no result folder, or a file of it is damaged.
+            InputError: the folder is not a result, or a file in it is damaged.
         """
         folder = Path(folder)
         if not is_result(folder):
             raise InputError(
-                f"{folder} is not a result of voxelpose (no {SUMMARY} of ours in it): give the"
+                f"{folder} is not a result of voxelpose (it has no {SUMMARY} of ours): give the"
                 " folder of a fit"
             )
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
@@ -73,7 +73,7 @@ class Result:
 
 
 def is_result(folder: Path) -> bool:
-    """Says whether a folder was written by voxelpose."""
+    """Whether a folder was written by voxelpose."""
     try:
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -82,8 +82,10 @@ def is_result(folder: Path) -> bool:
 
 
 def as_json(document: Mapping[str, object]) -> str:
-    """Returns a document as JSON text: NumPy's values as plain ones, what is not finite as null,
-    which JSON has no number for.
+    """Returns a document as JSON text; numbers that are not finite become null.
+
+    Args:
+        document: mappings, sequences, NumPy arrays, numbers and text.
     """
     return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
 
@@ -99,32 +101,37 @@ def _plain(value: object) -> object:
 
 
 class ResultWriter:
-    """A folder that appears whole or not at all.
+    """Context manager of a folder that is written whole or not at all.
 
     with ResultWriter(out) as folder:
         (folder / "joints.csv").write_text(...)
 
-    Inside, `folder` is a new folder beside `out`. When the block ends well it takes out's name;
-    when it ends with any exception, KeyboardInterrupt included, it is removed. A full disk becomes
+    Inside the block, `folder` is a new folder beside `out`. It is renamed to `out` when the block
+    ends, and removed when the block raises, KeyboardInterrupt included. A full disk is reported as
     an InputError.
+
+    Attributes:
+        out: the folder to be written.
     """
 
     def __init__(
         self, out: Path | str, overwrite: bool = False, keep_out_of: Path | None = None
     ) -> None:
-        """Looks at where the results are to go, before any work is done.
+        """Checks where the results are to be written, before any work is done.
 
-        Args: out: the folder to be made. overwrite: whether an earlier result of this name is
-            replaced (at the end, when the new one is whole). keep_out_of: a folder that the results
-            must not lie in: the recording.
+        Args:
+            out: the folder to be written.
+            overwrite: whether an earlier result of this name is replaced, once the new one is
+                complete.
+            keep_out_of: a folder in which the results must not lie: the recording.
 
         Raises:
-            InputError: `out` exists and is not to be replaced, or cannot be made.
+            InputError: `out` exists and must not be replaced, or cannot be made.
         """
         self.out = Path(out)
-        whole = self.out.resolve()
+        target = self.out.resolve()
         if keep_out_of is not None and (
-            whole == keep_out_of.resolve() or keep_out_of.resolve() in whole.parents
+            target == keep_out_of.resolve() or keep_out_of.resolve() in target.parents
         ):
             raise InputError(
                 f"{self.out} lies in the recording {keep_out_of}: give --out another place"
@@ -143,14 +150,14 @@ class ResultWriter:
                 )
 
     def __enter__(self) -> Path:
-        whole = self.out.resolve()
-        self._made = [parent for parent in whole.parents if not parent.exists()]
-        self.folder = whole.with_name(f"{whole.name}.partial-{uuid.uuid4().hex[:8]}")
+        target = self.out.resolve()
+        self._made = [parent for parent in target.parents if not parent.exists()]
+        self._partial = target.with_name(f"{target.name}.partial-{uuid.uuid4().hex[:8]}")
         try:
-            self.folder.mkdir(parents=True)
+            self._partial.mkdir(parents=True)
         except OSError as error:
-            raise InputError(f"{self.out} cannot be made: {error.strerror or error}") from error
-        return self.folder
+            raise unwritable(self.out, error) from error
+        return self._partial
 
     def __exit__(
         self,
@@ -164,30 +171,27 @@ class ResultWriter:
                 return
             except OSError as failed:
                 error = failed
-        shutil.rmtree(self.folder, ignore_errors=True)
+        shutil.rmtree(self._partial, ignore_errors=True)
         for parent in self._made:
             try:
                 parent.rmdir()
             except OSError:
                 break
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise InputError(
-                f"the disk is full: {self.out} was not written; free some space or give --out"
-                " another disk"
-            ) from error
+        if isinstance(error, OSError) and is_disk_full(error):
+            raise unwritable(self.out, error) from error
         if kind is None:
             raise error
 
     def _rename(self) -> None:
-        whole = self.out.resolve()
-        if not whole.exists():
-            self.folder.rename(whole)
+        target = self.out.resolve()
+        if not target.exists():
+            self._partial.rename(target)
             return
-        old = self.folder.with_name(self.folder.name.replace(".partial-", ".old-"))
-        whole.rename(old)
+        old = self._partial.with_name(self._partial.name.replace(".partial-", ".old-"))
+        target.rename(old)
         try:
-            self.folder.rename(whole)
+            self._partial.rename(target)
         except OSError:
-            old.rename(whole)
+            old.rename(target)
             raise
         shutil.rmtree(old, ignore_errors=True)

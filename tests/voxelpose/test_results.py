@@ -94,7 +94,7 @@ def test_the_recording_itself_is_kept_clean(tmp_path, inside):
 def test_a_place_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("x")
     with (
-        pytest.raises(InputError, match="file/out cannot be made"),
+        pytest.raises(InputError, match="file/out cannot be written"),
         ResultWriter(tmp_path / "file" / "out"),
     ):
         pass

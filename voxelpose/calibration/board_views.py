@@ -15,7 +15,7 @@ from calib.board import Board, BoardView, Effort, Refusal
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import pictures_by_camera
-from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still, together
+from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still, read_together
 
 _EXAMINED = 400  # frames of a video in which the board is looked for, at most
 _NEW_VIEW = 0.02  # of the picture's size: boards nearer to each other say the same
@@ -254,7 +254,7 @@ def board_moments(
     finders = {name: _Finder(board, bool(one.stills)) for name, one in readers.items()}
     views: dict[str, dict[str, BoardView]] = {}
     reporter.stage("looking for the board", -(-count // step))
-    for number, frames in enumerate(together(readers, 0, count)):
+    for number, frames in enumerate(read_together(readers, 0, count)):
         if number % step and number != floor:
             continue
         found = {name: finders[name](frame, number == floor) for name, frame in frames.items()}

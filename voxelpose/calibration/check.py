@@ -22,7 +22,7 @@ from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.timestamps import NAME, write_timestamps
+from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
 from voxelpose.results import ResultWriter
 
 LONG_SIDE_PX = 480
@@ -219,7 +219,7 @@ def _follow(
     )
     reporter.stage(f"{name} frame by frame", len(near))
     outlines = []
-    for frame in recording.readers[name].pick((near + recording.first).tolist()):
+    for frame in recording.readers[name].select((near + recording.first).tolist()):
         outlines.append(Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name]))
         reporter.advance()
     return OutlineTrack(recording.rig[name], recording.times_s[near], tuple(outlines))
@@ -303,6 +303,7 @@ def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
         if late:
             times = recording.file_times()
             write_timestamps(
-                folder / NAME, {name: one - late.get(name, 0.0) for name, one in times.items()}
+                folder / TIMESTAMPS,
+                {name: one - late.get(name, 0.0) for name, one in times.items()},
             )
     return Path(out)

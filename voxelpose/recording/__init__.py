@@ -1,1 +1,1 @@
-"""A recording folder: its videos, frames, time stamps and subject."""
+"""Recording folders: videos, frames, timestamps and the subject."""

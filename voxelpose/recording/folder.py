@@ -1,8 +1,5 @@
-"""A recording folder: videos, empty backgrounds, calibration, and who was filmed. See
-docs/recordings.md.
-"""
+"""Recording folder: videos, empty backgrounds, calibration and subject; see docs/recordings.md."""
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +10,16 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import read_rig
-from voxelpose.recording.frame_reader import STILLS, VIDEOS, Frame, FrameReader, together
-from voxelpose.recording.timestamps import NAME, in_step, read_timestamps
+from voxelpose.recording.frame_reader import (
+    STILLS,
+    VIDEOS,
+    Frame,
+    FrameReader,
+    read_together,
+    size_text,
+)
+from voxelpose.recording.subject import Subject, read_subject
+from voxelpose.recording.timestamps import TIMESTAMPS, match_frames, read_timestamps
 
 _CALIBRATIONS = (
     "calibration.toml",
@@ -25,41 +30,30 @@ _CALIBRATIONS = (
     "calibration",
 )
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "calibration"})
-_USUAL_FOCAL = (
-    1.0  # focal length over the longer side: 53 degrees, between a telephone and a webcam
-)
+# Focal length over the longer image side: 53 degrees, between a telephone and a webcam.
+_DEFAULT_FOCAL = 1.0
 _RATE_TOLERANCE = 0.01  # cameras triggered together write average rates that differ a little
-
-
-@dataclass(frozen=True)
-class Subject:
-    """Who was filmed, from subject.toml; None where it does not say.
-
-    Attributes:
-        stature_m: height.
-        chest_girth_m: chest girth.
-        sex: "male", "female" or "unknown".
-        body: file of a body model.
-    """
-
-    stature_m: float | None = None
-    chest_girth_m: float | None = None
-    sex: str = "unknown"
-    body: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Synchronous pictures of calibrated cameras. Open it with `Recording.open`; iterate as often
-    as wanted.
+    """Synchronous frames of calibrated cameras, opened by `Recording.open`.
 
-    Attributes: folder: the recording folder. calibration_path: the calibration that was read; None
-        where a single camera has none and the usual one stands in for it. rig: the cameras used, in
-        the calibration's order. readers: the pictures by camera name. first: number of the first
-        frame used. frame_count: how many frames are used. fps: frames per second. times_s:
-        (frame_count,) float64, seconds since the recording's first frame. subject: who was filmed.
-        silhouettes_given: the pictures are silhouettes already (white on black, from masks/), not
-        camera images.
+    Iterating yields the frames in order and may be repeated.
+
+    Attributes:
+        folder: the recording folder.
+        calibration_path: the calibration file; None where a single camera has none and
+            `default_camera` is assumed.
+        rig: the cameras in use, in the calibration's order.
+        readers: frame readers by camera name.
+        first: number of the first frame in use.
+        frame_count: number of frames in use.
+        fps: frames per second.
+        times_s: (frame_count,) float64, seconds since the recording's first frame.
+        subject: the person that was filmed.
+        silhouettes_given: whether the frames are silhouettes already (white on black, from
+            masks/) and not camera images.
     """
 
     folder: Path
@@ -82,17 +76,24 @@ class Recording:
         unit: str | None = None,
         fps: float | None = None,
     ) -> "Recording":
-        """Looks at every file of a recording and checks that they belong together. No frame but the
-        first is decoded.
+        """Opens a recording folder and checks that its files fit each other.
 
-        Args: folder: the recording folder. frames: first frame and one past the last, as a Python
-            slice (None: from the start, to the end); None means all. cameras: names of the cameras
-            to use; None means all. unit: unit of the calibration's lengths, where the file does not
-            state it. fps: frames per second, where folders of frames without timestamps.csv do not
-            tell; otherwise it overrules them.
+        Only the first frame of every video is decoded.
 
-        Raises: InputError: something is missing, unreadable or does not fit, in one line that names
-            it and the remedy.
+        Args:
+            folder: the recording folder.
+            frames: first frame and one past the last, either None as in a Python slice; None
+                selects all frames.
+            cameras: names of the cameras to use; None selects all.
+            unit: unit of the calibration's lengths, where the file does not state it.
+            fps: frames per second; needed for folders of images without timestamps.csv, and takes
+                precedence over both the videos' rates and timestamps.csv.
+
+        Returns:
+            The recording.
+
+        Raises:
+            InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
         if not folder.is_dir():
@@ -101,8 +102,8 @@ class Recording:
                 " calibration.toml"
             )
         paths = pictures_by_camera(folder)
-        given = not paths and (folder / "masks").is_dir()
-        if given:
+        silhouettes_given = not paths and (folder / "masks").is_dir()
+        if silhouettes_given:
             paths = pictures_by_camera(folder / "masks")
         if not paths:
             raise InputError(
@@ -119,9 +120,9 @@ class Recording:
                 )
         readers = {name: FrameReader.open(path) for name, path in paths.items()}
         calibration = _calibration_path(folder)
-        sizes = {one.size for one in readers.values()}
+        sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
-            rig = Rig((usual_camera(cameras[0], sizes.pop()),))
+            rig = Rig((default_camera(cameras[0], sizes.pop()),))
         elif calibration is None:
             raise InputError(
                 f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml;"
@@ -129,16 +130,15 @@ class Recording:
             )
         else:
             rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
-            rig = _matching(rig, readers, calibration, cameras)
+            rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        stamped = fps is None and (folder / NAME).exists()
-        if stamped:
-            readers, rate, times_s = _stamped(folder / NAME, readers)
-            start, stop = _range(readers, frames)
+        if fps is None and (folder / TIMESTAMPS).exists():
+            readers, rate, times_s = _by_timestamps(folder / TIMESTAMPS, readers)
+            start, stop = _frame_range(readers, frames)
         else:
-            start, stop = _range(readers, frames)
-            rate, times_s = _times(folder, readers, fps)
-        subject = _read_subject(folder / "subject.toml")
+            start, stop = _frame_range(readers, frames)
+            rate, times_s = _by_rate(folder, readers, fps)
+        subject = read_subject(folder / "subject.toml")
         return cls(
             folder,
             calibration,
@@ -149,90 +149,101 @@ class Recording:
             rate,
             times_s[start:stop],
             subject,
-            given,
+            silhouettes_given,
         )
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
-        """Yields the frame's number in the recording, its time in seconds, and (H, W, 3) uint8 BGR
-        by camera name.
+        """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.
 
         Raises:
             InputError: a file cannot be read to its end.
         """
-        for step, frames in enumerate(
-            together(self.readers, self.first, self.first + self.frame_count)
-        ):
+        stop = self.first + self.frame_count
+        for step, frames in enumerate(read_together(self.readers, self.first, stop)):
             yield self.first + step, float(self.times_s[step]), frames
 
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, Frame]]:
-        """Yields the pictures, (H, W, 3) uint8 BGR by camera name, of some time steps only, counted
-        from `first`, never falling.
+        """Yields the frames of selected time steps, (H, W, 3) uint8 BGR by camera name.
+
+        Args:
+            steps: time steps, counted from `first`, in ascending order.
 
         Raises:
-            InputError: a file cannot be read so far.
+            InputError: a file cannot be read as far as requested.
         """
-        wanted = [self.first + int(step) for step in steps]
-        return together(
-            {name: one.pick(wanted) for name, one in self.readers.items()}, 0, len(wanted)
-        )
+        numbers = [self.first + int(step) for step in steps]
+        readers = {name: reader.select(numbers) for name, reader in self.readers.items()}
+        return read_together(readers, 0, len(numbers))
 
     def file_times(self) -> dict[str, NDArray[np.float64]]:
-        """Returns when every frame of every camera's file was taken, s: by timestamps.csv, else at
-        the file's rate from a common start.
+        """Returns the time of every frame of every camera's file, s, by camera name.
+
+        Times are those of timestamps.csv, or else follow from the file's rate and a common start.
         """
-        files = {name: FrameReader.open(one.path) for name, one in self.readers.items()}
-        if (self.folder / NAME).exists():
-            return read_timestamps(self.folder / NAME, files)
+        readers = {name: FrameReader.open(reader.path) for name, reader in self.readers.items()}
+        if (self.folder / TIMESTAMPS).exists():
+            return read_timestamps(self.folder / TIMESTAMPS, readers)
         return {
-            name: np.arange(one.frame_count) / (one.fps or self.fps) for name, one in files.items()
+            name: np.arange(reader.frame_count) / (reader.fps or self.fps)
+            for name, reader in readers.items()
         }
 
     def backgrounds(self) -> dict[str, FrameReader]:
-        """Returns the pictures of the empty view for each camera that has them in background/.
+        """Returns readers of the empty view for the cameras that have one in background/.
 
         Raises:
-            InputError: one cannot be read or has another size than the camera.
+            InputError: a file cannot be read or differs in size from the camera.
         """
-        found: dict[str, FrameReader] = {}
+        backgrounds: dict[str, FrameReader] = {}
         paths = pictures_by_camera(self.folder / "background", stills=True)
         for camera in self.rig:
             if camera.name in paths and not self.silhouettes_given:
-                found[camera.name] = FrameReader.open(paths[camera.name])
-                if found[camera.name].size != camera.size:
+                reader = FrameReader.open(paths[camera.name])
+                if reader.size != camera.size:
                     raise InputError(
-                        f"{paths[camera.name]} is {_by(found[camera.name].size)} px, camera"
-                        f" {camera.name} {_by(camera.size)}: record the background with the same"
-                        " settings, or remove it"
+                        f"{paths[camera.name]} is {size_text(reader.size)} px, camera"
+                        f" {camera.name} {size_text(camera.size)}: record the background with the"
+                        " same settings, or remove it"
                     )
-        return found
+                backgrounds[camera.name] = reader
+        return backgrounds
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:
-        """Returns the region of interest, (H, W) bool, for each camera that has one in regions/
-        (white: the person may be there).
+        """Returns the region of interest, (H, W) bool, of the cameras that have one in regions/.
+
+        White pixels of the file are those where the person may be.
 
         Raises:
-            InputError: one cannot be read or has another size than the camera.
+            InputError: a file cannot be read or differs in size from the camera.
         """
-        found: dict[str, NDArray[np.bool_]] = {}
+        regions: dict[str, NDArray[np.bool_]] = {}
         for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
             if name in self.rig:
                 image = next(iter(FrameReader.open(path)))
                 if image.shape[1::-1] != self.rig[name].size:
                     raise InputError(
-                        f"{path} is {_by(image.shape[1::-1])} px, camera {name}"
-                        f" {_by(self.rig[name].size)}: draw it on a frame"
+                        f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
+                        f" {size_text(self.rig[name].size)}: draw it on a frame"
                     )
-                found[name] = image.max(axis=2) > 127
-        return found
+                regions[name] = image.max(axis=2) > 127
+        return regions
 
 
 def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
-    """Returns videos and folders of frames (and stills) in a folder by camera name, which is the
-    file's stem.
+    """Returns the videos and folders of images in a folder, by camera name.
+
+    The camera name is the stem of the file or the name of the folder.
+
+    Args:
+        folder: the folder; one that does not exist is empty.
+        stills: whether single images count too.
+
+    Raises:
+        InputError: two files belong to one camera.
     """
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     if not folder.is_dir():
-        return found
+        return paths
     for path in sorted(folder.iterdir()):
         suffix = path.suffix.lower()
         if path.name.startswith(".") or path.name in _SUBFOLDERS:
@@ -245,28 +256,30 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
             name = path.stem
         else:
             continue
-        if name in found:
+        if name in paths:
             raise InputError(
-                f"{folder} has both {found[name].name} and {path.name} for camera {name}:"
+                f"{folder} has both {paths[name].name} and {path.name} for camera {name}:"
                 " remove one"
             )
-        found[name] = path
-    return found
+        paths[name] = path
+    return paths
 
 
 def _calibration_path(folder: Path) -> Path | None:
     return next((folder / name for name in _CALIBRATIONS if (folder / name).exists()), None)
 
 
-def usual_camera(name: str, size: tuple[int, int]) -> Camera:
-    """Returns the camera that is assumed where one alone has no calibration: level, a metre above
-    the ground, of a usual field of view.
+def default_camera(name: str, size: tuple[int, int]) -> Camera:
+    """Camera assumed for a single video without calibration.
+
+    It is level and one metre above the ground; its field of view along the longer image side is
+    53 degrees.
 
     Args:
-        name: of the camera.
-        size: (width, height) of its pictures, px.
+        name: camera name.
+        size: image (width, height), px.
     """
-    focal = _USUAL_FOCAL * max(size)
+    focal = _DEFAULT_FOCAL * max(size)
     matrix = np.array(
         [[focal, 0.0, (size[0] - 1) / 2], [0.0, focal, (size[1] - 1) / 2], [0.0, 0.0, 1.0]]
     )
@@ -281,11 +294,11 @@ def usual_camera(name: str, size: tuple[int, int]) -> Camera:
     )
 
 
-def _matching(
+def _select_cameras(
     rig: Rig, readers: Mapping[str, FrameReader], calibration: Path, cameras: Sequence[str] | None
 ) -> Rig:
-    """Returns the cameras to use, each of which has calibration and pictures of the right size."""
-    wanted = list(rig.names) if cameras is None else list(cameras)
+    """Returns the cameras to use, each with a calibration and a video of the calibrated size."""
+    requested = list(rig.names) if cameras is None else list(cameras)
     filmed, calibrated = ", ".join(readers), ", ".join(rig.names)
     for name in readers:
         if name not in rig:
@@ -293,7 +306,7 @@ def _matching(
                 f"camera {name} has no calibration: {calibration} knows {calibrated}; add it, or"
                 " choose with --cameras"
             )
-    for name in wanted:
+    for name in requested:
         if name not in rig:
             raise InputError(f"there is no camera {name}: {calibration} knows {calibrated}")
         if name not in readers:
@@ -303,16 +316,17 @@ def _matching(
             )
         if readers[name].size != rig[name].size:
             raise InputError(
-                f"{readers[name].path} is {_by(readers[name].size)} px, but camera {name} was"
-                f" calibrated at {_by(rig[name].size)}: calibrate at the size of the recording"
+                f"{readers[name].path} is {size_text(readers[name].size)} px, but camera {name}"
+                f" was calibrated at {size_text(rig[name].size)}: calibrate at the size of the"
+                " recording"
             )
-    return rig.select([name for name in rig.names if name in wanted])
+    return rig.select([name for name in rig.names if name in requested])
 
 
-def _range(
+def _frame_range(
     readers: Mapping[str, FrameReader], frames: tuple[int | None, int | None] | None
 ) -> tuple[int, int]:
-    counts = {name: one.frame_count for name, one in readers.items()}
+    counts = {name: reader.frame_count for name, reader in readers.items()}
     shortest = min(counts.values())
     start, stop = frames or (None, None)
     first, last = start or 0, shortest if stop is None else stop
@@ -321,7 +335,7 @@ def _range(
         raise InputError(
             f"videos differ in length ({lengths} frames): if they start together, give --frames"
             f" {first}:{shortest}; if not, `voxelpose calibrate sync` finds by how much, and writes"
-            f" {NAME}"
+            f" {TIMESTAMPS}"
         )
     if not 0 <= first < last <= shortest:
         short = min(counts, key=lambda name: counts[name])
@@ -332,18 +346,18 @@ def _range(
     return first, last
 
 
-def _times(
+def _by_rate(
     folder: Path, readers: Mapping[str, FrameReader], fps: float | None
 ) -> tuple[float, NDArray[np.float64]]:
-    """Returns the rate and the time of every frame since the first."""
-    count = min(one.frame_count for one in readers.values())
+    """Returns frames per second, and the time of every frame since the first, s."""
+    count = min(reader.frame_count for reader in readers.values())
     if fps is not None:
         if not (np.isfinite(fps) and fps > 0):
             raise InputError(
                 f"{fps} frames per second are impossible: give --fps as a positive number"
             )
         return fps, np.arange(count) / fps
-    rates = {name: one.fps for name, one in readers.items() if one.fps is not None}
+    rates = {name: reader.fps for name, reader in readers.items() if reader.fps is not None}
     if not rates:
         if count > 1:
             raise InputError(
@@ -355,55 +369,18 @@ def _times(
         listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
         raise InputError(
             f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out"
-            f" {folder / NAME}` puts them in step; or use the cameras of one rate with --cameras,"
-            " or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
+            f" {folder / TIMESTAMPS}` aligns them; or use the cameras of one rate with --cameras, or"
+            " give --fps (and --frames A:B) if frame n was taken at the same moment in all"
         )
     rate = float(np.median(list(rates.values())))
     return rate, np.arange(count) / rate
 
 
-def _stamped(
+def _by_timestamps(
     path: Path, readers: Mapping[str, FrameReader]
 ) -> tuple[dict[str, FrameReader], float, NDArray[np.float64]]:
-    """Puts the frames in step that were taken at the same moment; returns them, their rate, and
-    their times since the first.
-    """
-    moments, numbers = in_step(read_timestamps(path, readers), path)
-    steps = {name: one.pick(numbers[name].tolist()) for name, one in readers.items()}
-    rate = 1 / float(np.median(np.diff(moments))) if len(moments) > 1 else 1.0
-    return steps, rate, moments - moments[0]
-
-
-def _read_subject(path: Path) -> Subject:
-    if not path.exists():
-        return Subject()
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path} cannot be read as TOML: {error}") from None
-    for key in table:
-        if key not in ("stature", "chest_girth", "sex", "body"):
-            raise InputError(
-                f"{path}: {key} is not known: use stature, chest_girth (metres), sex, body"
-            )
-    for key in ("stature", "chest_girth"):
-        value = table.get(key)
-        if value is not None and (
-            isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 3
-        ):
-            raise InputError(
-                f"{path}: {key} = {value!r} is impossible: give metres, for example {key} = 1.02"
-            )
-    sex = table.get("sex", "unknown")
-    if sex not in ("male", "female", "unknown"):
-        raise InputError(f'{path}: sex = {sex!r} is not known: use "male", "female" or "unknown"')
-    body = None if table.get("body") is None else path.parent / str(table["body"])
-    if body is not None and not body.exists():
-        raise InputError(
-            f"{path}: body file {body} is missing: correct the path or remove the line"
-        )
-    return Subject(table.get("stature"), table.get("chest_girth"), sex, body)
-
-
-def _by(size: tuple[int, ...]) -> str:
-    return f"{size[0]} x {size[1]}"
+    """Returns readers of matching frames, frames per second, and times since the first, s."""
+    times_s, numbers = match_frames(read_timestamps(path, readers), path)
+    matched = {name: reader.select(numbers[name].tolist()) for name, reader in readers.items()}
+    rate = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
+    return matched, rate, times_s - times_s[0]

@@ -1,6 +1,4 @@
-"""The pictures of one camera in time: a video, a folder of frames, or a still. Read in order, never
-held whole.
-"""
+"""Frames of one camera, read in order from a video, a folder of images or a single image."""
 
 import queue
 import re
@@ -42,13 +40,16 @@ _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 @dataclass(frozen=True)
 class FrameReader:
-    """Pictures of one camera; iterating reads them from the start, as often as wanted.
+    """Frames of one camera; iterating reads them from the start and may be repeated.
 
-    Attributes: path: video, still, or folder of frames. stills: the frames' files where path is a
-        still or a folder; empty for a video. size: image (width, height), px, as the frames come (a
-        rotation noted in the video is applied). frame_count: frames that can be read. fps: frames
-        per second; None where the files do not tell. numbers: which of the file's frames these are,
-        in order, some perhaps left out or repeated; None for all.
+    Attributes:
+        path: video, image, or folder of images.
+        stills: the image files where path is an image or a folder; empty for a video.
+        size: image (width, height), px, after the rotation stated in the video.
+        frame_count: number of frames that can be read.
+        fps: frames per second; None where the files do not state it.
+        numbers: selected frames of the file in ascending order, possibly repeated; None selects
+            all.
     """
 
     path: Path
@@ -60,7 +61,10 @@ class FrameReader:
 
     @classmethod
     def open(cls, path: Path) -> "FrameReader":
-        """Looks at a video, a still or a folder of frames.
+        """Opens a video, an image or a folder of images.
+
+        Args:
+            path: the file or folder.
 
         Raises:
             InputError: it is missing, empty or cannot be read.
@@ -97,26 +101,25 @@ class FrameReader:
             InputError: a frame is missing, unreadable, or of another size.
         """
         numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
-        for number, frame in zip(
-            numbers, self._stills(numbers) if self.stills else self._video(numbers), strict=True
-        ):
+        frames = self._stills(numbers) if self.stills else self._video(numbers)
+        for number, frame in zip(numbers, frames, strict=True):
             if frame.shape[1::-1] != self.size:
                 raise InputError(
-                    f"{self.path}: frame {number} is {_by(frame.shape[1::-1])} px, the first"
-                    f" {_by(self.size)}: make all alike"
+                    f"{self.path}: frame {number} is {size_text(frame.shape[1::-1])} px, the first"
+                    f" {size_text(self.size)}: make all the same size"
                 )
             yield frame
 
-    def pick(self, numbers: Sequence[int]) -> "FrameReader":
-        """Returns the same pictures with only some of the frames.
+    def select(self, numbers: Sequence[int]) -> "FrameReader":
+        """Returns a reader of selected frames.
 
         Args:
-            numbers: of the frames, never falling; one may come twice.
+            numbers: frame numbers in ascending order; a number may be repeated.
         """
-        chosen = tuple(
+        selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
-        return replace(self, numbers=chosen, frame_count=len(chosen))
+        return replace(self, numbers=selected, frame_count=len(selected))
 
     def _stills(self, numbers: Sequence[int]) -> Iterator[Frame]:
         for number in numbers:
@@ -124,41 +127,40 @@ class FrameReader:
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
         capture = cv2.VideoCapture(str(self.path))
-        at, frame = 0, None
+        position, frame = 0, None
         try:
             for number in numbers:
-                # Skipped by decoding: seeking lands on a wrong frame in some containers.
-                good = all(capture.grab() for _ in range(at, number))
-                if good and (at <= number or frame is None):
+                # Skip by decoding: seeking lands on a wrong frame in some containers.
+                good = all(capture.grab() for _ in range(position, number))
+                if good and (position <= number or frame is None):
                     good, frame = capture.read()
-                    at = number + 1
+                    position = number + 1
                 if not good or frame is None:
                     raise InputError(
                         f"{self.path} cannot be read beyond frame {number}: repair it, or give"
                         f" --frames 0:{number}"
                     )
-                yield _three_channels(
-                    frame if self.numbers is None else frame.copy()
-                )  # one that comes twice may be drawn on
+                # A repeated frame must not carry what the caller drew on it the first time.
+                yield _three_channels(frame if self.numbers is None else frame.copy())
         finally:
             capture.release()
 
 
-def together(
+def read_together(
     readers: Mapping[str, FrameReader], start: int, stop: int
 ) -> Iterator[dict[str, Frame]]:
-    """Reads several cameras at once, one thread each, a few frames ahead at most.
+    """Reads several cameras in parallel, one thread each, a few frames ahead at most.
 
     Args:
-        readers: by camera name.
+        readers: frame readers by camera name.
         start: first frame.
         stop: one past the last frame.
 
     Yields:
-        A frame per camera name.
+        Frames by camera name.
 
     Raises:
-        InputError: a camera's pictures cannot be read.
+        InputError: a camera's frames cannot be read.
     """
     done = threading.Event()
     queues: dict[str, queue.Queue[Frame | Exception]] = {
@@ -191,17 +193,17 @@ def together(
 
 
 def _feed(
-    readers: FrameReader,
+    reader: FrameReader,
     start: int,
     stop: int,
     waiting: "queue.Queue[Frame | Exception]",
     done: threading.Event,
 ) -> None:
     try:
-        for frame in readers.frames(start, stop):
+        for frame in reader.frames(start, stop):
             if not _put(waiting, frame, done):
                 return
-    except Exception as error:  # handed to the reading side, which raises it
+    except Exception as error:  # passed to the consumer, which raises it
         _put(waiting, error, done)
 
 
@@ -218,7 +220,7 @@ def _put(
 
 
 def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
-    """Returns size, number of frames and rate of a video."""
+    """Returns size, number of frames and frames per second of a video."""
     capture = cv2.VideoCapture(str(path))
     try:
         good, frame = capture.read()
@@ -231,7 +233,7 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
             int(capture.get(cv2.CAP_PROP_FRAME_COUNT)),
             float(capture.get(cv2.CAP_PROP_FPS)),
         )
-        # Some containers announce more frames than they hold; then, and only then, all are counted.
+        # Some containers announce more frames than they hold; only then all frames are counted.
         if count > 1:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
         if count < 1 or (count > 1 and not capture.grab()):
@@ -247,10 +249,10 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
 
 
 def read_still(file: Path) -> Frame:
-    """Returns an image file's picture, (H, W, 3) uint8, BGR.
+    """Reads an image file as (H, W, 3) uint8, BGR.
 
     Raises:
-        InputError: it is missing or no image.
+        InputError: the file is missing or is not an image.
     """
     try:
         # Not imread: it cannot open names with letters outside the code page on Windows.
@@ -269,7 +271,7 @@ def _three_channels(image: np.ndarray) -> Frame:
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """Sorts frame_2 before frame_10."""
+    """Returns a sort key that puts frame_2 before frame_10."""
     return [
         (int(word), "") if word.isdigit() else (-1, word)
         for word in re.split(r"(\d+)", path.name)
@@ -277,5 +279,6 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     ]
 
 
-def _by(size: tuple[int, ...]) -> str:
+def size_text(size: tuple[int, ...]) -> str:
+    """Returns an image size as text for messages: "640 x 480"."""
     return f"{size[0]} x {size[1]}"

@@ -182,7 +182,7 @@ def test_timestamps_put_cameras_of_different_rates_and_lengths_in_step(folder: P
 
 
 def test_a_frame_that_comes_twice_is_not_drawn_on_twice(folder: Path):
-    readers = Recording.open(folder).readers["cam_1"].pick([1, 1, 4])
+    readers = Recording.open(folder).readers["cam_1"].select([1, 1, 4])
     frames = []
     for frame in readers:
         frames.append(number_of(frame))

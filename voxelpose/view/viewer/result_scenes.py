@@ -33,7 +33,7 @@ from voxelpose.matching.observe import FrameObservation, HullObserver, body_rule
 from voxelpose.matching.quality import assess
 from voxelpose.multiview import LONG_SIDE_PX, VOXEL_M
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.frame_reader import Frame, together
+from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.results import Result, is_result
 from voxelpose.view.images.figure import skeleton_joints
 
@@ -445,7 +445,7 @@ class _Pictures:
         if self._frames is None or not 0 <= frame - self._next <= _PATIENCE:
             self.close()
             stop = self._recording.first + self._recording.frame_count
-            self._next, self._frames = frame, together(self._recording.readers, frame, stop)
+            self._next, self._frames = frame, read_together(self._recording.readers, frame, stop)
         pictures: dict[str, Frame] = {}
         while self._next <= frame:
             pictures = next(self._frames)
