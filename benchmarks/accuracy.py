@@ -1,11 +1,12 @@
-"""Estimates the motion of the shared recordings and scores it: python -m benchmarks.accuracy [ROW
-...]
+"""Scores estimates against recordings with a truth: python -m benchmarks.accuracy [ROW ...]
 
-A row is a recording, fitted from all its cameras (walk4), or RECORDING:CAMERA, tracked from that
-one (turn1:cam_0), or RECORDING:CAMERA:default, likewise with the default library; left out: all of
-`ROWS`. Where no library is named, tracking uses one of the shared motion without the clips of these
-recordings, made once in out/accuracy (about ten minutes). A line per row on stdout; results under
-out/accuracy/ROW. The recordings are in ../shared/data, or in $VOXELPOSE_SHARED/data.
+A row is a recording fitted from all its cameras (walk4); RECORDING:CAMERA, tracked from that one
+(turn1:cam_0), with a library of the shared motion without the clips that the recordings show, built
+once in out/accuracy (about ten minutes); RECORDING:CAMERA:default, likewise with the default
+library; or made:NAME, a recording that datasets/made/recipes.toml describes, rendered once into
+out/made, and tracked with the default library if it has one camera. Left out: all rows whose
+recordings are there. The shared recordings are in ../shared/data, or in $VOXELPOSE_SHARED/data; the
+made ones need nothing. One line per row on stdout; results in out/accuracy/ROW.
 """
 
 import json
@@ -19,15 +20,18 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.library.from_motion import make_library, read_clips
 from silhouette_core.library.pose_library import LibrarySettings
-from voxelpose.evaluation import read_joints, read_truth, score_motion
+from voxelpose.demo.recipes import read_recipes
+from voxelpose.evaluation import score_motion
+from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "accuracy"
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))
 ONE_CAMERA = ("swing1:cam_0", "turn1:cam_0", "traffic4:cam_0", "walk4:cam_1")
-ROWS = (
+SHARED_ROWS = (
     "walk4",
     "traffic4",
     "dance8",
@@ -35,6 +39,8 @@ ROWS = (
     *ONE_CAMERA,
     *(f"{row}:default" for row in ONE_CAMERA),
 )
+RECIPES = read_recipes(ROOT / "datasets" / "made" / "recipes.toml")
+MADE_ROWS = tuple(f"made:{name}" for name in RECIPES)
 LEFT_OUT = ("007_01", "005_06", "directing_traffic_1")
 COLUMNS = (
     "mpjpe_mm",
@@ -49,7 +55,7 @@ COLUMNS = (
 
 
 def held_out_library() -> Path:
-    """Returns the library of the shared motion that does not hold the recorded movements."""
+    """Library of the shared motion without the recorded movements."""
     path = OUT / "held_out.vplib"
     if not path.exists():
         print(f"making {path} once ...", file=sys.stderr, flush=True)
@@ -64,41 +70,52 @@ def held_out_library() -> Path:
     return path
 
 
+def all_rows() -> tuple[str, ...]:
+    """Rows whose recordings are there."""
+    return (*(SHARED_ROWS if (SHARED / "data").is_dir() else ()), *MADE_ROWS)
+
+
+def _is_there(row: str) -> bool:
+    return row in MADE_ROWS or (SHARED / "data" / row.split(":")[0] / "truth.json").is_file()
+
+
+def open_row(row: str) -> tuple[Recording, dict[str, str]]:
+    """The recording of a row, with the cameras that are used, and the estimator's options."""
+    name, camera, library = (*row.split(":"), "", "")[:3]
+    if name == "made":
+        folder = ROOT / "out" / "made" / camera
+        return Recording.open(RECIPES[camera].render(folder)), {}
+    recording = Recording.open(SHARED / "data" / name, cameras=(camera,) if camera else None)
+    held_out = camera and library != "default"
+    return recording, {"library": str(held_out_library())} if held_out else {}
+
+
 def main(rows: list[str]) -> int:
-    """Estimates and scores every row."""
-    if not (SHARED / "data").is_dir():
-        print(f"no recordings in {SHARED / 'data'}: set VOXELPOSE_SHARED", file=sys.stderr)
+    """Estimates and scores rows."""
+    unknown = [row for row in rows if not _is_there(row)]
+    if unknown:
+        there = ", ".join(all_rows())
+        print(f"no recording of {', '.join(unknown)}; there are {there}", file=sys.stderr)
         return 2
-    print(
-        f"{'row':<24}{'frames':>7}"
-        + "".join(f"{column:>16}" for column in COLUMNS)
-        + f"{'s/frame':>9}",
-        flush=True,
-    )
-    for row in rows or ROWS:
-        name, camera, library = (*row.split(":"), "", "")[:3]
-        folder = SHARED / "data" / name
-        stature_m = json.loads((folder / "truth.json").read_text()).get("stature")
-        recording = Recording.open(folder, cameras=(camera,) if camera else None)
-        options = {"library": str(held_out_library())} if camera and library != "default" else {}
+    header = "".join(f"{column:>16}" for column in COLUMNS)
+    print(f"{'row':<29}{'frames':>7}{header}{'s/frame':>9}", flush=True)
+    for row in rows or all_rows():
+        recording, options = open_row(row)
+        truth_file = recording.folder / "truth.json"
+        stature_m = json.loads(truth_file.read_text()).get("stature")
         result = OUT / row.replace(":", "_")
         started = time.perf_counter()
-        settings = Settings(stature_m=stature_m, options=options)
         fit(
             recording,
             Output(result, overwrite=True),
-            settings,
-            "monocular" if camera else "multiview",
+            Settings(stature_m=stature_m, options=options),
+            "monocular" if len(recording.rig) == 1 else "multiview",
         )
         per_frame_s = (time.perf_counter() - started) / recording.frame_count
-        truth = read_truth(folder / "truth.json")
+        truth = read_truth(truth_file)
         score = score_motion(truth, read_joints(result / "joints.csv", len(truth)))
-        print(
-            f"{row:<24}{score.frames:>7}"
-            + "".join(f"{getattr(score, column):>16.2f}" for column in COLUMNS)
-            + f"{per_frame_s:>9.2f}",
-            flush=True,
-        )
+        values = "".join(f"{getattr(score, column):>16.2f}" for column in COLUMNS)
+        print(f"{row:<29}{score.frames:>7}{values}{per_frame_s:>9.2f}", flush=True)
     return 0
 
 

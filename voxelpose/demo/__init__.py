@@ -1,3 +1,1 @@
-"""A recording made on the spot: a clothed mannequin, unlike the fitting model, filmed by four
-cameras in a small room.
-"""
+"""Rendered recordings of a clothed mannequin, unlike the fitting body, in a small room."""

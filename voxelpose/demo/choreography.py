@@ -1,8 +1,8 @@
-"""What the demo's actor can do, as tables of key poses.
+"""Performances of the demo's actor, as tables of key poses.
 
-Metres, seconds and degrees. Hip, knee, arm, elbow and lean: bending forward (knee: backward); out:
-away from the side; across: a raised arm toward the other side; turn: about the arm, inward below 0;
-tip: the pelvis forward. A column that a table leaves out stands still.
+Metres, seconds and degrees. Hip, knee, arm, elbow and lean: flexion forward (knee: backward); out:
+abduction; across: of a raised arm toward the other side; turn: about the arm's axis, inward below
+0; tip: the pelvis forward. A column that a table leaves out keeps its value of `_STANDING`, or 0.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
 
+_ALL_CAMERAS = ("cam_1", "cam_2", "cam_3", "cam_4")
 _STANDING = {
     "l_out": 8.0,
     "r_out": 8.0,
@@ -47,7 +48,7 @@ _THREE_SECONDS = np.array(
         (3.00, 0.00, -0.14, -5, 18, 0, 0, 45, 52, 45, 52, 10, 55, 12, 12, 55, 12, 12, 0),
     ]
 )
-# In profile to cam_3, the right side toward it; the arm swings to and fro at constant speed.
+# In profile to cam_3, the right side toward it; the arm swings back and forth at constant speed.
 _ARM_SWING = np.array(
     [
         # t    yaw   ra
@@ -74,7 +75,7 @@ _GOLF = np.array(
         (4.40, -15, 24, 14, 0, 0, 36, 24, 36, 24, 11, 50, 20, 0, 10, 0, 50, 20, 0, 12, 0),
     ]
 )
-# Facing cam_2: the right hand points ahead, aside, up, across and down.
+# Facing cam_2: the right hand points forward, to the side, up, across and down.
 _POINTING = np.array(
     [
         #  t   yaw lean twist look   ra  rc  ro  re
@@ -92,41 +93,75 @@ _POINTING = np.array(
 )
 
 
+# Angles of one leg over a stride from heel strike on, in eighths, and the radius of the circle.
+_GAIT_HIP = np.array([30, 25, 8, -3, -10, 0, 22, 32])
+_GAIT_KNEE = np.array([5, 18, 14, 8, 10, 46, 58, 26])
+_STRIDES, _STRIDE_S, _CIRCLE_M = 3, 1.1, 0.55
+
+
+def _walk() -> NDArray[np.float64]:
+    """Key poses of a walk counterclockwise on a circle, (K, 11)."""
+    phase = np.arange(8 * _STRIDES + 1)
+    left, right = phase % 8, (phase + 4) % 8
+    angle = 2 * np.pi * phase / phase[-1]
+    return np.column_stack(
+        [
+            phase * _STRIDE_S / 8,
+            _CIRCLE_M * np.cos(angle),
+            _CIRCLE_M * np.sin(angle),
+            180 + np.degrees(angle),
+            _GAIT_HIP[left],
+            _GAIT_KNEE[left],
+            _GAIT_HIP[right],
+            _GAIT_KNEE[right],
+            0.9 * _GAIT_HIP[right] - 8,
+            0.9 * _GAIT_HIP[left] - 8,
+            np.full(len(phase), 3.0),
+        ]
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """Something that the actor does, again and again.
+    """A motion that the actor repeats.
 
-    Attributes: columns: names of the table's columns but for the first, which is the time. keys:
-        (K, C) a row for each key pose; the last one begins the next round, or ends the performance.
-        fps: frames per second of its recording. rounds: how often the whole recording repeats it.
-        cameras: those that film it. between: what lies between the key poses.
+    Attributes:
+        columns: names of the table's columns except the first, which is the time.
+        keys: (K, C), a row per key pose; the last one begins the next round, or ends the
+            performance.
+        fps: frames per second of its recording.
+        rounds: repetitions in the whole recording.
+        cameras: names of the cameras that film it.
+        interpolation: constructor of the curves through the key poses.
     """
 
     columns: str
     keys: NDArray[np.float64]
     fps: int = 20
     rounds: int = 1
-    cameras: tuple[str, ...] = ("cam_1", "cam_2", "cam_3", "cam_4")
-    between: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] = PchipInterpolator
+    cameras: tuple[str, ...] = _ALL_CAMERAS
+    interpolation: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] = (
+        PchipInterpolator
+    )
 
     @cached_property
     def _curves(self) -> Callable:
-        return self.between(self.keys[:, 0], self.keys[:, 1:])
+        return self.interpolation(self.keys[:, 0], self.keys[:, 1:])
 
     @property
     def frames(self) -> int:
-        """How many frames the whole has."""
+        """Number of frames of the whole performance."""
         return round(self.rounds * self.keys[-1, 0] * self.fps)
 
     def pose_at(self, time_s: float) -> tuple[NDArray[np.float64], dict[str, Rotation]]:
-        """Returns the pelvis' place (2,) in metres and the turns of the bones at a time."""
+        """Returns the pelvis' position (2,), metres, and the rotation of every bone at a time."""
         row = np.asarray(self._curves(time_s % self.keys[-1, 0])).tolist()
         values = _STANDING | dict(zip(self.columns.split(), row, strict=True))
-        return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _turns(values)
+        return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _rotations(values)
 
 
-def _evenly(times: NDArray[np.float64], keys: NDArray[np.float64]) -> Callable:
-    """Joins key poses at constant speed."""
+def _linear(times: NDArray[np.float64], keys: NDArray[np.float64]) -> Callable:
+    """Interpolates key poses at constant speed."""
     return make_interp_spline(times, keys, k=1)
 
 
@@ -136,7 +171,7 @@ PERFORMANCES = {
         " r_elbow r_turn",
         _THREE_SECONDS,
     ),
-    "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), _evenly),
+    "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), _linear),
     "golf": Performance(
         "yaw tip lean twist look l_hip l_knee r_hip r_knee straddle "
         "l_arm l_across l_out l_elbow l_turn r_arm r_across r_out r_elbow r_turn",
@@ -149,33 +184,37 @@ PERFORMANCES = {
         "yaw lean twist look r_arm r_across r_out r_elbow", _POINTING, 15, 1, ("cam_2",)
     ),
     "far_arm_swing": Performance(
-        "yaw r_arm", _ARM_SWING - (0.0, 180.0, 0.0), 15, 24, ("cam_3",), _evenly
+        "yaw r_arm", _ARM_SWING - (0.0, 180.0, 0.0), 15, 24, ("cam_3",), _linear
+    ),
+    "walk": Performance(
+        "x y yaw l_hip l_knee r_hip r_knee l_arm r_arm straddle", _walk(), rounds=1
     ),
 }
-"""By name: two steps while turning, a wave with the right hand and a squat; and what the
-experiments of paper A film, the arm's swing also with the left side toward the camera."""
+"""By name: "three_seconds" is two steps while turning, a wave with the right hand and a squat;
+"walk" goes round a circle; the others are those of the experiments of paper A, the arm swing also
+with the left side toward the camera."""
 
 
-def _turns(values: dict[str, float]) -> dict[str, Rotation]:
+def _rotations(values: dict[str, float]) -> dict[str, Rotation]:
     have = lambda name: values.get(name, 0.0)  # noqa: E731
-    turns = {
-        "pelvis": _turn(have("tip"), yaw=have("yaw")),
-        "belly": _turn(0.5 * have("lean"), yaw=0.4 * have("twist")),
-        "chest": _turn(0.5 * have("lean"), yaw=0.6 * have("twist")),
-        "neck": _turn(-0.3 * have("lean"), yaw=0.5 * have("look")),
-        "head": _turn(-0.3 * have("lean"), yaw=0.5 * have("look")),
+    rotations = {
+        "pelvis": _rotation(have("tip"), yaw=have("yaw")),
+        "belly": _rotation(0.5 * have("lean"), yaw=0.4 * have("twist")),
+        "chest": _rotation(0.5 * have("lean"), yaw=0.6 * have("twist")),
+        "neck": _rotation(-0.3 * have("lean"), yaw=0.5 * have("look")),
+        "head": _rotation(-0.3 * have("lean"), yaw=0.5 * have("look")),
     }
     for side, sign in (("left", 1.0), ("right", -1.0)):
         own = lambda name, key=side[0]: have(f"{key}_{name}")  # noqa: E731
         hip, knee, straddle = own("hip"), own("knee"), have("straddle")
-        turns[f"{side}_thigh"] = _turn(-hip, -sign * straddle)
-        turns[f"{side}_shin"] = _turn(knee)
-        turns[f"{side}_foot"] = _turn(0.75 * (hip - knee), 0.8 * sign * straddle)
-        arm = _turn(-own("arm"), -sign * own("out"), -sign * own("across"))
-        turns[f"{side}_upper_arm"] = arm * _turn(yaw=own("turn"))
-        turns[f"{side}_forearm"] = _turn(-own("elbow"))
-    return turns
+        rotations[f"{side}_thigh"] = _rotation(-hip, -sign * straddle)
+        rotations[f"{side}_shin"] = _rotation(knee)
+        rotations[f"{side}_foot"] = _rotation(0.75 * (hip - knee), 0.8 * sign * straddle)
+        arm = _rotation(-own("arm"), -sign * own("out"), -sign * own("across"))
+        rotations[f"{side}_upper_arm"] = arm * _rotation(yaw=own("turn"))
+        rotations[f"{side}_forearm"] = _rotation(-own("elbow"))
+    return rotations
 
 
-def _turn(about_x: float = 0.0, about_y: float = 0.0, yaw: float = 0.0) -> Rotation:
+def _rotation(about_x: float = 0.0, about_y: float = 0.0, yaw: float = 0.0) -> Rotation:
     return Rotation.from_euler("ZYX", [yaw, about_y, about_x], degrees=True)

@@ -1,6 +1,5 @@
-"""Writes the demo's recording folder, as if it had been filmed."""
+"""Writer of rendered recording folders."""
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -14,7 +13,9 @@ from calib.files import write_rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.demo.choreography import PERFORMANCES
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
+from voxelpose.demo.measurements import Measurements, tailor
 from voxelpose.demo.scene import SIZE, FilmCamera, demo_rig
+from voxelpose.recording.truth import TRUTH, write_truth
 
 _EMPTY_FRAMES = 24
 
@@ -25,22 +26,26 @@ def make_recording(
     seed: int = 0,
     performance: str = "three_seconds",
     cameras: Sequence[str] | None = None,
+    person: Measurements | None = None,
 ) -> Path:
-    """Makes a recording of the mannequin, with videos, empty backgrounds, calibration, subject and
-    exact truth.
+    """Renders a recording: videos, empty backgrounds, calibration, subject and exact truth.
 
-    Args: folder: where to write; made if absent. frames: how many frames, at the performance's
-        rate; None means the whole performance, which then repeats. seed: of the sensor noise.
+    Args:
+        folder: where to write; made if absent.
+        frames: number of frames, at the performance's rate; beyond its end the performance
+            repeats. None: the whole performance.
+        seed: of the sensor noise.
         performance: a name of `choreography.PERFORMANCES`: "three_seconds", "arm_swing", "golf",
-        "pointing" or "far_arm_swing". cameras: those that film; None takes the performance's own,
-        four or one.
+            "pointing", "far_arm_swing" or "walk".
+        cameras: names of those that film, of cam_1 to cam_8; None: the performance's own.
+        person: measurements of the actor; None: the standard mannequin, 1.68 m tall.
 
     Returns:
-        The folder. `truth.json` in it holds the 15 joints of every frame.
+        The folder. Its `truth.json` holds the 15 joints of every frame.
 
     Raises:
         InputError: a video cannot be written there.
-        ValueError: no frame asked for, or a performance or camera that there is not.
+        ValueError: fewer than one frame, or an unknown performance or camera.
     """
     if performance not in PERFORMANCES:
         raise ValueError(f"there is no performance {performance!r}: {', '.join(PERFORMANCES)}")
@@ -48,20 +53,20 @@ def make_recording(
     frames = played.frames if frames is None else frames
     if frames < 1:
         raise ValueError(f"frames must be at least 1, got {frames}")
-    wanted = played.cameras if cameras is None else tuple(cameras)
-    numbers = {camera.name: k for k, camera in enumerate(demo_rig())}
-    if not wanted or not set(wanted) <= set(numbers):
+    chosen = played.cameras if cameras is None else tuple(cameras)
+    numbers = {camera.name: k for k, camera in enumerate(demo_rig(8))}
+    if not chosen or not set(chosen) <= set(numbers):
         raise ValueError(
-            f"cameras must be some of {', '.join(numbers)}, got {', '.join(wanted) or 'none'}"
+            f"cameras must be some of {', '.join(numbers)}, got {', '.join(chosen) or 'none'}"
         )
     folder = Path(folder)
     (folder / "background").mkdir(parents=True, exist_ok=True)
-    rig, actor = (
-        Rig(tuple(camera for camera in demo_rig() if camera.name in wanted)),
-        Mannequin.build(),
-    )
+    rig = Rig(tuple(camera for camera in demo_rig(8) if camera.name in chosen))
+    actor = Mannequin.build() if person is None else tailor(person)
+    stature = STATURE_M if person is None else person.stature_m
     write_rig(rig, folder / "calibration.toml")
-    (folder / "subject.toml").write_text(f'stature = {STATURE_M}\nsex = "male"\n', encoding="utf-8")
+    subject = f"stature = {stature}\n" + ('sex = "male"\n' if person is None else "")
+    (folder / "subject.toml").write_text(subject, encoding="utf-8")
     poses = [actor.pose(*played.pose_at(frame / played.fps)) for frame in range(frames)]
     for camera in rig:
         view = FilmCamera(camera, np.random.default_rng((seed, numbers[camera.name])))
@@ -75,11 +80,8 @@ def make_recording(
             played.fps,
             (view.picture(v, actor.faces, actor.face_colour) for v, _ in poses),
         )
-    truth = {
-        name: [joints[name].round(5).tolist() for _, joints in poses] for name in LANDMARK_NAMES
-    }
-    about = {"fps": played.fps, "unit": "m", "up": "z", "stature": STATURE_M, "joints": truth}
-    (folder / "truth.json").write_text(json.dumps(about), encoding="utf-8")
+    joints_m = np.array([[joints[name] for name in LANDMARK_NAMES] for _, joints in poses])
+    write_truth(folder / TRUTH, joints_m, played.fps, stature)
     return folder
 
 

@@ -1,10 +1,8 @@
-"""The demo's actor: a clothed mannequin of rigid tubes and balls, with a skeleton and proportions
-of its own.
+"""The demo's actor: a clothed mannequin of rigid tubes and balls.
 
-It shares nothing with the bodies that are fitted: no mesh, no skinning, other proportions (longer
-    legs, broader shoulders), and shirt,
-trousers, shoes and hair around the flesh. Body frame as everywhere: z up, facing -y, left toward
-+x; it rests with arms hanging.
+It shares nothing with the fitted bodies: neither mesh nor skinning, other proportions (longer legs,
+broader shoulders), and shirt, trousers, shoes and hair over the skin. Body frame as everywhere: z
+up, facing -y, left toward +x; at rest the arms hang.
 """
 
 from dataclasses import dataclass
@@ -41,14 +39,14 @@ BONES = _SPINE + tuple(
     (
         f"{side}_{name}",
         parent.replace("left", side),
-        tuple(np.multiply(place, (sign, 1, 1)).tolist()),
+        tuple(np.multiply(position, (sign, 1, 1)).tolist()),
     )
     for side, sign in (("left", 1), ("right", -1))
-    for name, parent, place in _LEFT
+    for name, parent, position in _LEFT
 )
 BONE_NAMES = tuple(name for name, _, _ in BONES)
 _PARENTS = tuple(BONE_NAMES.index(parent) if parent else -1 for _, parent, _ in BONES)
-_JOINTS = np.array([place for _, _, place in BONES], float)
+_JOINTS = np.array([position for _, _, position in BONES], float)
 _LANDMARKS = {
     "pelvis": "pelvis",
     "neck": "neck",
@@ -65,8 +63,8 @@ _LANDMARKS = {
 }
 _HEAD_TOP = np.array([0, -0.045, 1.700])
 
-# Tubes: bone, colour, rows of height, centre x, centre y, half width, half depth to the front and
-# to the back.
+# Tubes: bone, colour, rows (height, centre x, centre y, half width, half depth to the front, to the
+# back).
 _TUBES = (
     (
         "pelvis",
@@ -216,7 +214,8 @@ _SHOE = (
     (-0.195, 0.034, 0.038),
     (-0.208, 0.012, 0.022),
 )
-_AROUND = 24
+RING = 24
+"""Vertices of each ring of a tube."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,16 +227,22 @@ class Mannequin:
         faces: (F, 3) int32, outward oriented; every tube and ball is closed.
         face_colour: (F,) index into `COLOURS_BGR`.
         vertex_bone: (V,) index into `BONE_NAMES`: rigid pieces, no blending.
+        joints_m: (B, 3) float64, the near end of every bone.
+        head_top_m: (3,) float64, the vertex of the head.
+        stride: length of the legs over that of the standard actor, which scales the way walked.
     """
 
     vertices_m: NDArray[np.float64]
     faces: NDArray[np.int32]
     face_colour: NDArray[np.int32]
     vertex_bone: NDArray[np.int32]
+    joints_m: NDArray[np.float64]
+    head_top_m: NDArray[np.float64]
+    stride: float = 1.0
 
     @classmethod
     def build(cls) -> "Mannequin":
-        """Puts the pieces together."""
+        """Assembles the standard actor, 1.68 m tall."""
         pieces = [(bone, colour, _tube(np.array(rows, float))) for bone, colour, rows in _TUBES]
         pieces += [(bone, colour, _ball(centre, radii)) for bone, colour, centre, radii in _BALLS]
         pieces.append(("left_foot", SHOES, _shoe()))
@@ -261,55 +266,58 @@ class Mannequin:
                     for bone, _, (vertices, _) in pieces
                 ]
             ).astype(np.int32),
+            _JOINTS,
+            _HEAD_TOP,
         )
 
     def pose(
-        self, place_m: NDArray[np.float64], turns: dict[str, Rotation]
+        self, pelvis_m: NDArray[np.float64], rotations: dict[str, Rotation]
     ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
         """Poses the actor so that the lower shoe stands on the floor.
 
         Args:
-            place_m: (2,) x and y of the pelvis in the world.
-            turns: rotation of each bone against its parent; bones left out stay as at rest.
+            pelvis_m: (2,) x and y of the pelvis in the world, for the standard actor's legs.
+            rotations: rotation of each bone relative to its parent; missing bones stay at rest.
 
-        Returns: vertices (V, 3) in the world, and the true position (3,) of each of the 15 HumanEva
+        Returns:
+            Vertices (V, 3) in the world, and the true position (3,) of each of the 15 HumanEva
             joints.
         """
-        rotations, origins = [], np.zeros_like(_JOINTS)
+        world_from_bone, rest, origins = [], self.joints_m, np.zeros_like(self.joints_m)
         for k, (name, parent) in enumerate(zip(BONE_NAMES, _PARENTS, strict=True)):
-            own = turns.get(name, Rotation.identity())
-            rotations.append(own if parent < 0 else rotations[parent] * own)
+            own = rotations.get(name, Rotation.identity())
+            world_from_bone.append(own if parent < 0 else world_from_bone[parent] * own)
             origins[k] = (
-                (*place_m, 0)
+                (*(self.stride * pelvis_m), 0)
                 if parent < 0
-                else origins[parent] + rotations[parent].apply(_JOINTS[k] - _JOINTS[parent])
+                else origins[parent] + world_from_bone[parent].apply(rest[k] - rest[parent])
             )
-        matrices = np.stack([rotation.as_matrix() for rotation in rotations])
-        local = self.vertices_m - _JOINTS[self.vertex_bone]
+        matrices = np.stack([rotation.as_matrix() for rotation in world_from_bone])
+        local = self.vertices_m - rest[self.vertex_bone]
         vertices = origins[self.vertex_bone] + np.einsum(
             "vij,vj->vi", matrices[self.vertex_bone], local
         )
         lift = np.array([0, 0, -vertices[:, 2].min()])
         joints = {name: origins[BONE_NAMES.index(bone)] + lift for name, bone in _LANDMARKS.items()}
         head = BONE_NAMES.index("head")
-        joints["head_top"] = origins[head] + matrices[head] @ (_HEAD_TOP - _JOINTS[head]) + lift
+        joints["head_top"] = origins[head] + matrices[head] @ (self.head_top_m - rest[head]) + lift
         return vertices + lift, joints
 
 
 def _loft(rings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Skins rings (n, _AROUND, 3) and closes both ends."""
+    """Triangulates rings (n, RING, 3) and closes both ends."""
     count = len(rings)
     vertices = np.vstack([rings.reshape(-1, 3), rings[0].mean(0), rings[-1].mean(0)])
-    i = np.arange(_AROUND)
-    j = (i + 1) % _AROUND
-    faces = [np.column_stack([count * _AROUND + 0 * i, j, i])]
-    for row in range(0, (count - 1) * _AROUND, _AROUND):
+    i = np.arange(RING)
+    j = (i + 1) % RING
+    faces = [np.column_stack([count * RING + 0 * i, j, i])]
+    for row in range(0, (count - 1) * RING, RING):
         faces += [
-            np.column_stack([row + i, row + j, row + _AROUND + j]),
-            np.column_stack([row + i, row + _AROUND + j, row + _AROUND + i]),
+            np.column_stack([row + i, row + j, row + RING + j]),
+            np.column_stack([row + i, row + RING + j, row + RING + i]),
         ]
-    last = (count - 1) * _AROUND
-    faces.append(np.column_stack([count * _AROUND + 1 + 0 * i, last + i, last + j]))
+    last = (count - 1) * RING
+    faces.append(np.column_stack([count * RING + 1 + 0 * i, last + i, last + j]))
     whole = np.vstack(faces)
     corners = vertices[whole] - vertices.mean(0)
     inside_out = (
@@ -319,7 +327,7 @@ def _loft(rings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.i
 
 
 def _circle() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    angle = np.arange(_AROUND) * 2 * np.pi / _AROUND
+    angle = np.arange(RING) * 2 * np.pi / RING
     return np.cos(angle), np.sin(angle)
 
 
@@ -347,7 +355,7 @@ def _ball(
         [
             np.sin(polar) * cosine,
             np.sin(polar) * sine,
-            np.broadcast_to(np.cos(polar), (13, _AROUND)),
+            np.broadcast_to(np.cos(polar), (13, RING)),
         ],
         -1,
     )

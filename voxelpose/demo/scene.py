@@ -1,6 +1,4 @@
-"""The demo's room and its cameras: textured floor and walls, daylight from one side, a cast shadow,
-sensor noise.
-"""
+"""The demo's room and cameras: textured floor and walls, daylight, a cast shadow, sensor noise."""
 
 from dataclasses import replace
 
@@ -20,18 +18,30 @@ _MARGIN = (32, 24)  # what a barrel lens sees beyond the pinhole picture, px on 
 _ROOM = np.array([5.0, 5.0])  # half length and half width of the floor
 
 
-def demo_rig() -> Rig:
-    """Returns four cameras spread over a half circle at different heights, with a slight barrel
-    distortion.
+# Azimuth from the front, degrees, distance and height, metres, of every camera.
+_POSITIONS = (
+    (-70, 3.3, 1.5),
+    (-15, 3.5, 2.3),
+    (40, 3.2, 1.2),
+    (95, 3.4, 2.0),
+    (150, 3.3, 1.3),
+    (-155, 3.4, 2.1),
+    (-110, 3.3, 1.1),
+    (180, 3.4, 2.5),
+)
+
+
+def demo_rig(count: int = 4) -> Rig:
+    """Cameras with a slight barrel distortion, at different heights.
+
+    Args:
+        count: at most 8; the first four stand on a half circle, the others behind the actor.
+
+    Returns:
+        The cameras, cam_1 and following.
     """
-    places = (
-        (-70, 3.3, 1.5),
-        (-15, 3.5, 2.3),
-        (40, 3.2, 1.2),
-        (95, 3.4, 2.0),
-    )  # degrees from the front, distance, height
     cameras = []
-    for k, (azimuth, distance, height) in enumerate(places):
+    for k, (azimuth, distance, height) in enumerate(_POSITIONS[:count]):
         centre = np.array(
             [
                 distance * np.sin(np.radians(azimuth)),
@@ -59,19 +69,18 @@ class FilmCamera:
         """Paints the empty room.
 
         Args:
-            camera: as calibrated, with distortion; pictures are drawn without it and then bent.
-            rng: source of texture and noise.
+            camera: as calibrated; pictures are drawn without distortion and then distorted.
+            rng: source of the noise.
         """
         self._wide = _widened(camera)
-        self._bend = _bending(camera)
-        self._room, self._floor = _paint_room(
-            self._wide, np.random.default_rng(11)
-        )  # one room for all cameras
+        self._maps = _distortion_maps(camera)
+        # The same seed for all cameras: it is one room.
+        self._room, self._floor = _paint_room(self._wide, np.random.default_rng(11))
         self._rng = rng
         self._noise = rng.normal(0, 2.2, (SIZE[1] + 64, SIZE[0] + 64, 3)).astype(np.float32)
 
     def empty(self) -> NDArray[np.uint8]:
-        """Returns a picture (480, 640, 3) BGR of the room without the actor."""
+        """Picture (480, 640, 3) uint8 BGR of the room without the actor."""
         return self._expose(self._room)
 
     def picture(
@@ -80,7 +89,7 @@ class FilmCamera:
         faces: NDArray[np.int32],
         face_colour: NDArray[np.int32],
     ) -> NDArray[np.uint8]:
-        """Takes a picture of the actor.
+        """Picture of the actor in the room.
 
         Args:
             vertices_m: (V, 3) world.
@@ -88,7 +97,7 @@ class FilmCamera:
             face_colour: (F,) index into `COLOURS_BGR`.
 
         Returns:
-            (480, 640, 3) BGR.
+            (480, 640, 3) uint8 BGR.
         """
         corners = vertices_m[faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -122,9 +131,7 @@ class FilmCamera:
         return self._expose(light)
 
     def _window(self, points_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
-        """Returns left, top, right and bottom of the part of the picture that points and their soft
-        shadow touch.
-        """
+        """Left, top, right and bottom of the pixels that points and their soft shadow touch."""
         pixels, _ = self._wide.project(points_m)
         width, height = self._wide.size
         low = np.clip(np.floor(np.nanmin(pixels, axis=0)) - 8, 0, (width - 2, height - 2)).astype(
@@ -149,8 +156,8 @@ class FilmCamera:
         return render_parts(inside, faces, labels, scale @ shift @ self._wide.matrix, size)[0]
 
     def _expose(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Bends the picture by the lens and adds noise and a little flicker."""
-        picture = cv2.remap(light, *self._bend, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        """Distorts a picture as the lens does and adds noise and a little flicker."""
+        picture = cv2.remap(light, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         row, column = self._rng.integers(0, 64, 2)
         picture *= 1 + self._rng.normal(0, 0.004)
         picture += self._noise[row : row + SIZE[1], column : column + SIZE[0]]
@@ -158,7 +165,7 @@ class FilmCamera:
 
 
 def _widened(camera: Camera) -> Camera:
-    """Returns the pinhole camera with a margin around the picture."""
+    """Pinhole camera with a margin around the picture."""
     wide = camera.pinhole()
     shift = np.array([[1, 0, _MARGIN[0]], [0, 1, _MARGIN[1]], [0, 0, 1.0]])
     return replace(
@@ -166,8 +173,8 @@ def _widened(camera: Camera) -> Camera:
     )
 
 
-def _bending(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Returns where in the widened pinhole picture each recorded pixel looks."""
+def _distortion_maps(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Position of each recorded pixel in the widened pinhole picture, for `cv2.remap`."""
     x, y = np.meshgrid(np.arange(SIZE[0], dtype=float), np.arange(SIZE[1], dtype=float))
     ideal = camera.undistort(np.column_stack([x.ravel(), y.ravel()])) + _MARGIN
     maps = ideal.astype(np.float32).reshape(SIZE[1], SIZE[0], 2)
@@ -177,9 +184,7 @@ def _bending(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 def _paint_room(
     camera: Camera, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Returns the empty room's light (h, w, 3) as seen by a pinhole camera, and 1 where the floor
-    is (h, w, 1).
-    """
+    """Light (h, w, 3) of the empty room at a pinhole camera, and 1 on the floor (h, w, 1)."""
     width, height = camera.size
     x, y = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     centre, direction = camera.rays(np.column_stack([x.ravel(), y.ravel()]))
@@ -191,9 +196,10 @@ def _paint_room(
     point = centre + distance[:, None] * direction
     along = np.where(to_wall[:, 0] < to_wall[:, 1], point[:, 1], point[:, 0])
     grain = cv2.GaussianBlur(rng.normal(0, 1, (512, 512)).astype(np.float32), (0, 0), 5) * 12
-    cloud = lambda u, v: grain[
-        (np.floor(v * 64).astype(int)) % 512, (np.floor(u * 64).astype(int)) % 512
-    ]  # noqa: E731
+
+    def cloud(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float32]:
+        return grain[np.floor(v * 64).astype(int) % 512, np.floor(u * 64).astype(int) % 512]
+
     board = np.floor(point[:, 0] / 0.18)
     seam = np.minimum(np.mod(point[:, 0], 0.18), 0.18 - np.mod(point[:, 0], 0.18)) < 0.006
     wood = (
@@ -211,10 +217,8 @@ def _paint_room(
     skirting = np.where(point[:, 2] < 0.12, 0.72, 1.0)
     floor = np.array([116.0, 130, 121]) * wood[:, None]
     wall = np.array([196.0, 190, 176]) * (panel * skirting)[:, None]
-    fall_off = 1 - 0.035 * np.linalg.norm(
-        point[:, :2] - (1.5, -2.0), axis=1
-    )  # brighter toward the window
+    # Brighter toward the window.
+    fall_off = 1 - 0.035 * np.linalg.norm(point[:, :2] - (1.5, -2.0), axis=1)
     light = np.where(on_floor[:, None], floor, wall) * fall_off[:, None]
-    return light.reshape(height, width, 3).astype(np.float32), on_floor.reshape(
-        height, width, 1
-    ).astype(np.float32)
+    light, floor = light.reshape(height, width, 3), on_floor.reshape(height, width, 1)
+    return light.astype(np.float32), floor.astype(np.float32)

@@ -1,0 +1,213 @@
+"""Measurements of a person, and the mannequin with those measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from voxelpose.demo.mannequin import BONE_NAMES, RING, SHIRT, STATURE_M, TROUSERS, Mannequin
+
+# The standard actor: heights of sole, hip joint, base of the neck, vertex of the head and hair, m.
+_HEIGHTS_M = np.array([0.0, 0.020, 0.955, 1.455, 1.700, 1.714])
+_LEG_FRACTION = 0.935 / 1.435  # of the height below the head
+_CLOTH_M = 0.010
+_HAIR_M = 0.005
+# Bone and height of the hip, waist and chest girths.
+_GIRTHS = (("pelvis", 0.93), ("belly", 1.11), ("chest", 1.33))
+# Heights at which a thicker trunk thickens, and by how much of the growth of hip, waist or chest.
+_TRUNK_M = np.array([0.93, 1.11, 1.33, 1.425, 1.485])
+_TRUNK_GROWTH = np.array([1.0, 1.0, 1.0, 0.6, 0.35])
+# Likewise the legs, by that of the hip, and the arms, by that of the chest.
+_LEG_GROWTH = np.array([(0.09, 0.0), (0.17, 0.5), (0.42, 0.9), (0.515, 0.8), (0.86, 1.3)]).T
+_ARM_GROWTH = np.array([(0.80, 0.05), (0.88, 0.15), (1.05, 0.4), (1.11, 0.5), (1.30, 0.8)]).T
+_DEPTH_POWER = 1.3  # trunks grow more in depth than in width
+_STANDING_OUT = np.radians(8.0)  # abduction of the arms in most key poses
+_MOST_OUT = np.radians(20.0)
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Measurements of a person. Lengths in metres.
+
+    Attributes:
+        stature_m: barefoot, without hair.
+        chest_girth_m: over the skin.
+        waist_girth_m: likewise.
+        hip_girth_m: likewise.
+        legs: length of the legs at this stature, over that of the standard actor's proportions.
+        arms: likewise of the arms.
+        shoulders: likewise the distance of the shoulder joints.
+        head: likewise the head.
+        cloth_m: thickness of shirt and trousers.
+        sole_m: thickness of the shoes' soles.
+    """
+
+    stature_m: float
+    chest_girth_m: float
+    waist_girth_m: float
+    hip_girth_m: float
+    legs: float = 1.0
+    arms: float = 1.0
+    shoulders: float = 1.0
+    head: float = 1.0
+    cloth_m: float = 0.010
+    sole_m: float = 0.008
+
+    def with_variation(self, rng: np.random.Generator) -> Measurements:
+        """Draws limb proportions, clothing and soles within the usual range of adults."""
+        legs, arms, shoulders, head = (
+            1 + sigma * float(np.clip(rng.normal(), -2, 2)) for sigma in (0.015, 0.02, 0.03, 0.025)
+        )
+        return replace(
+            self,
+            legs=legs,
+            arms=arms,
+            shoulders=shoulders,
+            head=head,
+            cloth_m=float(rng.uniform(0.004, 0.018)),
+            sole_m=float(rng.uniform(0.005, 0.010)),
+        )
+
+
+def tailor(measurements: Measurements) -> Mannequin:
+    """Mannequin of the given measurements.
+
+    Lengths are scaled along the bones. Girths at hip, waist and chest are met, and the limbs become
+    thicker or thinner with them; arms hang farther out where the trunk is wide.
+
+    Args:
+        measurements: of the person.
+
+    Returns:
+        The actor. Its joints move with the flesh around them, so that its truth stays exact.
+    """
+    standard = Mannequin.build()
+    shape = _Shape(standard, measurements)
+    clothed = np.zeros(len(standard.vertices_m), bool)
+    clothed[standard.faces[np.isin(standard.face_colour, (SHIRT, TROUSERS))]] = True
+    vertices, joints = standard.vertices_m.copy(), standard.joints_m.copy()
+    for k, name in enumerate(BONE_NAMES):
+        own = standard.vertex_bone == k
+        vertices[own] = shape.moved(name, vertices[own], clothed[own])
+        joints[k] = shape.moved(name, joints[k : k + 1], np.zeros(1, bool))[0]
+    head_top = shape.moved("head", standard.head_top_m[None], np.zeros(1, bool))[0]
+    return replace(
+        standard,
+        vertices_m=vertices,
+        joints_m=joints,
+        head_top_m=head_top,
+        stride=float(shape.heights_m[2] - shape.heights_m[1]) / (_HEIGHTS_M[2] - _HEIGHTS_M[1]),
+    )
+
+
+class _Shape:
+    """Map from points of the standard actor to points of a person."""
+
+    def __init__(self, standard: Mannequin, person: Measurements) -> None:
+        self._person = person
+        self._scale = person.stature_m / STATURE_M
+        # Heads vary less than statures do.
+        self._head = self._scale**0.4 * person.head
+        head = self._head * (_HEIGHTS_M[4] - _HEIGHTS_M[3])
+        legs = (person.stature_m - head) * _LEG_FRACTION * person.legs
+        top = person.stature_m
+        self.heights_m = np.array([-person.sole_m, 0, legs, top - head, top, top + _HAIR_M])
+        self.heights_m += person.sole_m
+        girths = (person.hip_girth_m, person.waist_girth_m, person.chest_girth_m)
+        self._width, self._depth = np.array(
+            [
+                _growth(_ring(standard, *place), (girth + 2 * np.pi * person.cloth_m) / self._scale)
+                for place, girth in zip(_GIRTHS, girths, strict=True)
+            ]
+        ).T[:, [0, 1, 2, 2, 2]]
+        self._width = 1 + _TRUNK_GROWTH * (self._width - 1)
+        self._depth = 1 + _TRUNK_GROWTH * (self._depth - 1)
+        self._joints = dict(zip(BONE_NAMES, standard.joints_m, strict=True))
+        shoulder, elbow = (self._joints[f"left_{name}"] for name in ("upper_arm", "forearm"))
+        self._shoulder_x = self._scale * (
+            shoulder[0] * person.shoulders * (1 + 0.3 * (self._width[2] - 1))
+        )
+        self._shoulder_z = float(np.interp(shoulder[2], _HEIGHTS_M, self.heights_m))
+        beside = self._scale * (0.165 * float(self._width[:3].max()) + 0.03) - self._shoulder_x
+        upper_arm = self._scale * person.arms * (shoulder[2] - elbow[2])
+        out = float(np.arcsin(np.clip(beside / upper_arm, 0, 1))) - _STANDING_OUT
+        self._out = float(np.clip(out, 0, _MOST_OUT))
+
+    def moved(
+        self, bone: str, points_m: NDArray[np.float64], clothed: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Moves points (n, 3) of a bone, with `clothed` (n,) the cloth over it."""
+        side, name = bone.split("_", 1) if "_" in bone else ("", bone)
+        mirror = np.array([-1.0 if side == "right" else 1.0, 1.0, 1.0])
+        points = points_m * mirror
+        if name in ("upper_arm", "forearm", "hand"):
+            moved = self._arm(points, clothed)
+        elif name in ("thigh", "shin", "foot"):
+            moved = self._leg(points, clothed)
+        else:
+            z = points[:, 2]
+            if name == "head":
+                factor = np.array([self._head, self._head])
+            else:
+                factor = self._scale * np.column_stack(
+                    [np.interp(z, _TRUNK_M, growth) for growth in (self._width, self._depth)]
+                )
+            height = np.interp(z, _HEIGHTS_M, self.heights_m)
+            moved = np.column_stack([factor * points[:, :2], height])
+        return moved * mirror
+
+    def _arm(self, points: NDArray[np.float64], clothed: NDArray[np.bool_]) -> NDArray[np.float64]:
+        shoulder = self._joints["left_upper_arm"]
+        axis = self._axis(points[:, 2], ("hand", "forearm", "upper_arm"))
+        growth = 1 + np.interp(points[:, 2], *_ARM_GROWTH) * (self._width[2] - 1)
+        flesh = self._flesh(points[:, :2] - axis, growth, clothed)
+        across = self._scale * (axis - shoulder[:2]) + flesh
+        down = self._scale * self._person.arms * (points[:, 2] - shoulder[2])
+        hanging = np.column_stack([across, down])
+        middle = np.array([self._shoulder_x, self._scale * shoulder[1], self._shoulder_z])
+        return Rotation.from_euler("y", -self._out).apply(hanging) + middle
+
+    def _leg(self, points: NDArray[np.float64], clothed: NDArray[np.bool_]) -> NDArray[np.float64]:
+        axis = self._axis(points[:, 2], ("foot", "shin", "thigh"))
+        growth = 1 + np.interp(points[:, 2], *_LEG_GROWTH) * (self._width[0] - 1)
+        apart = np.array([1 + 0.2 * (self._width[0] - 1), 1.0])
+        flat = self._scale * apart * axis + self._flesh(points[:, :2] - axis, growth, clothed)
+        return np.column_stack([flat, np.interp(points[:, 2], _HEIGHTS_M, self.heights_m)])
+
+    def _axis(self, z: NDArray[np.float64], bones: tuple[str, ...]) -> NDArray[np.float64]:
+        """Axis (n, 2) of a left limb at heights (n,), from its joints, the lowest first."""
+        joints = np.array([self._joints[f"left_{bone}"] for bone in bones])
+        return np.column_stack([np.interp(z, joints[:, 2], joints[:, k]) for k in (0, 1)])
+
+    def _flesh(
+        self,
+        offset: NDArray[np.float64],
+        growth: NDArray[np.float64],
+        clothed: NDArray[np.bool_],
+    ) -> NDArray[np.float64]:
+        """Offsets (n, 2) from a limb's axis, thickened, with this person's cloth over it."""
+        radius = np.linalg.norm(offset, axis=1)
+        bare = np.where(clothed, np.maximum(radius - _CLOTH_M, 0.4 * radius), radius)
+        over = np.where(clothed, radius - bare, 0) * self._person.cloth_m / _CLOTH_M
+        target = self._scale * growth * bare + over
+        return offset * (target / np.maximum(radius, 1e-9))[:, None]
+
+
+def _ring(standard: Mannequin, bone: str, height_m: float) -> NDArray[np.float64]:
+    """Ring (RING, 2) of the tube of a trunk bone that is nearest to a height."""
+    tube = standard.vertices_m[standard.vertex_bone == BONE_NAMES.index(bone)][:-2]
+    rings = tube.reshape(-1, RING, 3)
+    return rings[np.abs(rings[:, 0, 2] - height_m).argmin(), :, :2]
+
+
+def _growth(ring: NDArray[np.float64], girth_m: float) -> tuple[float, float]:
+    """Factors of width and depth that give a ring (RING, 2) a girth."""
+    perimeter = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum()
+    growth = girth_m / float(perimeter)
+    a, b = np.ptp(ring, axis=0)
+    depth = growth**_DEPTH_POWER
+    # The girth of a flat ellipse goes as the root of the mean square of its half axes.
+    return float(np.sqrt(growth**2 * (a**2 + b**2) - (depth * b) ** 2) / a), float(depth)
