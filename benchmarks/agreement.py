@@ -32,10 +32,12 @@ from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.calibration.check import LONG_SIDE_PX, even_moments
 from voxelpose.calibration.sync import SyncSettings, sync_recording
 from voxelpose.demo.filming import make_recording
-from voxelpose.evaluation import read_joints, read_truth, score_motion
+from voxelpose.evaluation import score_motion
+from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.timestamps import TIMESTAMPS
+from voxelpose.recording.truth import read_truth
 
 MOMENTS = 12
 MOST_LATE = 12

@@ -1,12 +1,10 @@
-"""How far an estimated motion is from the truth, in the measures that papers report.
+"""Errors of an estimated motion against known joint positions, as papers report them.
 
 Source: joints and root-relative error as in Sigal, Balan and Black, "HumanEva" (IJCV 2010).
 """
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +15,9 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from voxelpose.export.trc import POSE2SIM_AXES, read_trc
+from voxelpose.export.joints import JOINTS, read_joints
+from voxelpose.export.trc import POSE2SIM_AXES
+from voxelpose.recording.truth import TRUTH, read_truth
 from voxelpose.results import Result, is_result
 
 _LOST_MM = 300.0
@@ -47,21 +47,20 @@ _BONES = np.array(
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of an estimate. Means are over the frames that have a pose; millimetres and degrees;
-    shares from 0 to 1.
+    """Errors of an estimate; means are over the frames that have a pose.
 
     Attributes:
-        frames: frames whose truth is known.
-        lost: share of frames without a pose or with a root-relative error over 300 mm.
-        mpjpe_mm: mean distance of the joints in the world.
-        root_mm: the same with both pelvises put on each other.
-        pa_mm: the same after the similarity transform that fits each frame best.
-        pck150: share of joints within 150 mm, pelvises put on each other.
-        flips: share of frames that are nearer by 30 mm or more when left and right are exchanged.
-        jitter_mm: mean third difference of the joint positions.
-        jitter_truth_mm: the same of the truth.
-        angle_deg: mean angle between the directions of the ten bones.
-        joint_root_mm: root_mm per joint.
+        frames: number of frames whose truth is known.
+        lost: fraction of frames without a pose or with a root-relative error over 300 mm.
+        mpjpe_mm: mean distance of the joints in the world, mm.
+        root_mm: mean distance of the joints relative to the pelvis, mm.
+        pa_mm: mean distance of the joints after the best similarity transform of each frame, mm.
+        pck150: fraction of joints within 150 mm, relative to the pelvis.
+        flips: fraction of frames that are nearer by over 30 mm with left and right exchanged.
+        jitter_mm: mean third difference of the joint positions over time, mm.
+        jitter_truth_mm: mean third difference of the true positions, mm.
+        angle_deg: mean angle between the directions of the ten bones, degrees.
+        joint_root_mm: root_mm of every joint, in the order of LANDMARK_NAMES.
     """
 
     frames: int
@@ -86,10 +85,13 @@ def evaluate(
 ) -> Score:
     """Scores a result against known joint positions.
 
-    Args: result: of a fit, or its folder, or a joints.csv. truth: truth.json or TRC, see
-        `read_truth`; None: truth.json in the recording that the result is of. offset: added to the
-        result's frame numbers before they are compared. markers: for a TRC, see `read_truth`. axes:
-        likewise.
+    Args:
+        result: a result, its folder, or a joints.csv.
+        truth: truth.json or TRC, see `read_truth`; None: truth.json of the recording from which
+            the result was made.
+        offset: number added to the result's frame numbers before the comparison.
+        markers: for a TRC, as for `read_trc`.
+        axes: for a TRC, as for `read_trc`.
 
     Returns:
         The errors.
@@ -97,16 +99,16 @@ def evaluate(
     Raises:
         InputError: a file cannot be read, or there is no truth.
     """
-    folder = result.folder if isinstance(result, Result) else Path(result)
-    positions = read_truth(_truth_of(folder) if truth is None else Path(truth), markers, axes)
-    joints = folder / "joints.csv" if folder.is_dir() else folder
-    return score_motion(positions, read_joints(joints, len(positions), offset))
+    path = result.folder if isinstance(result, Result) else Path(result)
+    truth_m = read_truth(_truth_of(path) if truth is None else Path(truth), markers, axes)
+    joints = path / JOINTS if path.is_dir() else path
+    return score_motion(truth_m, read_joints(joints, len(truth_m), offset))
 
 
 def _truth_of(result: Path) -> Path:
     if not is_result(result):
         raise InputError(f"{result} does not say which recording it is of: give --truth FILE")
-    truth = (result / str(Result.open(result).settings["recording"])).resolve() / "truth.json"
+    truth = (result / str(Result.open(result).settings["recording"])).resolve() / TRUTH
     if not truth.is_file():
         raise InputError(f"there is no {truth}: give --truth FILE")
     return truth
@@ -115,15 +117,16 @@ def _truth_of(result: Path) -> Path:
 def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> Score:
     """Scores joint positions.
 
-    Args: truth_m: (T, 15, 3) float64, metres, in the order of LANDMARK_NAMES. Frames with NaN in
-        them are unknown, and not scored. estimate_m: (T, 15, 3) float64, NaN in frames without a
-        pose.
+    Args:
+        truth_m: (T, 15, 3) float64, world, metres, in the order of LANDMARK_NAMES; frames that
+            contain NaN are not scored.
+        estimate_m: (T, 15, 3) float64, world, metres; NaN in frames without a pose.
 
     Returns:
         The errors.
 
     Raises:
-        ValueError: shapes differ, or the truth is unknown throughout.
+        ValueError: the shapes differ, or no frame of the truth is known.
     """
     check_array("truth_m", truth_m, ("T", len(LANDMARK_NAMES), 3))
     check_array("estimate_m", estimate_m, truth_m.shape)
@@ -160,8 +163,10 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
 
 
 def markdown_table(scores: Mapping[str, Score]) -> str:
-    """Returns scores as a Markdown table, a line per name, and below several their mean, each
-    counting the same.
+    """Returns scores as a Markdown table, with their unweighted mean where there are several.
+
+    Args:
+        scores: scores by name, one line each.
     """
     columns = (
         "mpjpe_mm",
@@ -199,81 +204,15 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_truth(
-    path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES
-) -> NDArray[np.float64]:
-    """Reads known joint positions: a TRC, or a truth.json: `{"joints": {name: [[x, y, z] per
-    frame]}}`, metres.
-
-    Args:
-        path: the file.
-        markers: for a TRC, as `trc.read_trc` has it.
-        axes: likewise.
-
-    Returns:
-        (T, 15, 3) float64; NaN where a position is unknown (null in JSON).
-
-    Raises:
-        InputError: the file cannot be read or lacks joints.
-    """
-    if path.suffix.lower() == ".trc":
-        return _with_something_known(read_trc(path, axes, markers), path)
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        if document.get("unit", "m") != "m":
-            raise InputError(f"{path} is in {document['unit']}: convert it to metres")
-        truth = np.stack(
-            [np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1
-        )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(
-            f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}"
-        ) from error
-    return _with_something_known(truth, path)
-
-
-def _with_something_known(truth: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
-    if truth.ndim != 3 or truth.shape[2] != 3 or not np.isfinite(truth).all(axis=(1, 2)).any():
-        raise InputError(f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints")
-    return truth
-
-
-def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:
-    """Reads a joints.csv.
-
-    Args:
-        path: the file.
-        count: frames of the truth; others are left out.
-        offset: added to the file's frame numbers.
-
-    Returns:
-        (count, 15, 3) float64, NaN where a joint has no row.
-
-    Raises:
-        InputError: the file cannot be read.
-    """
-    number = {name: index for index, name in enumerate(LANDMARK_NAMES)}
-    found = np.full((count, len(number), 3), np.nan)
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            for row in csv.DictReader(file):
-                frame = int(row["frame"]) + offset
-                if row["joint"] in number and 0 <= frame < count:
-                    found[frame, number[row["joint"]]] = (
-                        float(row["x_m"]),
-                        float(row["y_m"]),
-                        float(row["z_m"]),
-                    )
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(
-            f"{path} cannot be read as joints.csv (frame,joint,x_m,y_m,z_m): {error}"
-        ) from error
-    return found
-
-
 def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T, J, 3) `moving` under the similarity that fits it to `fixed` best in every frame,
-    about the mean of `fixed`.
+    """Points `moving` after the similarity transform that fits them best to `fixed`.
+
+    Args:
+        moving: (T, J, 3) float64, aligned separately in every frame.
+        fixed: (T, J, 3) float64.
+
+    Returns:
+        (T, J, 3) float64, relative to the mean of `fixed`.
 
     Source: Umeyama, "Least-squares estimation of transformation parameters" (PAMI 1991), (40)-(43).
     """

@@ -9,8 +9,9 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from tests.clips import waving
-from voxelpose.evaluation import read_joints, read_truth, score_motion
-from voxelpose.export.joints import write_joints
+from voxelpose.evaluation import score_motion
+from voxelpose.export.joints import read_joints, write_joints
+from voxelpose.recording.truth import read_truth
 
 
 @pytest.fixture

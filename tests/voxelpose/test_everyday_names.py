@@ -10,12 +10,13 @@ import voxelpose
 from calib.errors import InputError
 from tests.sources import ring, write_recording
 
-_IMPORT = """
+_HEAVY = {"numpy", "cv2", "numba", "scipy", "matplotlib", "open3d", "tyro"}
+_IMPORT = f"""
 import sys, time
 started = time.perf_counter()
 import voxelpose
 seconds = time.perf_counter() - started
-print(seconds, *sorted({name.split(".")[0] for name in sys.modules} & {"numpy", "cv2", "numba", "scipy", "matplotlib", "open3d", "tyro"}))
+print(seconds, *sorted({{name.split(".")[0] for name in sys.modules}} & {_HEAVY}))
 """
 
 
@@ -54,7 +55,8 @@ def test_track_is_for_one_camera(tmp_path):
 def test_evaluate_takes_a_table_of_joints(tmp_path):
     voxelpose.make_recording(tmp_path / "recording", frames=1)
     truth = tmp_path / "recording" / "truth.json"
-    from voxelpose.evaluation import LANDMARK_NAMES, read_truth
+    from silhouette_core.body.joints import LANDMARK_NAMES
+    from voxelpose.recording.truth import read_truth
 
     rows = [
         f"0,{name},{x + 0.1},{y},{z}"

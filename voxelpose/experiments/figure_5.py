@@ -13,9 +13,11 @@ from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
 from voxelpose import __version__
 from voxelpose.demo.filming import make_recording
-from voxelpose.evaluation import Score, markdown_table, read_joints, read_truth, score_motion
+from voxelpose.evaluation import Score, markdown_table, score_motion
+from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
 from voxelpose.results import SUMMARY, as_json
 
 TABLE = "table.md"

@@ -1,26 +1,62 @@
 """joints.csv: the 15 joints of the HumanEva protocol, one row per frame and joint."""
 
+import csv
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
 
-COLUMNS = ("frame", "time_s", "joint", "x_m", "y_m", "z_m", "confidence")
+JOINTS = "joints.csv"
+_HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
 
 
 def write_joints(motion: Motion, path: Path) -> None:
     """Writes joint positions in world coordinates (axes of the calibration), metres.
 
     Args:
-        motion: T poses; frames that are lost have no rows.
+        motion: T poses; frames without a pose have no rows.
         path: the CSV file.
     """
     positions, confidence = motion.landmarks(), motion.landmark_confidence()
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(COLUMNS) + "\n")
+        file.write(_HEADER + "\n")
         for row, frame in enumerate(motion.frames):
+            start = f"{frame},{motion.time_s[row]:.6f}"
             for joint, name in enumerate(LANDMARK_NAMES):
                 x, y, z = positions[row, joint]
-                file.write(
-                    f"{frame},{motion.time_s[row]:.6f},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n"
-                )
+                file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n")
+
+
+def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:
+    """Reads joint positions.
+
+    Args:
+        path: the CSV file; it needs the columns frame, joint, x_m, y_m and z_m.
+        count: number of frames to return; rows of other frames are ignored.
+        offset: number added to the file's frame numbers.
+
+    Returns:
+        (count, 15, 3) float64, world, metres, in the order of LANDMARK_NAMES; NaN where a joint has
+        no row.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    number = {name: index for index, name in enumerate(LANDMARK_NAMES)}
+    joints_m = np.full((count, len(number), 3), np.nan)
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                frame = int(row["frame"]) + offset
+                if row["joint"] in number and 0 <= frame < count:
+                    position = [float(row[axis]) for axis in ("x_m", "y_m", "z_m")]
+                    joints_m[frame, number[row["joint"]]] = position
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"{path} cannot be read as joints.csv (frame,joint,x_m,y_m,z_m): {error}"
+        ) from error
+    return joints_m

@@ -369,8 +369,8 @@ def _by_rate(
         listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
         raise InputError(
             f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out"
-            f" {folder / TIMESTAMPS}` aligns them; or use the cameras of one rate with --cameras, or"
-            " give --fps (and --frames A:B) if frame n was taken at the same moment in all"
+            f" {folder / TIMESTAMPS}` aligns them; or use the cameras of one rate with --cameras,"
+            " or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
         )
     rate = float(np.median(list(rates.values())))
     return rate, np.arange(count) / rate

@@ -10,12 +10,12 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.progress import SilentReporter
 from voxelpose.demo.filming import make_recording
-from voxelpose.evaluation import read_truth
 from voxelpose.experiments.arm_swing import METHODS, near_side
 from voxelpose.experiments.swing_library import ProfileSettings, swing_library
 from voxelpose.experiments.swing_study import Study, run_study
 from voxelpose.experiments.swings import arm_angles, split_swings
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
 
 
 def test_methods_are_called_as_in_the_paper():

@@ -6,8 +6,9 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from tests.clips import waving
-from voxelpose.evaluation import read_truth, score_motion
+from voxelpose.evaluation import score_motion
 from voxelpose.export.trc import read_trc, write_trc
+from voxelpose.recording.truth import read_truth
 
 POSE2SIM = {
     name: f"{name[0].upper()}{name.split('_')[1].title()}"

@@ -1,0 +1,64 @@
+"""Known joint positions of a recording: truth.json, written and read; a TRC is read as well."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_NAMES
+from voxelpose.export.trc import POSE2SIM_AXES, read_trc
+
+TRUTH = "truth.json"
+
+
+def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m: float) -> None:
+    """Writes truth.json: `{"unit": "m", "joints": {name: [[x, y, z] per frame]}, ...}`.
+
+    Args:
+        path: the file.
+        joints_m: (T, 15, 3) float64, world, z up, metres, in the order of LANDMARK_NAMES.
+        fps: frames per second.
+        stature_m: height of the person, metres.
+    """
+    joints = {name: joints_m[:, k].round(5).tolist() for k, name in enumerate(LANDMARK_NAMES)}
+    document = {"fps": fps, "unit": "m", "up": "z", "stature": stature_m, "joints": joints}
+    path.write_text(json.dumps(document), encoding="utf-8")
+
+
+def read_truth(
+    path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES
+) -> NDArray[np.float64]:
+    """Reads known joint positions from truth.json or a TRC.
+
+    Args:
+        path: the file.
+        markers: for a TRC, as for `read_trc`.
+        axes: for a TRC, as for `read_trc`.
+
+    Returns:
+        (T, 15, 3) float64, world, metres; NaN where a position is unknown (null in JSON).
+
+    Raises:
+        InputError: the file cannot be read or lacks joints.
+    """
+    truth = read_trc(path, axes, markers) if path.suffix.lower() == ".trc" else _read_json(path)
+    if truth.ndim != 3 or truth.shape[2] != 3 or not np.isfinite(truth).all(axis=(1, 2)).any():
+        raise InputError(f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints")
+    return truth
+
+
+def _read_json(path: Path) -> NDArray[np.float64]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document.get("unit", "m") != "m":
+            raise InputError(f"{path} is in {document['unit']}: convert it to metres")
+        return np.stack(
+            [np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(
+            f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}"
+        ) from error
