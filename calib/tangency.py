@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from calib.checks import check_array
+from calib.components import label_components
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -117,7 +118,7 @@ def body_pieces(mask: Mask) -> Mask:
     thick = cv2.dilate(
         mask.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
     )
-    _, labels = cv2.connectedComponents(thick, connectivity=8)
+    labels = label_components(thick.view(bool)).labels
     area = np.bincount(labels[mask])
     large = np.flatnonzero(area >= _LARGE_PIECE * area.max())
     return mask & np.isin(labels, large)

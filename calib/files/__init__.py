@@ -1,7 +1,7 @@
 """Calibration files: one module per format, each with a reader and a writer.
 
-`read_rig` looks at the content, never at the name. Lengths become metres; a file that does not say
-its unit is refused with a question unless the caller says it.
+`read_rig` recognises the format by the content, never by the name. Lengths become metres; a file
+that does not state its unit is refused unless the caller states it.
 """
 
 import json
@@ -9,31 +9,42 @@ import os
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.files import anipose, easymocap, opencv, plain, projections, qualisys
+from calib.files.anipose import read_anipose, write_anipose
+from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
+from calib.files.opencv import read_opencv, read_opencv_folder, write_opencv
+from calib.files.plain import read_json, write_json
+from calib.files.projections import read_projections, write_projections
+from calib.files.qualisys import read_qualisys, write_qualisys
 
-FORMATS: dict[str, ModuleType] = {
-    "anipose": anipose,
-    "easymocap": easymocap,
-    "json": plain,
-    "opencv": opencv,
-    "projections": projections,
-    "qualisys": qualisys,
+
+class RigFormat(NamedTuple):
+    """A calibration format.
+
+    Attributes:
+        read: Reads a file or folder of this format.
+        write: Writes a rig, in metres.
+        suffixes: Suffixes by which `write_rig` chooses this format.
+    """
+
+    read: Callable[[Source], Rig]
+    write: Callable[..., None]
+    suffixes: tuple[str, ...] = ()
+
+
+RIG_FORMATS = {
+    "anipose": RigFormat(read_anipose, write_anipose, (".toml",)),
+    "opencv": RigFormat(read_opencv, write_opencv, (".yml", ".yaml", ".xml")),
+    "json": RigFormat(read_json, write_json, (".json",)),
+    "qualisys": RigFormat(read_qualisys, write_qualisys, (".txt",)),
+    "easymocap": RigFormat(read_easymocap, write_easymocap, ("",)),
+    "projections": RigFormat(read_projections, write_projections),
 }
-_BY_SUFFIX = {
-    ".toml": "anipose",
-    ".yml": "opencv",
-    ".yaml": "opencv",
-    ".xml": "opencv",
-    ".json": "json",
-    ".txt": "qualisys",
-    "": "easymocap",
-}
+_BY_SUFFIX = {suffix: name for name, form in RIG_FORMATS.items() for suffix in form.suffixes}
 
 
 def read_rig(
@@ -41,17 +52,19 @@ def read_rig(
 ) -> Rig:
     """Reads a calibration of any known format.
 
-    Args: path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
-        matrices, Qualisys .qca.txt), or a
-            folder (EasyMocap's intri.yml and extri.yml, or one OpenCV file per camera).
+    Args:
+        path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
+            matrices, Qualisys .qca.txt), or a folder (EasyMocap's intri.yml and extri.yml, or one
+            OpenCV file per camera).
         unit: "m", "cm" or "mm", for a file that does not state its unit.
         size: Image (width, height), px, for a file that does not state it.
 
     Returns:
         The rig, in metres.
 
-    Raises: InputError: The file is missing, of no known format, incomplete or wrong; one line says
-        what and how to mend it.
+    Raises:
+        InputError: The file is missing, of no known format, incomplete or wrong; the message is
+            one line with the mistake and its remedy.
     """
     source = Source(Path(path), unit, size)
     return _reader(source)(source)
@@ -63,14 +76,14 @@ def write_rig(
     style: str | None = None,
     notes: Mapping[str, Any] | None = None,
 ) -> None:
-    """Writes a calibration, in metres and saying so; it appears whole or not at all.
+    """Writes a calibration in metres, with the unit stated. A failure leaves no partial file.
 
-    Args: rig: The cameras. path: The file. Its suffix chooses the format: .toml aniposelib layout;
-        .yml, .yaml, .xml OpenCV FileStorage; .json plain
-            JSON; .txt Qualisys; none EasyMocap's folder.
-        style: A name from `FORMATS` where the suffix would choose another.
-        notes: What else to say, kept under [metadata] in TOML; the other formats have no place for
-            it.
+    Args:
+        rig: The cameras.
+        path: The file. Its suffix selects the format: .toml aniposelib layout; .yml, .yaml, .xml
+            OpenCV FileStorage; .json plain JSON; .txt Qualisys; none EasyMocap's folder.
+        style: A name from `RIG_FORMATS`, to override the suffix.
+        notes: Further entries, stored under [metadata] in TOML; the other formats drop them.
 
     Raises:
         InputError: The format is unknown, cannot hold this rig, or the file cannot be written.
@@ -83,34 +96,33 @@ def write_rig(
                 f"{target}: no calibration format has the suffix {target.suffix!r}: use"
                 f" {', '.join(filter(None, _BY_SUFFIX))}"
             )
-    if style not in FORMATS:
-        raise InputError(f"no calibration format {style!r}: choose one of {', '.join(FORMATS)}")
+    if style not in RIG_FORMATS:
+        raise InputError(f"no calibration format {style!r}: choose one of {', '.join(RIG_FORMATS)}")
     # The suffix stays last because OpenCV chooses its syntax by it.
-    beside = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
+    options = {"notes": notes} if notes and style == "anipose" else {}
     try:
-        FORMATS[style].write(
-            rig, beside, **({"notes": notes} if notes and style == "anipose" else {})
-        )
-        if beside.is_dir():
+        RIG_FORMATS[style].write(rig, temporary, **options)
+        if temporary.is_dir():
             target.mkdir(exist_ok=True)
-            for file in beside.iterdir():
+            for file in temporary.iterdir():
                 file.replace(target / file.name)
         else:
-            beside.replace(target)
+            temporary.replace(target)
     except OSError as error:
         raise InputError(f"{target}: cannot write: {error.strerror or error}") from None
     finally:
-        if beside.is_dir():
-            shutil.rmtree(beside)
-        beside.unlink(missing_ok=True)
+        if temporary.is_dir():
+            shutil.rmtree(temporary)
+        temporary.unlink(missing_ok=True)
 
 
 def _reader(source: Source) -> Callable[[Source], Rig]:
-    """Chooses the reader by what the file holds."""
-    if easymocap.is_easymocap(source.path):
-        return easymocap.read
+    """Returns the reader that fits the content."""
+    if is_easymocap(source.path):
+        return read_easymocap
     if source.path.is_dir():
-        return opencv.read_folder
+        return read_opencv_folder
     try:
         text = source.path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -123,9 +135,9 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         ) from None
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
-        return opencv.read
+        return read_opencv
     if start.startswith("<"):
-        return qualisys.read
+        return read_qualisys
     if start[:1] in ("{", "["):
         try:
             content = json.loads(text)
@@ -133,10 +145,7 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
             if start.startswith("{"):
                 raise source.error(f"broken JSON: {error}") from None
         else:
-            keyed = {"projections": projections.read, "cameras": plain.read}
-            return (
-                projections.read
-                if isinstance(content, list)
-                else next((keyed[key] for key in keyed if key in content), opencv.read)
-            )
-    return anipose.read
+            if isinstance(content, list) or "projections" in content:
+                return read_projections
+            return read_json if "cameras" in content else read_opencv
+    return read_anipose

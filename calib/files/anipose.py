@@ -19,15 +19,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.camera import Camera, Rig
-from calib.files.fields import Source
+from calib.camera import Rig
+from calib.files.fields import Source, camera_values
 from calib.rotation import rodrigues_from_matrix
 
 _CAMERA_KEYS = {"matrix", "distortions", "rotation", "translation"}
 _REMEDY = 'add [metadata] unit = "m"'
 
 
-def read(source: Source) -> Rig:
+def read_anipose(source: Source) -> Rig:
     """Reads the rig.
 
     Raises:
@@ -58,25 +58,16 @@ def read(source: Source) -> Rig:
     )
 
 
-def write(rig: Rig, path: Path, notes: Mapping[str, Any] | None = None) -> None:
+def write_anipose(rig: Rig, path: Path, notes: Mapping[str, Any] | None = None) -> None:
     """Writes the rig in metres, and notes under [metadata]."""
     import tomlkit
 
     document = tomlkit.document()
     for camera in rig:
-        document[camera.name] = _table(camera)
+        # aniposelib requires at least one distortion number, and Rodrigues vectors.
+        document[camera.name] = camera_values(camera) | {
+            "distortions": camera.distortion.tolist() or [0.0] * 5,
+            "rotation": rodrigues_from_matrix(camera.rotation).tolist(),
+        }
     document["metadata"] = {"unit": "m", **(notes or {})}
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
-
-
-def _table(camera: Camera) -> dict[str, Any]:
-    """Returns one camera's table; aniposelib wants at least one distortion number."""
-    return {
-        "name": camera.name,
-        "size": list(camera.size),
-        "matrix": camera.matrix.tolist(),
-        "distortions": camera.distortion.tolist() or [0.0] * 5,
-        "rotation": rodrigues_from_matrix(camera.rotation).tolist(),
-        "translation": camera.translation.tolist(),
-        "fisheye": camera.fisheye,
-    }

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
 
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import opencv
-from calib.files.fields import Source
+from calib.files.fields import Source, five_distortion_numbers
 
 _FILES = ("intri.yml", "extri.yml")
 
@@ -29,7 +28,7 @@ def is_easymocap(path: Path) -> bool:
     )
 
 
-def read(source: Source) -> Rig:
+def read_easymocap(source: Source) -> Rig:
     """Reads the rig from the folder or either file in it.
 
     Raises:
@@ -69,7 +68,7 @@ def read(source: Source) -> Rig:
     return whole.rig(cameras)
 
 
-def write(rig: Rig, path: Path) -> None:
+def write_easymocap(rig: Rig, path: Path) -> None:
     """Writes the folder, in metres.
 
     Raises:
@@ -77,15 +76,12 @@ def write(rig: Rig, path: Path) -> None:
         OSError: The folder cannot be written.
     """
     for camera in rig:
-        if camera.fisheye or len(camera.distortion) > 5:
-            raise InputError(
-                f"camera {camera.name}: EasyMocap holds k1 k2 p1 p2 k3 and no more: write TOML"
-            )
         if not re.fullmatch(r"[A-Za-z0-9_-]+", camera.name):
             raise InputError(
                 f"camera {camera.name}: EasyMocap's names are letters, digits, - and _: rename it"
                 " or write TOML"
             )
+    distortions = [five_distortion_numbers(camera, "EasyMocap") for camera in rig]
     path.mkdir()
     for name in _FILES:
         storage = cv2.FileStorage(str(path / name), cv2.FILE_STORAGE_WRITE)
@@ -93,11 +89,10 @@ def write(rig: Rig, path: Path) -> None:
         for camera in rig:
             storage.write("", camera.name)
         storage.endWriteStruct()
-        for camera in rig:
+        for camera, distortion in zip(rig, distortions, strict=True):
             if name == _FILES[0]:
                 storage.write(f"K_{camera.name}", camera.matrix)
-                bent = np.concatenate([camera.distortion, np.zeros(5 - len(camera.distortion))])
-                storage.write(f"dist_{camera.name}", bent[None])
+                storage.write(f"dist_{camera.name}", distortion[None])
                 storage.write(f"H_{camera.name}", camera.size[1])
                 storage.write(f"W_{camera.name}", camera.size[0])
             else:

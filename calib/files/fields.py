@@ -195,6 +195,36 @@ class Source:
         return Rig(tuple(cameras))
 
 
+def camera_values(camera: Camera) -> dict[str, Any]:
+    """Returns a camera as the plain values that `Source.camera` reads."""
+    return {
+        "name": camera.name,
+        "size": list(camera.size),
+        "matrix": camera.matrix.tolist(),
+        "distortions": camera.distortion.tolist(),
+        "rotation": camera.rotation.tolist(),
+        "translation": camera.translation.tolist(),
+        "fisheye": camera.fisheye,
+    }
+
+
+def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
+    """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64.
+
+    Args:
+        camera: The camera.
+        container: What holds no other numbers, for the message.
+
+    Raises:
+        InputError: The camera's lens has more terms.
+    """
+    if camera.fisheye or len(camera.distortion) > 5:
+        raise InputError(
+            f"camera {camera.name}: {container} holds k1 k2 p1 p2 k3 and no more: write TOML"
+        )
+    return np.concatenate([camera.distortion, np.zeros(5 - len(camera.distortion))])
+
+
 def _short(value: object) -> str:
     """Shows a value without filling the screen."""
     text = repr(value)

@@ -51,7 +51,7 @@ _SUFFIXES = {".yml", ".yaml", ".xml", ".json"}
 _REMEDY = "add a top-level entry unit: m"
 
 
-def read(source: Source) -> Rig:
+def read_opencv(source: Source) -> Rig:
     """Reads one file.
 
     Raises:
@@ -71,7 +71,7 @@ def read(source: Source) -> Rig:
     return source.rig([_camera(source, name, values, metres) for name, values in maps.items()])
 
 
-def read_folder(source: Source) -> Rig:
+def read_opencv_folder(source: Source) -> Rig:
     """Reads a folder of one file per camera.
 
     Raises:
@@ -108,7 +108,7 @@ def read_folder(source: Source) -> Rig:
     return source.rig(cameras)
 
 
-def write(rig: Rig, path: Path) -> None:
+def write_opencv(rig: Rig, path: Path) -> None:
     """Writes one file with all cameras, in metres.
 
     Raises:
@@ -165,14 +165,9 @@ def load(source: Source) -> dict[str, Any]:
 def _plain(node: Any) -> Any:
     """Turns a FileNode into plain values."""
     if node.isMap():
-        matrix = None
-        if {"rows", "cols", "data"} <= set(node.keys()):
-            matrix = node.mat()
-        return (
-            matrix
-            if matrix is not None
-            else {key: _plain(node.getNode(key)) for key in node.keys()}
-        )  # noqa: SIM118
+        keys = set(node.keys())
+        matrix = node.mat() if {"rows", "cols", "data"} <= keys else None
+        return {key: _plain(node.getNode(key)) for key in node.keys()} if matrix is None else matrix  # noqa: SIM118
     if node.isSeq():
         return [_plain(node.at(index)) for index in range(node.size())]
     if node.isInt() or node.isReal():

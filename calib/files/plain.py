@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from calib.camera import Rig
-from calib.files.fields import Source
+from calib.files.fields import Source, camera_values
 
 
-def read(source: Source) -> Rig:
+def read_json(source: Source) -> Rig:
     """Reads the rig; `cameras` may also be a map from names to cameras.
 
     Raises:
@@ -36,20 +36,7 @@ def read(source: Source) -> Rig:
     )
 
 
-def write(rig: Rig, path: Path) -> None:
+def write_json(rig: Rig, path: Path) -> None:
     """Writes the rig in metres."""
-    cameras = [
-        {
-            "name": camera.name,
-            "size": list(camera.size),
-            "matrix": camera.matrix.tolist(),
-            "distortions": camera.distortion.tolist(),
-            "rotation": camera.rotation.tolist(),
-            "translation": camera.translation.tolist(),
-            "fisheye": camera.fisheye,
-        }
-        for camera in rig
-    ]
-    path.write_text(
-        json.dumps({"unit": "m", "cameras": cameras}, indent=1) + "\n", encoding="utf-8"
-    )
+    content = {"unit": "m", "cameras": [camera_values(camera) for camera in rig]}
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

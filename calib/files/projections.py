@@ -54,7 +54,7 @@ def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     return np.triu(upper / upper[2, 2]) + 0.0, rotation, translation  # + 0.0: no negative zeros
 
 
-def read(source: Source) -> Rig:
+def read_projections(source: Source) -> Rig:
     """Reads the rig.
 
     Raises:
@@ -94,7 +94,7 @@ def read(source: Source) -> Rig:
     return source.rig(cameras)
 
 
-def write(rig: Rig, path: Path) -> None:
+def write_projections(rig: Rig, path: Path) -> None:
     """Writes the rig in metres.
 
     Raises:

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from calib.errors import InputError
-from calib.files.fields import Source
+from calib.files.fields import Source, five_distortion_numbers
 
 _SUBPIXELS = 64
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -35,7 +34,7 @@ _DISTORTION = (
 )
 
 
-def read(source: Source) -> Rig:
+def read_qualisys(source: Source) -> Rig:
     """Reads the rig.
 
     Raises:
@@ -59,7 +58,7 @@ def read(source: Source) -> Rig:
     )
 
 
-def write(rig: Rig, path: Path) -> None:
+def write_qualisys(rig: Rig, path: Path) -> None:
     """Writes the rig, in QTM's units.
 
     Raises:
@@ -68,11 +67,7 @@ def write(rig: Rig, path: Path) -> None:
     root = ElementTree.Element("calibration", {"type": "regular"})
     cameras = ElementTree.SubElement(root, "cameras")
     for camera in rig:
-        if camera.fisheye or len(camera.distortion) > 5:
-            raise InputError(
-                f"camera {camera.name}: a Qualisys file holds k1 k2 p1 p2 k3 and no more: write"
-                " TOML"
-            )
+        distortion = five_distortion_numbers(camera, "a Qualisys file")
         width, height = camera.size
         element = ElementTree.SubElement(
             cameras,
@@ -89,7 +84,6 @@ def write(rig: Rig, path: Path) -> None:
             "transform",
             place | {f"r{i + 1}{j + 1}": _text(rotation[i, j]) for i in range(3) for j in range(3)},
         )
-        bent = np.concatenate([camera.distortion, np.zeros(5 - len(camera.distortion))])
         numbers = {
             "focalLengthU": _SUBPIXELS * camera.matrix[0, 0],
             "focalLengthV": _SUBPIXELS * camera.matrix[1, 1],
@@ -100,7 +94,7 @@ def write(rig: Rig, path: Path) -> None:
             "sensorMaxU": _SUBPIXELS * (width - 1),
             "sensorMinV": 0,
             "sensorMaxV": _SUBPIXELS * (height - 1),
-        } | dict(zip(_DISTORTION, bent, strict=True))
+        } | dict(zip(_DISTORTION, distortion, strict=True))
         ElementTree.SubElement(
             element, "intrinsic", {key: _text(value) for key, value in numbers.items()}
         )

@@ -1,34 +1,34 @@
-"""Which part of a silhouette image is the person, and how far away a person that large stands."""
+"""Person in a foreground image, and the distance at which a person of that size stands."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.components import label_components
 
-_CRUMB = 0.02  # of the person's own area; a hand that a gap cuts off is larger
-_REACH = 0.25  # of the person's height: pieces farther from the main one are something else
+# Smaller components, as a fraction of the person's area, are noise; a hand behind a gap is larger.
+_LEAST_FRACTION = 0.02
+_LARGEST_GAP = 0.25  # between a component and the main one, as a fraction of the latter's size
 _LEAST_PX = 150
-_SHARE_OF_USUAL = 0.2
+_LEAST_OF_USUAL = 0.2  # of the usual area
 _BORDER_PX = 2
-# of the person's contour box along the border, below which a toe at the edge does not count as cut
-_BORDER_SHARE = 0.02
-# statures between the highest and the lowest contour pixel of somebody standing: the nearer foot
-# shows larger
+# Length of contact with the border, relative to the person's size, up to which the person is whole.
+_BORDER_FRACTION = 0.02
+# Height of an upright person's silhouette in statures: the nearer foot appears lower.
 _UPRIGHT = 1.02
 
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """The silhouette of one person.
+    """Silhouette of one person.
 
     Attributes:
-        mask: (h, w) bool.
-        cut: whether the border of the picture cuts it.
+        mask: (h, w) bool, the silhouette.
+        cut: whether the border of the image cuts the person.
     """
 
     mask: NDArray[np.bool_]
@@ -40,38 +40,36 @@ def find_person(
     near_px: NDArray[np.float64] | None = None,
     usual_px: float | None = None,
 ) -> Person | None:
-    """Takes the largest piece of a silhouette image, with the smaller ones beside it.
+    """Largest connected component of a foreground image, with the smaller ones near it.
 
     Args:
         mask: (h, w) bool, all foreground.
-        near_px: (2,) where the person was last: a nearer piece may then be smaller.
-        usual_px: area in which the person was seen lately.
+        near_px: (2,), last position of the person, px; nearer components are preferred.
+        usual_px: recent area of the person, px.
 
     Returns:
-        The person, or None where there is none.
+        The person, or None if there is none.
     """
-    count, labels, stats, centers = map(
-        np.asarray, cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    )
-    if int(count) < 2:
+    components = label_components(mask)
+    area = components.sizes[1:].astype(float)
+    if not len(area):
         return None
-    area = stats[1:, cv2.CC_STAT_AREA].astype(float)
-    worth = area.copy()
+    weight = area.copy()
     if near_px is not None:
-        worth *= np.exp(
-            -((np.linalg.norm(centers[1:] - near_px, axis=1) / (0.5 * mask.shape[0])) ** 2)
-        )
-    main = int(worth.argmax())
-    if area[main] < max(_LEAST_PX, _SHARE_OF_USUAL * (usual_px or 0.0)):
+        distance = np.linalg.norm(components.centroids[:, ::-1] - near_px, axis=1)
+        weight *= np.exp(-((distance / (0.5 * mask.shape[0])) ** 2))
+    main = int(weight.argmax())
+    if area[main] < max(_LEAST_PX, _LEAST_OF_USUAL * (usual_px or 0.0)):
         return None
-    left, top, width, height = (float(stats[main + 1, k]) for k in range(4))
-    reach = _REACH * max(width, height)
-    x, y, w, h = (stats[1:, k].astype(float) for k in range(4))
+    (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
+    w, h = right - x, bottom - y
+    left, top, width, height = x[main], y[main], w[main], h[main]
+    largest_gap = _LARGEST_GAP * max(width, height)
     gap = np.maximum.reduce(
         [left - (x + w), x - (left + width), top - (y + h), y - (top + height), np.zeros(len(x))]
     )
-    kept = np.concatenate([[False], (gap <= reach) & (area >= _CRUMB * area[main])])
-    person = kept[labels]
+    kept = np.concatenate([[False], (gap <= largest_gap) & (area >= _LEAST_FRACTION * area[main])])
+    person = kept[components.labels]
     return Person(person, _is_cut(person))
 
 
@@ -83,17 +81,19 @@ def _is_cut(mask: NDArray[np.bool_]) -> bool:
         np.count_nonzero(mask[:, :edge].any(1)),
         np.count_nonzero(mask[:, -edge:].any(1)),
     )
-    return touching > max(_BORDER_SHARE * np.sqrt(np.count_nonzero(mask)) * 4, 3)
+    return touching > max(_BORDER_FRACTION * np.sqrt(np.count_nonzero(mask)) * 4, 3)
 
 
 def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) -> float:
-    """Returns how far away (m, along the viewing ray of its middle) somebody upright would be who
-    fills the silhouette from top to bottom.
+    """Distance of an upright person whose silhouette has the observed height.
 
     Args:
-        camera: without distortion.
-        mask: (h, w) bool, not empty.
-        stature_m: of the person.
+        camera: pinhole camera without distortion.
+        mask: (h, w) bool, the silhouette, not empty.
+        stature_m: stature of the person.
+
+    Returns:
+        Distance along the viewing ray of the silhouette's middle, m.
     """
     rows, columns = np.nonzero(mask)
     top, bottom = rows.argmin(), rows.argmax()
@@ -105,7 +105,7 @@ def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) 
     level = np.linalg.norm(directions[:, :2], axis=1)
     if (
         level.min() < 0.2
-    ):  # from above, height says nothing: take the longer side of the silhouette instead
+    ):  # seen from above: the longer side of the silhouette instead of the height
         side = max(np.ptp(rows), np.ptp(columns)) + 1
         return float(stature_m * camera.matrix[0, 0] / side)
     slope = directions[:, 2] / level

@@ -85,7 +85,7 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
             progress.stage("opening")
             from silhouette_core.jit import set_threads
             from voxelpose.experiments.arm_swing import Reading
-            from voxelpose.experiments.swing_report import markdown_table
+            from voxelpose.experiments.swing_report import swing_table
             from voxelpose.experiments.swing_study import Study, run_study
             from voxelpose.recording.folder import Recording
 
@@ -100,7 +100,7 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
                 truth, self.stature, self.library, self.degraded, self.ours, reading=reading
             )
             rows = run_study(recording, study, folder, progress)
-        print(markdown_table(rows), end="")
+        print(swing_table(rows), end="")
         print(f"\n{self.out}: table.md, angles.png (true and estimated angle), summary.json")
         return 0
 

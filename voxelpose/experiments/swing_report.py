@@ -17,7 +17,7 @@ _TRUE, _ESTIMATED, _WRONG = "#30343b", "#2f86d6", "#d53e14"
 _SHOWN_SWINGS = 6
 
 
-def markdown_table(rows: Sequence[Row]) -> str:
+def swing_table(rows: Sequence[Row]) -> str:
     """Returns the rows as a Markdown table; the paper's counts stand where the paper has that row."""
     lines = [
         (

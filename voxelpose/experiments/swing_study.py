@@ -12,14 +12,12 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings, load_estimator
-from silhouette_core.library.build import OCCLUDED_SHARE
+from silhouette_core.library.occlusion import AREA_FRACTION, MAGNIFICATION
 from silhouette_core.library.pose_library import PoseLibrary, describe, require_body
 from silhouette_core.library.store import read_library
-from silhouette_core.library.transitions import MAGNIFICATION
 from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.progress import Reporter
 from voxelpose import __version__
-from voxelpose.evaluation import read_truth
 from voxelpose.experiments.arm_swing import (
     DEGRADATIONS,
     FLOOR,
@@ -32,9 +30,10 @@ from voxelpose.experiments.arm_swing import (
 )
 from voxelpose.experiments.degrade import Degradation
 from voxelpose.experiments.swing_library import SAMPLES, swing_library
-from voxelpose.experiments.swing_report import draw_angles, markdown_table
+from voxelpose.experiments.swing_report import draw_angles, swing_table
 from voxelpose.experiments.swings import Criterion, arm_angles, split_swings
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
 from voxelpose.results import SUMMARY, as_json
 
 TABLE, PLOT = "table.md", "angles.png"
@@ -108,7 +107,7 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
     if study.ours:
         rows.insert(4, _ours(recording, study, stature, truth, reporter))
         shown = rows[:5]
-    (folder / TABLE).write_text(markdown_table(rows), encoding="utf-8")
+    (folder / TABLE).write_text(swing_table(rows), encoding="utf-8")
     draw_angles(shown, truth, film.fps, folder / PLOT)
     about = {
         "voxelpose": __version__,
@@ -119,7 +118,7 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         "distance_m": film.distance_m,
         "criterion": asdict(Criterion()),
         "filter": asdict(study.reading)
-        | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": OCCLUDED_SHARE},
+        | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": AREA_FRACTION},
         "library": {
             "samples": len(library),
             "nodes": [len(level) for level in library.levels],

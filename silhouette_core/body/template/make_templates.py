@@ -78,7 +78,7 @@ def _sort_header(file: Path) -> None:
     file.write_bytes(len(header).to_bytes(8, "little") + header + data[end:])
 
 
-def main() -> None:
+def make_templates() -> None:
     """Writes man.safetensors and woman.safetensors."""
     parser = argparse.ArgumentParser(description="Makes the template bodies from their measures.")
     parser.add_argument(
@@ -100,4 +100,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    make_templates()

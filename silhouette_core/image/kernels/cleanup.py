@@ -1,16 +1,10 @@
-"""Components of a silhouette. Plain arrays only; the door is `silhouette_core.image.cleanup`."""
+"""Areas of the components of a silhouette.
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+Source: own. Called by `silhouette_core.image.cleanup`. Reference:
+`silhouette_core.image.kernels.reference`.
+"""
 
-
-@kernel
-def count_labels(labels, area):
-    """Adds to area (n,) int64 the pixels of every label but 0 in labels (H, W) int32."""
-    for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            label = labels[row, column]
-            if label != 0:
-                area[label] += 1
+from silhouette_core.jit import parallel_kernel, prange
 
 
 @parallel_kernel

@@ -9,7 +9,7 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.experiments.arm_swing import METHODS, Row, Truth
 from voxelpose.experiments.degrade import Degradation, degrade
-from voxelpose.experiments.swing_report import draw_angles, markdown_table
+from voxelpose.experiments.swing_report import draw_angles, swing_table
 from voxelpose.experiments.swings import arm_angles, count, judge, split_swings
 
 SWING = np.concatenate([np.linspace(-55, 75, 13)[:-1], np.linspace(75, -55, 13)[:-1]])
@@ -114,7 +114,7 @@ def test_table_stands_beside_the_papers():
             51.0,
         ),
     ]
-    lines = markdown_table(rows).splitlines()
+    lines = swing_table(rows).splitlines()
     assert lines[2] == "| as found | nwXOR+DM2 | 0 | 3 | 21 | 0 / 10 / 14 | 9.9 |"
     assert lines[3] == "| 4 holes of radius 8 px | nwXOR+DM2 | 24 | 0 | 0 | – | 51.0 |"
     assert len({line.count("|") for line in lines}) == 1
