@@ -1,1 +1,1 @@
-"""Results in the formats that other programs read."""
+"""File formats of results, each with its writer and, where one exists, its reader."""

@@ -1,4 +1,4 @@
-"""Biovision hierarchy (BVH): the moving skeleton for Blender, Maya, MotionBuilder and game engines."""
+"""Biovision hierarchy (BVH): skeletal animation for Blender, Maya, MotionBuilder and others."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,12 +21,12 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
     Axis map: x_bvh = x, y_bvh = z, z_bvh = -y; centimetres. With all rotations zero the skeleton
     stands in the model's rest pose (upright, arms 45 degrees down), facing +z. Every joint has Z, X
-    and Y rotations in degrees, applied as R = Rz Rx Ry; the root has its position before them. The
-    27 joints carry the names of the body's parts; hands, toes and head end in end sites.
-    Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
+    and Y rotations in degrees, applied as R = Rz Rx Ry; the root's position precedes them. The 27
+    joints have the names of the body's parts; hands, toes and head end in end sites. Importers that
+    ask for axes (Blender): forward -Z, up Y, scale 0.01.
 
-    Frames that are lost between the first and the last pose are interpolated, since BVH has no
-    gaps.
+    Frames without a pose between the first and the last pose are interpolated, since BVH cannot
+    contain gaps.
 
     Args:
         motion: at least one pose.
@@ -50,8 +50,11 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
 
 def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns local rotations (F, P, 3, 3) and root positions (F, 3) in centimetres, BVH axes, for
-    every frame from first to last.
+    """Rotations and root positions of every frame from the first to the last pose, BVH axes.
+
+    Returns:
+        (F, P, 3, 3) float64, rotation of every part relative to its parent, and (F, 3) float64,
+        root positions, centimetres.
     """
     local, root, frames = local_rotations(motion), motion.parts()[1][:, 0], every_frame(motion)
     if len(frames) > len(motion):
@@ -59,8 +62,8 @@ def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float
             [np.interp(frames, motion.frames, root[:, axis]) for axis in range(3)]
         )
         slerped = [
-            Slerp(motion.frames, Rotation.from_matrix(turns))(frames).as_matrix()
-            for turns in np.swapaxes(local, 0, 1)
+            Slerp(motion.frames, Rotation.from_matrix(rotations))(frames).as_matrix()
+            for rotations in np.swapaxes(local, 0, 1)
         ]
         local = np.stack(slerped, axis=1)
     return Y_UP_FROM_WORLD @ local @ Y_UP_FROM_WORLD.T, CM_PER_M * root @ Y_UP_FROM_WORLD.T

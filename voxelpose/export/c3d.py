@@ -13,20 +13,20 @@ from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import every_frame, named_points
 
 _MM_PER_M = 1000.0
-_MOST_FRAMES = 65535  # ezc3d and other readers see no more: the format counts them in 16 bits
-_BYTES = 16  # of a point in one frame: x, y, z and residual, as float32
+_MAX_FRAMES = 65535  # the format's frame numbers have 16 bits
+_POINT_BYTES = 16  # one point in one frame: x, y, z and residual, as float32
 
 
 def write_c3d(motion: Motion, path: Path) -> None:
     """Writes the points of `named_points` as C3D.
 
-    Axis map: none: x, y, z are the world's, z up, as motion capture laboratories have it;
-        millimetres. POINT:X_SCREEN and Y_SCREEN say
-    which axes lie across and up a screen: +X and +Z.
+    Axis map: none; x, y, z are the world's, z up, as is usual in motion capture laboratories;
+    millimetres. POINT:X_SCREEN and POINT:Y_SCREEN state the axes that point right and up on a
+    screen: +X and +Z.
 
-    Every frame from the first to the last pose has a place; lost ones hold the residual -1, which
-    C3D means by "not seen", and no position. The first pose is the file's frame 1, whichever frame
-    of the recording it is.
+    The file holds every frame from the first to the last pose. Frames without a pose have the
+    residual -1, C3D's mark of a point that was not seen, and no position. The first pose is the
+    file's frame 1, whatever its number in the recording.
 
     Args:
         motion: at least one pose.
@@ -37,30 +37,30 @@ def write_c3d(motion: Motion, path: Path) -> None:
         OSError: the disk is full.
     """
     frames = every_frame(motion)
-    if len(frames) > _MOST_FRAMES:
+    if len(frames) > _MAX_FRAMES:
         raise InputError(
-            f"C3D holds at most {_MOST_FRAMES} frames and this motion spans {len(frames)}: leave"
+            f"C3D holds at most {_MAX_FRAMES} frames and this motion spans {len(frames)}: leave"
             " c3d out of --to"
         )
     names, positions = named_points(motion)
     points = np.full((4, len(names), len(frames)), np.nan)
     points[3] = 1.0
-    seen = motion.frames - frames[0]
-    points[:3, :, seen] = np.moveaxis(_MM_PER_M * positions, 2, 0).swapaxes(1, 2)
+    posed = motion.frames - frames[0]
+    points[:3, :, posed] = np.moveaxis(_MM_PER_M * positions, 2, 0).swapaxes(1, 2)
     residuals = np.full((1, len(names), len(frames)), -1.0)
-    residuals[:, :, seen] = 0.0
+    residuals[:, :, posed] = 0.0
 
     file = ezc3d.c3d()
-    about = file["parameters"]["POINT"]
-    about["UNITS"]["value"] = ["mm"]
-    about["RATE"]["value"] = [motion.fps]
-    about["LABELS"]["value"] = list(names)
-    about["DESCRIPTIONS"]["value"] = ["point of a body fitted to silhouettes"] * len(names)
+    parameters = file["parameters"]["POINT"]
+    parameters["UNITS"]["value"] = ["mm"]
+    parameters["RATE"]["value"] = [motion.fps]
+    parameters["LABELS"]["value"] = list(names)
+    parameters["DESCRIPTIONS"]["value"] = ["point of a body fitted to silhouettes"] * len(names)
     file.add_parameter("POINT", "X_SCREEN", ["+X"])
     file.add_parameter("POINT", "Y_SCREEN", ["+Z"])
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = residuals
     file.write(str(path))
-    # ezc3d does not notice when the system refuses what it writes.
-    if not path.is_file() or path.stat().st_size < _BYTES * len(names) * len(frames):
+    # ezc3d does not report a failed write.
+    if not path.is_file() or path.stat().st_size < _POINT_BYTES * len(names) * len(frames):
         raise OSError(errno.ENOSPC, "no space left", str(path))

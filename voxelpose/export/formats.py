@@ -1,8 +1,7 @@
-"""All formats by name, and the writing of several at once: whole or not at all."""
+"""Export of a motion in several formats at once, whole or not at all."""
 
 from __future__ import annotations
 
-import errno
 import importlib
 import shutil
 import uuid
@@ -11,8 +10,9 @@ from pathlib import Path
 
 from calib.errors import InputError
 from silhouette_core.motion.motion import Motion
+from voxelpose.atomic import unwritable
 
-# format: its files, each with the module of this package and the function that writes it
+# Files of every format, each with the module and the function that write it.
 _WRITERS = {
     "bvh": {"motion.bvh": ("bvh", "write_bvh")},
     "glb": {"motion.glb": ("gltf", "write_glb")},
@@ -35,15 +35,16 @@ def export_motion(
 
     Args:
         motion: at least one pose.
-        folder: where the files go; it is made if need be.
-        formats: of `FORMATS`.
+        folder: folder of the files; it is created if it does not exist.
+        formats: names out of `FORMATS`.
         overwrite: whether files of the same names are replaced.
 
     Returns:
-        The files.
+        Paths of the files.
 
-    Raises: InputError: a format is unknown, the motion has no pose, a file exists, or the folder
-        cannot be written to.
+    Raises:
+        InputError: a format is unknown, the motion has no pose, a file exists, or the folder cannot
+            be written to.
     """
     folder, files = Path(folder), {}
     for name in formats:
@@ -58,24 +59,19 @@ def export_motion(
                 raise InputError(
                     f"{folder / name} exists: give --out another folder, or add --overwrite"
                 )
-    made = not folder.exists()
-    part = folder / f".export-{uuid.uuid4().hex[:8]}"
+    remove = not folder.exists()
+    partial = folder / f".export-{uuid.uuid4().hex[:8]}"
     try:
-        part.mkdir(parents=True)
+        partial.mkdir(parents=True)
         for name, (module, function) in files.items():
             getattr(importlib.import_module(f"voxelpose.export.{module}"), function)(
-                motion, part / name
+                motion, partial / name
             )
         for name in files:
-            (part / name).replace(folder / name)
-        made = False
+            (partial / name).replace(folder / name)
+        remove = False
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise InputError(
-                f"the disk is full: nothing was exported to {folder}; free some space or give --out"
-                " another disk"
-            ) from error
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}") from error
+        raise unwritable(folder, error) from error
     finally:
-        shutil.rmtree(folder if made else part, ignore_errors=True)
+        shutil.rmtree(folder if remove else partial, ignore_errors=True)
     return [folder / name for name in files]

@@ -1,6 +1,4 @@
-"""Binary glTF (GLB): the fitted body with its skin and its motion, for Blender, three.js, Unity,
-Unreal and Godot.
-"""
+"""Binary glTF (GLB): skinned, animated body for Blender, three.js, Unity, Unreal and Godot."""
 
 from __future__ import annotations
 
@@ -25,13 +23,13 @@ _BODY = 0  # node of the mesh; the node of part p is p + 1
 def write_glb(motion: Motion, path: Path) -> None:
     """Writes a motion as a skinned, animated body in one file.
 
-    Axis map: x = x, y = z, z = -y of the world; metres. The skeleton's 27 nodes carry the names of
-    the body's parts; without animation they stand in the rest pose (upright, arms 45 degrees down,
-    facing +z), to which the skin is bound. The one animation, `motion`, turns every node and moves
-    `pelvis`. Its time starts with zero at the first pose.
+    Axis map: x = x, y = z, z = -y of the world; metres. The skeleton's 27 nodes have the names of
+    the body's parts; without animation they are in the rest pose (upright, arms 45 degrees down,
+    facing +z), to which the skin is bound. The only animation, `motion`, rotates every node and
+    translates `pelvis`. Its time is zero at the first pose.
 
-    Lost frames have no key: players interpolate over them, along the shortest turn, as they do
-        between frames.
+    Frames without a pose have no key: players interpolate over them along the shortest rotation, as
+    they do between frames.
 
     Args:
         motion: at least one pose.
@@ -52,14 +50,19 @@ def write_glb(motion: Motion, path: Path) -> None:
 
 
 class _Packer:
-    """Gathers arrays in one buffer, each beginning at a multiple of four bytes as glTF wants it."""
+    """Buffer of arrays, each aligned to four bytes as glTF requires.
+
+    Attributes:
+        document: the document whose buffer views and accessors are filled.
+        data: contents of the buffer.
+    """
 
     def __init__(self, document: gltf.GLTF2) -> None:
         self.document = document
         self.data = bytearray()
 
     def add(self, array: NDArray, target: int | None = None, bounds: bool = False) -> int:
-        """Returns the number of the accessor made for an array."""
+        """Appends an array; returns the index of its accessor."""
         self.data += bytes(-len(self.data) % 4)
         view = gltf.BufferView(
             buffer=0, byteOffset=len(self.data), byteLength=array.nbytes, target=target
@@ -89,7 +92,7 @@ def _add_skeleton(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> No
             gltf.Node(name=name, translation=offset.tolist(), children=children or None)
         )
     bind = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
-    bind[:, 3, :3] = -joints  # glTF keeps matrices by columns: the translation is its last row here
+    bind[:, 3, :3] = -joints  # glTF stores columns first: the translation is the last row here
     document.skins = [
         gltf.Skin(
             name="skeleton",
@@ -128,14 +131,18 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
 
 
 def _add_animation(document: gltf.GLTF2, packer: _Packer, motion: Motion) -> None:
-    turns = _continuous(quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T))
+    rotations = _continuous(
+        quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T)
+    )
     root = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
     time = packer.add(
         ((motion.frames - motion.frames[0]) / motion.fps).astype(np.float32), bounds=True
     )
     animation = gltf.Animation(name="motion")
     for part in range(len(motion.model.names)):
-        values = packer.add(turns[:, part, [1, 2, 3, 0]].astype(np.float32))  # glTF has w last
+        values = packer.add(
+            rotations[:, part, [1, 2, 3, 0]].astype(np.float32)
+        )  # w comes last in glTF
         _add_channel(animation, time, values, part + 1, "rotation")
     _add_channel(animation, time, packer.add(root.astype(np.float32)), 1, "translation")
     document.animations = [animation]
@@ -150,9 +157,7 @@ def _add_channel(animation: gltf.Animation, time: int, values: int, node: int, p
 
 
 def _continuous(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T, P, 4) quaternions, each with the sign that makes it a neighbour of the one before
-    it in time.
-    """
+    """Returns (T, P, 4) quaternions with the signs that make each nearest to its predecessor."""
     agrees = (quaternion[1:] * quaternion[:-1]).sum(axis=-1) >= 0
     signs = np.cumprod(np.where(agrees, 1.0, -1.0), axis=0)
     return np.concatenate([quaternion[:1], quaternion[1:] * signs[..., None]])

@@ -1,6 +1,4 @@
-"""hypotheses.csv: the likeliest poses of every frame, as the joints of joints.csv with their
-probabilities.
-"""
+"""hypotheses.csv: the most probable poses of every frame, as joint positions."""
 
 from __future__ import annotations
 
@@ -21,10 +19,13 @@ HYPOTHESES = "hypotheses.csv"
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One pose of several.
+    """One of several possible poses of a frame.
 
-    Attributes: rank: 1 is the likeliest. probability: from 0 to 1. joints_m: (15, 3) float64,
-        world, in the order of LANDMARK_NAMES; NaN where the file has none.
+    Attributes:
+        rank: position in the order of probability, 1 for the most probable.
+        probability: probability from 0 to 1.
+        joints_m: (15, 3) float64, world, metres, in the order of LANDMARK_NAMES; NaN where the file
+            has no row.
     """
 
     rank: int
@@ -33,29 +34,29 @@ class Hypothesis:
 
 
 def write_hypotheses(hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: Path) -> None:
-    """Writes a row per frame, hypothesis and joint, world coordinates in metres; rank 1 is the
-    likeliest.
+    """Writes one row per frame, hypothesis and joint: frame,rank,probability,joint,x_m,y_m,z_m.
 
     Args:
-        hypotheses: frame number, probabilities (n,), falling, and joints (n, 15, 3), m.
+        hypotheses: frame number, probabilities (n,) in descending order, and joint positions
+            (n, 15, 3), world, metres, of every frame.
         path: the CSV file.
     """
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write("frame,rank,probability,joint,x_m,y_m,z_m\n")
         for frame, probability, joints in hypotheses:
-            for rank, (share, places) in enumerate(zip(probability, joints, strict=True), 1):
-                for name, (x, y, z) in zip(LANDMARK_NAMES, places, strict=True):
-                    file.write(f"{frame},{rank},{share:.4f},{name},{x:.4f},{y:.4f},{z:.4f}\n")
+            for rank, (weight, points) in enumerate(zip(probability, joints, strict=True), 1):
+                for name, (x, y, z) in zip(LANDMARK_NAMES, points, strict=True):
+                    file.write(f"{frame},{rank},{weight:.4f},{name},{x:.4f},{y:.4f},{z:.4f}\n")
 
 
 def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
-    """Reads hypotheses.csv: frame,rank,probability,joint,x_m,y_m,z_m.
+    """Reads the hypotheses of every frame.
 
     Args:
-        path: the file; where there is none, there are no hypotheses.
+        path: the CSV file; a missing file gives no hypotheses.
 
     Returns:
-        By frame number, the likeliest first.
+        Hypotheses by frame number, the most probable first.
 
     Raises:
         InputError: the file is damaged.
@@ -76,7 +77,8 @@ def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
                 ]
     except (KeyError, TypeError, ValueError, OSError) as error:
         raise InputError(f"{path} is damaged ({error}): fit again, or remove it") from None
-    found: dict[int, list[Hypothesis]] = defaultdict(list)
+    hypotheses: dict[int, tuple[Hypothesis, ...]] = {}
     for frame, rank in sorted(joints):
-        found[frame].append(Hypothesis(rank, probability[frame, rank], joints[frame, rank]))
-    return {frame: tuple(some) for frame, some in found.items()}
+        hypothesis = Hypothesis(rank, probability[frame, rank], joints[frame, rank])
+        hypotheses[frame] = (*hypotheses.get(frame, ()), hypothesis)
+    return hypotheses

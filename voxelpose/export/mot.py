@@ -1,8 +1,8 @@
 """MOT: joint coordinates for OpenSim.
 
-Axis map: x = y, y = z, z = x of the world (y up), metres. It is Pose2Sim's, so that its files and
-ours from one calibration lie on each other. A person who faces the world's +y faces OpenSim's +x,
-as its models do.
+Axis map: x = y, y = z, z = x of the world (y up), metres, as in Pose2Sim: files of both programs
+made with one calibration coincide. A person who faces the world's +y faces OpenSim's +x, as
+OpenSim's models do.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD, euler_degrees, joint_rotations
 from silhouette_core.motion.motion import Motion
 
-# Where the middle of the hips lies in the pelvis of Rajagopal's model, whose person is 1.70 m tall.
+# Midpoint of the hips in the pelvis frame of Rajagopal's model, of a person 1.70 m tall.
 _HIPS_IN_PELVIS_M = np.array([-0.056276, -0.07849, 0.0])
 _MODEL_STATURE_M = 1.70
 
 _HIPS = [LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")]
 
-# joint: the names of its turns about z, x and y in Rajagopal et al.'s model, {} being r or l; None
-# where the model has no such turn
+# Coordinates of every joint in Rajagopal et al.'s model: rotations about z, x and y, {} being r or
+# l; None where the model has no such coordinate.
 _COORDINATES = {
     "hip": ("hip_flexion_{}", "hip_adduction_{}", "hip_rotation_{}"),
     "knee": ("knee_angle_{}", None, None),
@@ -36,26 +36,23 @@ _COORDINATES = {
 
 
 def write_mot(motion: Motion, path: Path) -> None:
-    """Writes joint coordinates as MOT, under the names and with the signs of Rajagopal et al.'s
-    full-body model.
+    """Writes joint coordinates with the names and signs of Rajagopal et al.'s full-body model.
 
-    Degrees; `pelvis_tx`, `_ty`, `_tz` in metres with the axis map above, for that model's pelvis
-    scaled by stature. Turns follow each
-    other as in the model: pelvis tilt, list, rotation; flexion, adduction, rotation of hip and arm;
-        all continuous in time. Models of
-    the gait2392 family count knee flexion negative, and have no arms. What the model lacks is left
-    out: side-bending and turning of the knee, the neck, the shoulder girdle.
+    Angles are in degrees and continuous in time; `pelvis_tx`, `_ty`, `_tz` are in metres with the
+    axis map above, for the model's pelvis scaled by stature. The order of rotations is the model's:
+    pelvis tilt, list, rotation; flexion, adduction, rotation of hip and arm. Degrees of freedom
+    that the model lacks are left out: adduction and rotation of the knee, the neck, the shoulder
+    girdle. Models of the gait2392 family count knee flexion negative and have no arms.
 
-    Lost frames have no row; OpenSim interpolates between rows by their times.
+    Frames without a pose have no row; OpenSim interpolates between rows by their times.
 
     Args:
         motion: at least one pose.
         path: the file.
     """
     columns = mot_coordinates(motion)
-    table = (
-        np.column_stack([motion.frames / motion.fps, *columns.values()]).round(6) + 0.0
-    )  # no -0.000000
+    # Adding 0.0 turns -0.0 into 0.0.
+    table = np.column_stack([motion.frames / motion.fps, *columns.values()]).round(6) + 0.0
     head = [
         "Coordinates",
         "version=1",
@@ -71,15 +68,10 @@ def write_mot(motion: Motion, path: Path) -> None:
 
 
 def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
-    """Returns the columns of a MOT file, (T,) each, degrees and metres."""
+    """Returns the coordinates of a MOT file by name, (T,) float64 each, degrees and metres."""
     rotations = joint_rotations(motion)
-    columns = dict(
-        zip(
-            ("pelvis_tilt", "pelvis_list", "pelvis_rotation"),
-            _turns(rotations["pelvis"]),
-            strict=True,
-        )
-    )
+    names = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
+    columns = dict(zip(names, _rotation_angles(rotations["pelvis"]), strict=True))
     hips = motion.landmarks()[:, _HIPS].mean(axis=1) @ LAB_FROM_WORLD.T
     offset = _HIPS_IN_PELVIS_M * motion.model.sizes.stature_m / _MODEL_STATURE_M
     pelvis = hips - rotations["pelvis"] @ offset
@@ -88,24 +80,29 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
         for joint, names in _COORDINATES.items():
             if joint == "trunk" and side == "left":
                 continue
-            turns = _turns(rotations[joint if joint == "trunk" else f"{side}_{joint}"])
+            angles = _rotation_angles(rotations[joint if joint == "trunk" else f"{side}_{joint}"])
             sign = -1.0 if joint == "knee" else 1.0
             columns |= {
                 name.format(side[0]): sign * values
-                for name, values in zip(names, turns, strict=True)
+                for name, values in zip(names, angles, strict=True)
                 if name
             }
     return columns
 
 
-def _turns(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (3, T) degrees about z, x and y, each triple the one of all that mean the same which
-    is nearest to the one before.
+def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation angles about z, x and y that are continuous in time.
+
+    Args:
+        matrices: (T, 3, 3) float64.
+
+    Returns:
+        (3, T) float64, degrees; of the equivalent triples, each is the nearest to its predecessor.
     """
-    triples = euler_degrees(matrices, "ZXY")
-    for row in range(1, len(triples)):
-        a, b, c = triples[row]
-        both = np.array([[a, b, c], [a + 180, 180 - b, c + 180]])
-        both += 360 * np.round((triples[row - 1] - both) / 360)
-        triples[row] = both[np.abs(both - triples[row - 1]).sum(axis=1).argmin()]
-    return triples.T
+    angles = euler_degrees(matrices, "ZXY")
+    for row in range(1, len(angles)):
+        z, x, y = angles[row]
+        equivalent = np.array([[z, x, y], [z + 180, 180 - x, y + 180]])
+        equivalent += 360 * np.round((angles[row - 1] - equivalent) / 360)
+        angles[row] = equivalent[np.abs(equivalent - angles[row - 1]).sum(axis=1).argmin()]
+    return angles.T

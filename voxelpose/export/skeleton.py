@@ -1,4 +1,4 @@
-"""What several formats need of a motion: turns against the parent, named points, and y up."""
+"""Quantities that several formats share: local rotations, named points, frames, y-up axes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
 
 Y_UP_FROM_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""For BVH and glTF: (x, y, z) becomes (x, z, -y). A body that faces -y then faces +z, its left hand
-still toward +x.
+"""Axes of BVH and glTF: (x, y, z) becomes (x, z, -y). A body that faces -y in the world then faces
++z, its left hand toward +x in both.
 """
 
 
 def local_rotations(motion: Motion) -> NDArray[np.float64]:
-    """Returns (T, P, 3, 3), every part's rotation against its parent, the root's in the world; z
-    up. Rest is the identity.
+    """Rotation of every part relative to its parent; the identity in the rest pose.
+
+    Returns:
+        (T, P, 3, 3) float64; the root's rotation is relative to the world, z up.
     """
     rotation, _ = motion.parts()
     local = rotation.copy()
@@ -28,8 +30,11 @@ def local_rotations(motion: Motion) -> NDArray[np.float64]:
 
 
 def part_ends(model: BodyModel) -> NDArray[np.float64]:
-    """Returns (P, 3) where each part's own surface ends, at rest, metres: the mean of its twentieth
-    farthest from its joint.
+    """End point of every part in the rest pose.
+
+    Returns:
+        (P, 3) float64, metres: the mean of the 5 % of the part's vertices that are farthest from
+        its joint; for the head, the landmark head_top.
     """
     ends = model.joints_m.copy()
     for part in range(len(model.names)):
@@ -42,25 +47,26 @@ def part_ends(model: BodyModel) -> NDArray[np.float64]:
 
 
 def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Places the points that marker formats carry.
+    """Points of the fitted body that marker formats hold in place of markers.
 
     Args:
         motion: T poses.
 
-    Returns: K names and (T, K, 3) positions in the world, metres: the 15 joints of joints.csv, the
-        joints of the other parts under the parts' names, and `_heel`, `_toe_tip` and `_finger_tip`
-        of both sides. They are points of the fitted body, not markers.
+    Returns:
+        K names, and (T, K, 3) float64, world, metres: the 15 joints of joints.csv, the joints of
+        the other parts under the parts' names, and `_heel`, `_toe_tip` and `_finger_tip` of both
+        sides.
     """
     model = motion.model
     names: list[str] = list(LANDMARK_NAMES)
     parts, rest = list(model.landmark_part), list(model.landmarks_m)
-    known = {
+    at_joint = {
         part
         for part, point in zip(parts, rest, strict=True)
         if np.allclose(point, model.joints_m[part])
     }
     for part, name in enumerate(model.names):
-        if part not in known:
+        if part not in at_joint:
             names.append(name)
             parts.append(part)
             rest.append(model.joints_m[part])
@@ -83,9 +89,7 @@ def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
 
 
 def every_frame(motion: Motion) -> NDArray[np.int64]:
-    """Returns the numbers of all frames from the first to the last pose, the lost ones between them
-    included.
-    """
+    """Returns the numbers of all frames from the first to the last pose, with or without a pose."""
     return np.arange(motion.frames[0], motion.frames[-1] + 1)
 
 

@@ -13,10 +13,9 @@ from silhouette_core.motion.motion import Motion
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
-    """Writes joints_wide.csv: what joints.csv has, with one row per pose:
-    `frame,time_s,pelvis_x_m,pelvis_y_m,...`.
+    """Writes joints_wide.csv: frame,time_s,pelvis_x_m,pelvis_y_m,... with one row per pose.
 
-    Axes are the world's, metres. Lost frames have no row.
+    Positions are in world coordinates, metres. Frames without a pose have no row.
 
     Args:
         motion: T poses.
@@ -27,10 +26,10 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
 
 
 def write_angles(motion: Motion, path: Path) -> None:
-    """Writes angles.csv: the anatomical angles of every pose, in degrees:
-    `frame,time_s,pelvis_tilt_deg,...`.
+    """Writes angles.csv: frame,time_s,pelvis_tilt_deg,... with one row per pose.
 
-    What they mean is said in `silhouette_core.motion.anatomical`. Lost frames have no row.
+    The angles are those of `silhouette_core.motion.anatomical`, in degrees. Frames without a pose
+    have no row.
 
     Args:
         motion: T poses.
@@ -41,15 +40,15 @@ def write_angles(motion: Motion, path: Path) -> None:
 
 
 def write_npz(motion: Motion, path: Path) -> None:
-    """Writes everything as NumPy arrays, compressed; nothing in it needs pickle.
+    """Writes all data of a motion as NumPy arrays, compressed and without pickle.
 
     Axes are the world's, z up; metres, radians (`angles_rad`) and degrees (`anatomical_deg`).
-    Arrays with a row per pose: `frames`, `time_s`, `root_m`, `root_quaternion` (w x y z),
-    `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world from part, `part_origin` (T,
-    27, 3) the joints, `landmarks` and `landmark_confidence` (the 15 joints of joints.csv). Beside
-    them `fps`,
-    `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`, `angle_names`,
-    `anatomical_names`, `landmark_names`. Lost frames have no row.
+    Arrays with one row per pose: `frames`, `time_s`, `root_m`, `root_quaternion` (w x y z),
+    `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world from part, `part_origin`
+    (T, 27, 3) joint of every part, `landmarks` and `landmark_confidence` (the 15 joints of
+    joints.csv). Other arrays: `fps`, `parents`, `rest_joints` (27, 3), and the names of the
+    columns: `part_names`, `angle_names`, `anatomical_names`, `landmark_names`. Frames without a
+    pose have no row.
 
     Args:
         motion: T poses.
@@ -57,7 +56,7 @@ def write_npz(motion: Motion, path: Path) -> None:
     """
     model, angles = motion.model, anatomical_angles(motion)
     rotation, origin = motion.parts()
-    with path.open("wb") as file:  # savez would add .npz to another name
+    with path.open("wb") as file:  # savez would add .npz to a name without it
         np.savez_compressed(
             file,
             fps=np.float64(motion.fps),

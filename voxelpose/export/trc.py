@@ -1,8 +1,8 @@
-"""TRC, the marker files of OpenSim and Pose2Sim: written, and read as known joint positions.
+"""TRC: marker files of OpenSim and Pose2Sim, written, and read as known joint positions.
 
-Axis map of what is written: x = y, y = z, z = x of the world (y up), metres. It is Pose2Sim's, so
-that its files and ours from one calibration lie on each other. A person who faces the world's +y
-faces OpenSim's +x, as its models do.
+Axis map of written files: x = y, y = z, z = x of the world (y up), metres, as in Pose2Sim: files of
+both programs made with one calibration coincide. A person who faces the world's +y faces OpenSim's
++x, as OpenSim's models do.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import every_frame, named_points
 
 POSE2SIM_AXES = "yzx"
-"""Which axes of the world a TRC's x, y and z are, where Pose2Sim or `voxelpose export` wrote it."""
+"""World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "meters": 1.0, "millimeters": 0.001}
 _CENTRE = {"pelvis": ("midhip", "hip", "chip"), "neck": (), "head_top": ("head", "vertex")}
 
 
 def write_trc(motion: Motion, path: Path) -> None:
-    """Writes the points of `named_points` as TRC; axis map as said above.
+    """Writes the points of `named_points` as TRC, with the axis map above.
 
-    Every frame from the first to the last pose has a row, numbered from 1 as the recording's frames
-    are from 0. In lost frames the cells hold NaN, which OpenSim takes for markers that were not
-    seen (empty cells at the end of a row stop its reader).
+    Every frame from the first to the last pose has a row; frame 1 of the file is frame 0 of the
+    recording. In frames without a pose the cells hold NaN, which OpenSim reads as markers that were
+    not seen (empty cells at the end of a row stop its reader).
 
     Args:
         motion: at least one pose.
@@ -48,7 +48,7 @@ def write_trc(motion: Motion, path: Path) -> None:
     )
     frames = every_frame(motion)
     rate = f"{motion.fps:.10g}"
-    about = {
+    header = {
         "DataRate": rate,
         "CameraRate": rate,
         "NumFrames": len(frames),
@@ -61,7 +61,7 @@ def write_trc(motion: Motion, path: Path) -> None:
     axes = "\t".join(f"{axis}{number}" for number in range(1, len(names) + 1) for axis in "XYZ")
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"PathFileType\t4\t(X/Y/Z)\t{path.name}\n")
-        file.write("\t".join(about) + "\n" + "\t".join(map(str, about.values())) + "\n")
+        file.write("\t".join(header) + "\n" + "\t".join(map(str, header.values())) + "\n")
         file.write("Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t\n" + f"\t\t{axes}\n\n")
         for frame in frames.tolist():
             cells = (
@@ -77,15 +77,18 @@ def read_trc(
 ) -> NDArray[np.float64]:
     """Reads the joints of a TRC.
 
-    Args: path: the file. Frame 1 of it is frame 0 of the recording, as Pose2Sim numbers them. axes:
-        which axes of the world the file's x, y and z are, with a minus for those that run against
-        it: `yzx`, `xz-y`, `xyz`. markers: the marker that stands for a joint of `LANDMARK_NAMES`,
-        where its name does not say it. Names such as `left_hip`,
-            `LHip`, `hip_l`, `LHJC` do, and `MidHip`, `Head` as keypoint detectors mean them. A
-            pelvis that is missing is put between the hips.
+    Args:
+        path: the file; its frame 1 is frame 0 of the recording, as in Pose2Sim.
+        axes: world axes to which the file's x, y and z correspond, with a minus sign where the
+            direction is opposite: `yzx`, `xz-y`, `xyz`.
+        markers: marker names by joint of `LANDMARK_NAMES`, where the marker's own name is not
+            recognised. Recognised names are such as `left_hip`, `LHip`, `hip_l`, `LHJC`, and
+            `MidHip` and `Head` as in keypoint detectors. A missing pelvis is the midpoint of the
+            hips.
 
     Returns:
-        (T, 15, 3) float64, world, metres; NaN where a marker was not seen.
+        (T, 15, 3) float64, world, metres, in the order of LANDMARK_NAMES; NaN where a marker was
+        not seen.
 
     Raises:
         InputError: the file cannot be read, its unit is unknown, or a joint has no marker.
@@ -93,7 +96,7 @@ def read_trc(
     names, frames, points = _read_points(path)
     columns: dict[str, int] = {}
     for joint in LANDMARK_NAMES:
-        column = _marker(joint, names, markers or {}, path)
+        column = _marker_column(joint, names, markers or {}, path)
         if column is not None:
             columns[joint] = column
     if "pelvis" not in columns and {"left_hip", "right_hip"} <= set(columns):
@@ -105,23 +108,20 @@ def read_trc(
             f"{path} has no marker for {', '.join(missing)}: say which with --markers"
             f" {missing[0]}=NAME; it has {', '.join(names)}"
         )
-    found = np.full((frames[-1] + 1, len(LANDMARK_NAMES), 3), np.nan)
-    found[frames] = (
-        points[:, [columns[joint] for joint in LANDMARK_NAMES]] @ _world_from_file(axes).T
-    )
-    return found
+    joints_m = np.full((frames[-1] + 1, len(LANDMARK_NAMES), 3), np.nan)
+    selected = points[:, [columns[joint] for joint in LANDMARK_NAMES]]
+    joints_m[frames] = selected @ _world_from_file(axes).T
+    return joints_m
 
 
 def _read_points(path: Path) -> tuple[list[str], NDArray[np.int64], NDArray[np.float64]]:
-    """Returns marker names, frame numbers from 0, and (F, K, 3) positions in the file's axes,
-    metres.
-    """
+    """Returns marker names, frame numbers from 0, and positions (F, K, 3), file's axes, metres."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        about = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
+        header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
         head = next(row for row, line in enumerate(lines) if line.startswith("Frame#"))
         names = [name.strip() for name in lines[head].split("\t")[2:] if name.strip()]
-        unit = about["Units"].strip()
+        unit = header["Units"].strip()
         rows = [line.split("\t") for line in lines[head + 2 :] if line.strip()]
         width = 2 + 3 * len(names)
         cells = np.array(
@@ -142,11 +142,14 @@ def _read_points(path: Path) -> tuple[list[str], NDArray[np.int64], NDArray[np.f
     return names, frames, _METRES[unit.lower()] * cells[:, 2:].reshape(len(cells), len(names), 3)
 
 
-def _marker(joint: str, names: Sequence[str], told: Mapping[str, str], path: Path) -> int | None:
-    if joint in told:
-        if told[joint] not in names:
-            raise InputError(f"{path} has no marker {told[joint]!r}: it has {', '.join(names)}")
-        return names.index(told[joint])
+def _marker_column(
+    joint: str, names: Sequence[str], markers: Mapping[str, str], path: Path
+) -> int | None:
+    """Returns the index of the marker of a joint; None where no name is recognised."""
+    if joint in markers:
+        if markers[joint] not in names:
+            raise InputError(f"{path} has no marker {markers[joint]!r}: it has {', '.join(names)}")
+        return names.index(markers[joint])
     plain = {
         re.sub(r"[^a-z0-9]", "", name.lower()): number
         for number, name in reversed(list(enumerate(names)))
@@ -161,17 +164,16 @@ def _marker(joint: str, names: Sequence[str], told: Mapping[str, str], path: Pat
 
 
 def _world_from_file(axes: str) -> NDArray[np.float64]:
-    found = re.findall(r"(-?)([xyz])", axes)
-    if "".join(map("".join, found)) != axes or sorted(axis for _, axis in found) != ["x", "y", "z"]:
+    """Returns the (3, 3) rotation from the file's axes to the world's."""
+    signed = re.findall(r"(-?)([xyz])", axes)
+    if "".join(map("".join, signed)) != axes or sorted(axis for _, axis in signed) != list("xyz"):
         raise InputError(
             f"--axes {axes} is not understood: give x, y and z in some order, as in {POSE2SIM_AXES}"
             " or xz-y"
         )
-    turn = np.zeros((3, 3))
-    for column, (minus, axis) in enumerate(found):
-        turn["xyz".index(axis), column] = -1.0 if minus else 1.0
-    if np.linalg.det(turn) < 0:
-        raise InputError(
-            f"--axes {axes} would exchange left and right: turn one of its signs round"
-        )
-    return turn
+    rotation = np.zeros((3, 3))
+    for column, (minus, axis) in enumerate(signed):
+        rotation["xyz".index(axis), column] = -1.0 if minus else 1.0
+    if np.linalg.det(rotation) < 0:
+        raise InputError(f"--axes {axes} would exchange left and right: reverse one of its signs")
+    return rotation

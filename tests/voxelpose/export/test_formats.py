@@ -69,5 +69,5 @@ def test_no_pose_at_all(tmp_path):
 
 def test_a_file_in_the_way(tmp_path):
     (tmp_path / "out").write_text("")
-    with pytest.raises(InputError, match="out cannot be written to"):
+    with pytest.raises(InputError, match="out cannot be written"):
         export_motion(waving(2), tmp_path / "out", ["csv"])
