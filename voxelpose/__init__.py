@@ -1,6 +1,6 @@
-"""Markerless posture estimation from silhouettes, in one camera or several.
+"""Markerless posture estimation from silhouettes, with one camera or several.
 
-The everyday names are imported when they are first used, so that `import voxelpose` costs nothing.
+The everyday names are imported at their first use, so that `import voxelpose` is fast.
 """
 
 import importlib
@@ -40,7 +40,7 @@ __all__ = [
     "track",
 ]
 
-_HOME = {
+_MODULES = {
     "CarveSettings": "voxelpose.carving.hull",
     "Hull": "voxelpose.carving.hull",
     "InputError": "calib.errors",
@@ -61,14 +61,14 @@ _HOME = {
 
 
 def __getattr__(name: str) -> object:
-    """Imports an everyday name at its first use (PEP 562)."""
-    if name not in _HOME:
+    """Returns an everyday name, imported at its first use (PEP 562)."""
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME[name]), name)
+    value = getattr(importlib.import_module(_MODULES[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    """Lists the everyday names whether they are imported yet or not."""
+    """Returns all names, including everyday names that are not imported yet."""
     return sorted({*globals(), *__all__})

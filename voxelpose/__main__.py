@@ -1,4 +1,4 @@
-"""python -m voxelpose."""
+"""Entry point of `python -m voxelpose`."""
 
 from voxelpose.cli import main
 

@@ -1,4 +1,4 @@
-"""What of this machine works, and what to do about the rest."""
+"""Checks of an installation, with remedies for what does not work on this machine."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _OPENCV_WHEELS = (
     "opencv-contrib-python",
     "opencv-contrib-python-headless",
 )
-_WANTED_FREE_GB = 1.0
+_MIN_FREE_GB = 1.0
 
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """One line of the report.
+    """Result of one check.
 
     Attributes:
-        name: what was looked at.
-        state: `limited` means that fitting works and something else does not.
-        found: what was found.
-        remedy: what to do, empty where all is well.
+        name: subject of the check.
+        state: state of the subject; `limited` means that fitting works and something else does not.
+        found: what the check observed.
+        remedy: what the user can do; empty where nothing needs to be done.
     """
 
     name: str
@@ -42,13 +42,13 @@ class HealthCheck:
 
 
 def examine(folder: Path | None = None) -> list[HealthCheck]:
-    """Looks at everything that a fit needs, and tries it.
+    """Checks everything that a fit needs, by trying it.
 
     Args:
-        folder: where results will go; None: the current folder.
+        folder: folder in which results will be written; None for the current folder.
 
     Returns:
-        A finding per subject. A check that ends in an exception is a finding too.
+        One result per subject; a check that raises an exception is reported as failing.
     """
     folder = folder or Path.cwd()
     checks: dict[str, Callable[[], HealthCheck]] = {
@@ -56,7 +56,7 @@ def examine(folder: Path | None = None) -> list[HealthCheck]:
         "OpenCV": _opencv,
         "threads": _threads,
         "compiled code": _compiled,
-        "kept compilations": _cache,
+        "compilation cache": _cache,
         "video": _video,
         "body and pictures": _pictures,
         "estimators": _estimators,
@@ -67,15 +67,9 @@ def examine(folder: Path | None = None) -> list[HealthCheck]:
     for name, check in checks.items():
         try:
             findings.append(check())
-        except Exception as error:  # whatever it is, it belongs in the report
-            findings.append(
-                HealthCheck(
-                    name,
-                    "fails",
-                    f"{type(error).__name__}: {error}",
-                    "install voxelpose again into a fresh environment",
-                )
-            )
+        except Exception as error:  # any failure belongs in the report
+            remedy = "install voxelpose again into a fresh environment"
+            findings.append(HealthCheck(name, "fails", f"{type(error).__name__}: {error}", remedy))
     return findings
 
 
@@ -137,7 +131,7 @@ def _compiled() -> HealthCheck:
         return HealthCheck(
             "compiled code",
             "fails",
-            f"{found}: a kernel computes nonsense",
+            f"{found}: a kernel returns wrong values",
             "delete __pycache__ folders, or set NUMBA_CACHE_DIR",
         )
     return HealthCheck("compiled code", "works", found)
@@ -146,16 +140,16 @@ def _compiled() -> HealthCheck:
 def _cache() -> HealthCheck:
     import silhouette_core
 
-    places = [os.environ.get("NUMBA_CACHE_DIR", ""), str(Path(silhouette_core.__file__).parent)]
-    for place in filter(None, places):
-        existing = next(parent for parent in (Path(place), *Path(place).parents) if parent.exists())
-        if os.access(existing, os.W_OK):
-            return HealthCheck("kept compilations", "works", place)
+    folders = [os.environ.get("NUMBA_CACHE_DIR", ""), str(Path(silhouette_core.__file__).parent)]
+    for folder in filter(None, folders):
+        parents = (Path(folder), *Path(folder).parents)
+        if os.access(next(parent for parent in parents if parent.exists()), os.W_OK):
+            return HealthCheck("compilation cache", "works", folder)
     remedy = (
-        "set NUMBA_CACHE_DIR to a folder that you may write to; else every command compiles anew"
-        " for a minute or so"
+        "set NUMBA_CACHE_DIR to a folder that you may write to; otherwise every command compiles"
+        " again, for about a minute"
     )
-    return HealthCheck("kept compilations", "limited", f"{places[-1]} cannot be written", remedy)
+    return HealthCheck("compilation cache", "limited", f"{folders[-1]} cannot be written", remedy)
 
 
 def _video() -> HealthCheck:
@@ -218,12 +212,10 @@ def _open3d() -> HealthCheck:
 
     try:
         module = import_open3d()
-    except (
-        Exception
-    ) as error:  # a shared library that is missing is an OSError, a broken wheel anything
+    except Exception as error:  # a missing shared library or a broken wheel raises anything
         remedy = (
-            "only windows need it; on Linux: pip install libusb-package, and apt install libgl1"
-            " libgomp1"
+            "only `view --open3d` needs it; on Linux: pip install libusb-package, and apt install"
+            " libgl1 libgomp1"
         )
         return HealthCheck("open3d", "limited", f"{type(error).__name__}: {error}", remedy)
     screen = "a screen" if _has_screen() else "no screen here: use view --png"
@@ -246,7 +238,7 @@ def _disk(folder: Path) -> HealthCheck:
             f"{folder} cannot be written",
             "change to a folder that you may write to",
         )
-    if free < _WANTED_FREE_GB:
+    if free < _MIN_FREE_GB:
         return HealthCheck(
             "disk",
             "limited",

@@ -1,4 +1,4 @@
-"""From a recording to a result folder: what `voxelpose fit` does, callable from Python."""
+"""Estimation of a recording's motion into a result folder, as by `voxelpose fit` and `track`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose import __version__
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
-from voxelpose.export.joints import write_joints
+from voxelpose.export.joints import JOINTS, write_joints
 from voxelpose.recording.folder import Recording
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.view.images.overlay import draw_pictures
@@ -29,11 +29,11 @@ from voxelpose.view.images.overlay import draw_pictures
 
 @dataclass(frozen=True)
 class Output:
-    """Where results go.
+    """Destination and contents of a result.
 
     Attributes:
-        folder: the folder to be made.
-        overwrite: whether an earlier result there is replaced.
+        folder: the result folder to be made.
+        overwrite: whether an earlier result of this name is replaced.
         pictures: whether overlay videos and the contact sheet are drawn.
     """
 
@@ -51,10 +51,13 @@ def fit(
 ) -> Result:
     """Estimates the motion of a recording and writes a result folder.
 
-    Args: recording: the frames. output: where the results go. settings: what the estimator is told;
-        stature, chest girth and sex that are not set are taken from the recording's subject.toml.
-        estimator: name under which the estimator is registered. reporter: told of every stage;
-        None: nobody is.
+    Args:
+        recording: the frames.
+        output: destination of the results.
+        settings: settings of the estimator; stature, chest girth and sex that are not set are taken
+            from the recording's subject.toml.
+        estimator: name under which the estimator is registered.
+        reporter: receiver of progress; None reports nothing.
 
     Returns:
         The result, as read back from the folder.
@@ -70,9 +73,9 @@ def fit(
             f"{settings.threads} threads cannot work: give --threads 1 or more, or leave it out"
         )
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
-    chosen = load_estimator(estimator)
+    implementation = load_estimator(estimator)
     with writer as folder:
-        estimate = chosen.estimate(recording, settings, reporter)
+        estimate = implementation.estimate(recording, settings, reporter)
         motion = estimate.motion
         if not len(motion):
             raise InputError(
@@ -80,22 +83,19 @@ def fit(
                 " and check the background"
             )
         reporter.stage("files")
-        write_joints(motion, folder / "joints.csv")
+        write_joints(motion, folder / JOINTS)
         write_bvh(motion, folder / "motion.bvh")
         write_motion(motion, folder / MOTION)
         if estimate.hypotheses is not None:
             write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
         write_rig(recording.rig, folder / CALIBRATION)
-        (folder / SETTINGS).write_text(
-            _settings_toml(recording, output, settings, estimator), encoding="utf-8"
-        )
-        pictures_s = time.perf_counter()
+        document = _settings_toml(recording, output, settings, estimator)
+        (folder / SETTINGS).write_text(document, encoding="utf-8")
+        estimated = time.perf_counter()
         if output.pictures:
             draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
-        seconds = {
-            "pictures": time.perf_counter() - pictures_s,
-            "total": time.perf_counter() - started,
-        }
+        finished = time.perf_counter()
+        seconds = {"pictures": finished - estimated, "total": finished - started}
         summary = _summary(recording, estimate, estimator, seconds)
         (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return Result.open(output.folder)
@@ -107,19 +107,22 @@ def track(
     settings: Settings | None = None,
     reporter: Reporter | None = None,
 ) -> Result:
-    """Estimates the motion of a recording from one of its cameras, as `voxelpose track` does.
+    """Estimates the motion of a recording from one camera, as `voxelpose track` does.
 
-    Args: recording: one camera's frames: `Recording.open(folder, cameras=["cam_1"])`. output: where
-        the results go. settings: as for `fit`. Its options: `library` (path of a pose library; else
-        the default one, which is made at first use),
-            `start` ("facing" or "any"), `refine`, `weighting`, `motion_model`.
-        reporter: told of every stage; None: nobody is.
+    Args:
+        recording: frames of one camera: `Recording.open(folder, cameras=["cam_1"])`.
+        output: destination of the results.
+        settings: as for `fit`, with the options `library` (path of a pose library; by default one
+            that is made at first use), `start` ("facing" or "any"), `refine`, `weighting` and
+            `motion_model`.
+        reporter: receiver of progress; None reports nothing.
 
     Returns:
         The result, as read back from the folder.
 
-    Raises: InputError: the recording has several cameras, or it, the settings or the output cannot
-        be used.
+    Raises:
+        InputError: the recording has several cameras, or the recording, the settings or the output
+            cannot be used.
     """
     return fit(recording, output, settings, "monocular", reporter)
 
@@ -137,46 +140,40 @@ def _with_subject(settings: Settings, recording: Recording) -> Settings:
 def _title(recording: Recording, estimate: Estimate) -> str:
     motion = estimate.motion
     lost = recording.frame_count - len(motion)
-    words = [
+    plural = "s" if len(recording.rig) > 1 else ""
+    phrases = [
         recording.folder.resolve().name,
         f"stature {motion.model.sizes.stature_m:.2f} m",
-        (
-            f"{recording.frame_count} frames, {len(recording.rig)}"
-            f" camera{'s' if len(recording.rig) > 1 else ''}"
-        ),
+        f"{recording.frame_count} frames, {len(recording.rig)} camera{plural}",
         *([f"{lost} frames without a pose"] if lost else []),
     ]
-    return " · ".join(words)
+    return " · ".join(phrases)
 
 
 def _settings_toml(recording: Recording, output: Output, settings: Settings, estimator: str) -> str:
     document = tomlkit.document()
     document.add(
-        tomlkit.comment(
-            "What this result was made with; a setting that is missing was left to the program."
-        )
+        tomlkit.comment("Settings of this result; the program chose those that are not listed.")
     )
     document["recording"] = _path_from(Path(output.folder).resolve(), recording.folder.resolve())
     document["frames"] = [recording.first, recording.first + recording.frame_count]
     document["cameras"] = list(recording.rig.names)
     document["estimator"] = estimator
-    told = asdict(settings)
-    options = told.pop("options")
-    for name, value in told.items():
+    given = asdict(settings)
+    options = given.pop("options")
+    for name, value in given.items():
         if value is not None:
             document[name] = value
     document["options"] = dict(options)
     return tomlkit.dumps(document)
 
 
-def _path_from(here: Path, there: Path) -> str:
-    """Returns a relative path, so that recording and result can move together; an absolute one
-    across Windows drives.
-    """
+def _path_from(start: Path, target: Path) -> str:
+    """Returns a relative path, so that recording and result can be moved together."""
     try:
-        return Path(os.path.relpath(there, here)).as_posix()
-    except ValueError:
-        return str(there)
+        return Path(os.path.relpath(target, start)).as_posix()
+    except ValueError:  # another Windows drive
+        return str(target)
 
 
 def _summary(
@@ -216,23 +213,21 @@ def _summary(
 
 
 def _quality(motion: Motion) -> dict[str, object]:
-    """Summarises every quality array: over frames, and per part or joint where it has them."""
+    """Returns ranges of the quality arrays over frames, and means of those per part or joint."""
     from silhouette_core.body.joints import LANDMARK_NAMES
 
-    found: dict[str, object] = {}
+    summary: dict[str, object] = {}
     for name, array in motion.quality.items():
         values = np.asarray(array, float)
         if values.ndim == 1:
-            found[name] = _range_of(values, 4)
-        elif values.ndim == 2 and values.shape[1] in (len(motion.model.names), len(LANDMARK_NAMES)):
-            columns = (
-                motion.model.names if values.shape[1] == len(motion.model.names) else LANDMARK_NAMES
-            )
-            found[name] = {
-                column: round(float(np.nanmean(values[:, k])), 4)
-                for k, column in enumerate(columns)
-            }
-    return found
+            summary[name] = _range_of(values, 4)
+        for columns in (motion.model.names, LANDMARK_NAMES):
+            if values.ndim == 2 and values.shape[1] == len(columns):
+                summary[name] = {
+                    column: round(float(np.nanmean(values[:, k])), 4)
+                    for k, column in enumerate(columns)
+                }
+    return summary
 
 
 def _range_of(values: NDArray, digits: int) -> dict[str, float]:

@@ -24,8 +24,8 @@ def test_every_name_is_there_and_is_where_the_types_say():
     for name in voxelpose.__all__:
         value = getattr(voxelpose, name)
         assert value.__name__ == name
-        assert value.__module__ == voxelpose._HOME[name]
-    assert set(voxelpose._HOME) == set(voxelpose.__all__) <= set(dir(voxelpose))
+        assert value.__module__ == voxelpose._MODULES[name]
+    assert set(voxelpose._MODULES) == set(voxelpose.__all__) <= set(dir(voxelpose))
 
 
 def test_types_are_told_to_type_checkers():
