@@ -219,7 +219,7 @@ def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[n
         np.empty((bins, bins, bins), np.float32),
     )
     kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
-    kernels.log_shares(counts, shares)
+    kernels.log_fractions(counts, shares)
     return shares
 
 

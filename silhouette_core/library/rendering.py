@@ -1,11 +1,9 @@
-"""What library poses look like: one virtual camera for all, silhouettes centred in its picture, at
-three resolutions.
+"""Rendering of library poses: one virtual camera, centred silhouettes, three resolutions.
 
 The camera looks at the pelvis from `DISTANCE` statures, down by the view's pitch; its focal length
-shows the stature, at that distance, as 158 of 240 pixels. The body is turned before it by the
-view's yaw; at yaw 0 it faces the camera. The picture is then moved by whole pixels until the
-silhouette's centroid is in the middle of a window of 320 x 240; what still sticks out of the window
-is cut off.
+maps the stature at that distance to 158 of 240 pixels. The body is turned by the view's yaw; at
+yaw 0 it faces the camera. The image is moved by whole pixels until the silhouette's centroid is in
+the middle of a window of 320 x 240, and cut off at the window's border.
 """
 
 from __future__ import annotations
@@ -23,23 +21,24 @@ from silhouette_core.library.kernels import rendering as kernels
 from silhouette_core.motion import kinematics
 
 SIZES_PX = ((80, 60), (160, 120), (320, 240))
-"""(width, height) of the pictures of the tree's levels, coarse to fine."""
+"""(width, height) of the silhouettes of the tree's levels, coarse to fine, px."""
 WINDOW_PX = SIZES_PX[-1]
 DISTANCE = 4.0 / 1.75
-"""From the camera to the pelvis, in statures."""
+"""Distance of the pelvis from the camera, in statures."""
 STATURE_PX = 158
 FOCAL_PX = STATURE_PX * DISTANCE
 _CANVAS_PX = 448
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
-    """What the virtual camera saw of N poses.
+class RenderedViews:
+    """N poses as seen by the virtual camera.
 
-    Attributes: windows: (N, 240, 320) uint8, part number + 1, 0 for background; the silhouette is
-        what is not 0. pelvis_px: (N, 2) float32, the pelvis joint's projection (x, y) in the
-        window. areas: (N, 27) uint16, pixels of each part, those outside the window included. cut:
-        (N,) int32, pixels that the window cuts off.
+    Attributes:
+        windows: (N, 240, 320) uint8, part number + 1, 0 for background.
+        pelvis_px: (N, 2) float32, the pelvis joint's projection (x, y) in the window.
+        areas: (N, 27) uint16, pixels of each part, including those outside the window.
+        cut: (N,) int32, number of pixels outside the window.
     """
 
     windows: NDArray[np.uint8]
@@ -49,11 +48,12 @@ class Pictures:
 
 
 def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
-    """Returns the rotation (3, 3) from a body without heading (facing -y, z up) to a camera that
-    looks down by `pitch_rad`.
+    """Rotation (3, 3) from a body without heading (facing -y, z up) to the virtual camera.
 
-    Args: yaw_rad: how far the body is turned about the vertical, counter-clockwise from above; 0
-        faces the camera. pitch_rad: angle of the optical axis below the horizontal.
+    Args:
+        yaw_rad: turn of the body about the vertical, counter-clockwise from above; 0 faces the
+            camera.
+        pitch_rad: angle of the optical axis below the horizontal.
     """
     cosine, sine = np.cos(pitch_rad), np.sin(pitch_rad)
     camera_from_world = np.array([[1.0, 0.0, 0.0], [0.0, -sine, -cosine], [0.0, cosine, -sine]])
@@ -64,15 +64,16 @@ def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
 def pose_surfaces(
     model: BodyModel, quaternions: NDArray[np.floating], angles_rad: NDArray[np.floating]
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Poses the body with its pelvis at the origin.
+    """Surfaces of poses with the pelvis at the origin.
 
     Args:
         model: the body.
         quaternions: (B, 4) w, x, y, z, world from body.
-        angles_rad: (B, D).
+        angles_rad: (B, D), joint angles.
 
-    Returns: Surfaces (B, V, 3) float32, m, and the height of the pelvis above the lowest vertex
-        (B,) float64, m.
+    Returns:
+        Surfaces (B, V, 3) float32, m, and the height of the pelvis above the lowest vertex (B,)
+        float64, m.
     """
     rotation, origin = kinematics.forward(
         model,
@@ -86,47 +87,49 @@ def pose_surfaces(
     return surfaces, -surfaces[..., 2].min(axis=1).astype(np.float64)
 
 
-def take_pictures(
+def render_views(
     model: BodyModel,
     surfaces: NDArray[np.float32],
     which: NDArray[np.integer],
     views: NDArray[np.floating],
-) -> Pictures:
-    """Takes pictures of posed bodies.
+) -> RenderedViews:
+    """Part-number projections of posed bodies, centred in windows.
 
     Args:
         model: the body.
         surfaces: (B, V, 3) float32, m, pelvis at the origin, heading removed.
-        which: (N,) the surface of each picture.
-        views: (N, 2) yaw and pitch of each picture, radians.
+        which: (N,), index of the surface of each view.
+        views: (N, 2) yaw and pitch of each view, radians.
 
-    Source: Okada and Stenger, 3.1.
+    Source: Okada and Stenger, section 3.1.
     """
     rotations = np.stack([camera_from_body(yaw, pitch) for yaw, pitch in np.asarray(views, float)])
     placed = np.empty((len(which), *surfaces.shape[1:]), np.float32)
     distance = DISTANCE * model.sizes.stature_m
-    kernels.turn_and_place(surfaces[which], np.zeros((len(which), 3)), rotations, distance, placed)
+    kernels.rotate_and_translate(
+        surfaces[which], np.zeros((len(which), 3)), rotations, distance, placed
+    )
     middle = (_CANVAS_PX - 1) / 2
     matrix = np.array([[FOCAL_PX, 0, middle], [0, FOCAL_PX, middle], [0, 0, 1]])
     parts = render_many(placed, model.faces, model.face_part, matrix, (_CANVAS_PX, _CANVAS_PX))
     windows = np.empty((len(which), WINDOW_PX[1], WINDOW_PX[0]), np.uint8)
     shifts, cut = np.empty((len(which), 2), np.int32), np.empty(len(which), np.int32)
     areas = np.zeros((len(which), len(model.names)), np.uint16)
-    kernels.centre(parts, windows, shifts, areas, cut)
-    return Pictures(windows, (middle + shifts).astype(np.float32), areas, cut)
+    kernels.centre_windows(parts, windows, shifts, areas, cut)
+    return RenderedViews(windows, (middle + shifts).astype(np.float32), areas, cut)
 
 
 def reduce_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Halves a silhouette (…, h, w) bool; a pixel is in where at least two of its four were.
-    Observations are to be reduced likewise.
+    """Silhouette (…, h, w) bool at half the resolution: at least two of four pixels are set.
+
+    Observations must be reduced in the same way.
     """
-    one, two, three, four = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
-    # Two of four: both of one pair, or one of each.
-    return (one & two) | (three & four) | ((one | two) & (three | four))
+    a, b, c, d = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
+    return (a & b) | (c & d) | ((a | b) & (c | d))
 
 
 def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
-    """Returns a window's silhouette (…, 240, 320) at all resolutions of the tree, coarse to fine."""
+    """Silhouette (…, 240, 320) of a window at all resolutions of the tree, coarse to fine."""
     levels = [mask]
     for _ in SIZES_PX[1:]:
         levels.append(reduce_silhouette(levels[-1]))
@@ -134,11 +137,9 @@ def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
 
 
 def spans_of(masks: NDArray[np.bool_]) -> Spans:
-    """Takes the runs of silhouettes (N, h, w), compiled and in 16 bits, which hold every picture of
-    a library.
-    """
+    """Runs of silhouettes (N, h, w) bool in 16 bits, enough for the windows of a library."""
     counts = np.empty(len(masks), np.int64)
-    kernels.count_all_runs(masks, counts)
+    kernels.count_runs(masks, counts)
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     rows, starts, ends = (np.empty(int(offsets[-1]), np.int16) for _ in range(3))
     kernels.fill_runs(masks, offsets, rows, starts, ends)
@@ -146,7 +147,7 @@ def spans_of(masks: NDArray[np.bool_]) -> Spans:
 
 
 def select_spans(spans: Spans, which: NDArray[np.integer]) -> Spans:
-    """Returns the silhouettes `which` (K,), in that order."""
+    """Selection `which` (K,) of silhouettes, in that order."""
     counts = np.diff(spans.offsets)[which]
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     runs = np.repeat(spans.offsets[:-1][which] - offsets[:-1], counts) + np.arange(offsets[-1])
@@ -154,7 +155,7 @@ def select_spans(spans: Spans, which: NDArray[np.integer]) -> Spans:
 
 
 def join_spans(parts: Sequence[Spans]) -> Spans:
-    """Returns the silhouettes of all parts, one after the other."""
+    """Concatenation of sequences of silhouettes."""
     before = np.cumsum([0, *(len(part.rows) for part in parts)])
     offsets = [part.offsets[1:] + start for part, start in zip(parts, before[:-1], strict=True)]
     rows, starts, ends = (
@@ -167,7 +168,7 @@ def join_spans(parts: Sequence[Spans]) -> Spans:
 def masks_of(
     spans: Spans, which: NDArray[np.integer], size_px: tuple[int, int] = WINDOW_PX
 ) -> NDArray[np.bool_]:
-    """Draws silhouettes `which` (N,) of a picture of (width, height): (N, h, w) bool."""
+    """Masks (N, h, w) bool of silhouettes `which` (N,) in images of (width, height)."""
     masks = np.zeros((len(which), size_px[1], size_px[0]), bool)
     kernels.draw_runs(spans.rows, spans.starts, spans.ends, spans.offsets, np.asarray(which), masks)
     return masks

@@ -1,5 +1,7 @@
-"""Background subtraction, pixel by pixel. Plain arrays only; the door is
-`silhouette_core.image.background`.
+"""Statistics of the background and its subtraction, pixel by pixel.
+
+Source: Okada and Stenger, section 5.1; the median is ours. Called by
+`silhouette_core.image.background`. Reference: `silhouette_core.image.kernels.reference`.
 """
 
 import numpy as np
@@ -9,7 +11,9 @@ from silhouette_core.jit import parallel_kernel, prange
 
 @parallel_kernel
 def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
-    """Adds one frame (H, W, 3) uint8 to the running sums, each (H, W, 3) float64."""
+    """Adds a frame (H, W, 3) uint8 to sums (H, W, 3) float64: of its colour, of the colour over its
+    length, and of their squares.
+    """
     height, width = frame.shape[0], frame.shape[1]
     for row in prange(height):
         for column in range(width):
@@ -29,7 +33,7 @@ def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
 def paper_mask(
     frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
 ):
-    """Okada and Stenger, section 5.1: unlikely direction of colour, or a clearly different colour."""
+    """Fills mask (H, W) bool: improbable normalised colour, or a clearly different colour."""
     height, width = mask.shape
     limit = raw_threshold * raw_threshold
     for row in prange(height):
@@ -54,8 +58,8 @@ def paper_mask(
 
 @parallel_kernel
 def median_and_deviation(stack, median, deviation):
-    """Median over time of stack (T, H, W, 3) uint8, and the median distance from it; both (H, W, 3)
-    float32.
+    """Fills median and deviation (H, W, 3) float32: the lower median over time of a stack of frames
+    (T, H, W, 3) uint8, and the lower median of the distances from it.
     """
     count, height, width = stack.shape[0], stack.shape[1], stack.shape[2]
     half = (count + 1) // 2

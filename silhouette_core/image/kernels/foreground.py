@@ -1,5 +1,7 @@
-"""From a frame's residuals to a silhouette with sharp edges. Plain arrays only; the door is
-`silhouette_core.image.foreground`.
+"""Residuals of a frame against the background, and the sharpening of a silhouette's edges.
+
+Source: own, see `silhouette_core.image.foreground`, which calls them. Reference:
+`silhouette_core.image.kernels.reference`.
 """
 
 import numpy as np
@@ -8,12 +10,11 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
 @kernel
-def _split(frame, mean, tools, gain, row, column):
-    """Splits a pixel's colour, its channels' gain undone, into a multiple of the background's
-    colour and the rest.
+def _split(frame, mean, scales, gain, row, column):
+    """Projects a pixel's colour, its channels' gain removed, onto the background's colour.
 
-    tools (H, W, 3) holds 1 / |background|^2, 1 / noise and |background| / noise. Returns the rest's
-    three components, in noise, and the multiple.
+    scales (H, W, 3) holds 1 / |background|^2, 1 / noise and |background| / noise. Returns the three
+    components of the residual, in noise, and the ratio of the projection to the background.
     """
     background_0 = mean[row, column, 0]
     background_1 = mean[row, column, 1]
@@ -21,19 +22,19 @@ def _split(frame, mean, tools, gain, row, column):
     colour_0 = np.float32(frame[row, column, 0]) * gain[0]
     colour_1 = np.float32(frame[row, column, 1]) * gain[1]
     colour_2 = np.float32(frame[row, column, 2]) * gain[2]
-    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * tools[
+    ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * scales[
         row, column, 0
     ]
-    scale = tools[row, column, 1]
-    rest_0 = (colour_0 - ratio * background_0) * scale
-    rest_1 = (colour_1 - ratio * background_1) * scale
-    rest_2 = (colour_2 - ratio * background_2) * scale
-    return rest_0, rest_1, rest_2, ratio
+    scale = scales[row, column, 1]
+    residual_0 = (colour_0 - ratio * background_0) * scale
+    residual_1 = (colour_1 - ratio * background_1) * scale
+    residual_2 = (colour_2 - ratio * background_2) * scale
+    return residual_0, residual_1, residual_2, ratio
 
 
 @parallel_kernel
-def sampled_chroma(frame, mean, tools, gain, clip, radius, step, out):
-    """Length of the pooled chromatic rest at every step-th pixel, (H', W') float32."""
+def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
+    """Fills out (H', W') float32: length of the pooled residual at every step-th pixel."""
     height, width = frame.shape[0], frame.shape[1]
     for k in prange(out.shape[0]):
         for j in range(out.shape[1]):
@@ -41,40 +42,48 @@ def sampled_chroma(frame, mean, tools, gain, clip, radius, step, out):
             count = 0
             for row in range(max(k * step - radius, 0), min(k * step + radius + 1, height)):
                 for column in range(max(j * step - radius, 0), min(j * step + radius + 1, width)):
-                    rest_0, rest_1, rest_2, _ = _split(frame, mean, tools, gain, row, column)
-                    square = rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2
-                    kept = np.float32(1.0)
+                    residual_0, residual_1, residual_2, _ = _split(
+                        frame, mean, scales, gain, row, column
+                    )
+                    square = (
+                        residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
+                    )
+                    factor = np.float32(1.0)
                     if square > clip * clip:
-                        kept = clip / np.sqrt(square)
-                    sum_0 += rest_0 * kept
-                    sum_1 += rest_1 * kept
-                    sum_2 += rest_2 * kept
+                        factor = clip / np.sqrt(square)
+                    sum_0 += residual_0 * factor
+                    sum_1 += residual_1 * factor
+                    sum_2 += residual_2 * factor
                     count += 1
             out[k, j] = np.sqrt(sum_0 * sum_0 + sum_1 * sum_1 + sum_2 * sum_2) / count
 
 
 @parallel_kernel
-def evidence(frame, mean, tools, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
-    """What is to be pooled, and the pixels that need no pooling.
+def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
+    """Fills the evidence to be pooled, and the pixels that need no pooling.
 
-    Fills parts (H, W, 4) int16, in 1 / unit of the noise: the chromatic rest cut to length clip,
-    and the brightness beyond [shadow, highlight] cut to twice its limit. Fills strong (H, W) bool.
+    Fills parts (H, W, 4) int16, in 1 / unit of the noise: the chromatic residual cut to length
+    clip, and the brightness beyond [shadow, highlight] cut to twice its limit. Fills strong (H, W)
+    bool: the pixels where either is large.
     """
     height, width = strong.shape
     for row in prange(height):
         for column in range(width):
-            rest_0, rest_1, rest_2, ratio = _split(frame, mean, tools, gain, row, column)
-            square = rest_0 * rest_0 + rest_1 * rest_1 + rest_2 * rest_2
+            residual_0, residual_1, residual_2, ratio = _split(
+                frame, mean, scales, gain, row, column
+            )
+            square = residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
             beyond = (
-                max(max(shadow - ratio, ratio - highlight), np.float32(0.0)) * tools[row, column, 2]
+                max(max(shadow - ratio, ratio - highlight), np.float32(0.0))
+                * scales[row, column, 2]
             )
             strong[row, column] = (square > clip * clip) | (beyond > np.float32(1.5) * beyond_limit)
-            kept = unit
+            factor = unit
             if square > clip * clip:
-                kept = unit * clip / np.sqrt(square)
-            parts[row, column, 0] = np.int16(rest_0 * kept)
-            parts[row, column, 1] = np.int16(rest_1 * kept)
-            parts[row, column, 2] = np.int16(rest_2 * kept)
+                factor = unit * clip / np.sqrt(square)
+            parts[row, column, 0] = np.int16(residual_0 * factor)
+            parts[row, column, 1] = np.int16(residual_1 * factor)
+            parts[row, column, 2] = np.int16(residual_2 * factor)
             parts[row, column, 3] = np.int16(min(beyond, np.float32(2.0) * beyond_limit) * unit)
 
 
@@ -88,34 +97,34 @@ def _chroma_square(pooled, row, column):
 
 @parallel_kernel
 def decide(pooled, strong, chroma_limit, beyond_limit, mask):
-    """mask (H, W) bool: strong, or pooled evidence (H, W, 4) int16 over its limit."""
+    """Fills mask (H, W) bool: strong, or pooled evidence (H, W, 4) int16 over its limit."""
     height, width = mask.shape
     for row in prange(height):
         for column in range(width):
-            unlike = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
+            chromatic = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
             mask[row, column] = (
-                strong[row, column] | unlike | (pooled[row, column, 3] > beyond_limit)
+                strong[row, column] | chromatic | (pooled[row, column, 3] > beyond_limit)
             )
 
 
 @parallel_kernel
 def doubt(pooled, bright, chroma_limit, bright_limit, mask):
-    """mask (H, W) bool: pooled chroma (of int16) or brightness (H, W) float32 over a limit."""
+    """Fills mask (H, W) bool: pooled chroma or brightness (H, W) float32 over a limit."""
     height, width = mask.shape
     for row in prange(height):
         for column in range(width):
-            unlike = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
-            mask[row, column] = unlike | (abs(bright[row, column]) > bright_limit)
+            chromatic = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
+            mask[row, column] = chromatic | (abs(bright[row, column]) > bright_limit)
 
 
 @parallel_kernel
-def brightness(frame, mean, tools, gain, out):
-    """Signed difference along the background's colour, in noise, (H, W) float32."""
+def brightness(frame, mean, scales, gain, out):
+    """Fills out (H, W) float32: signed difference along the background's colour, in noise."""
     height, width = out.shape
     for row in prange(height):
         for column in range(width):
-            _, _, _, ratio = _split(frame, mean, tools, gain, row, column)
-            out[row, column] = (ratio - np.float32(1.0)) * tools[row, column, 2]
+            _, _, _, ratio = _split(frame, mean, scales, gain, row, column)
+            out[row, column] = (ratio - np.float32(1.0)) * scales[row, column, 2]
 
 
 @kernel
@@ -132,8 +141,8 @@ def count_colours(frame, where, shift, counts):
 
 
 @kernel
-def log_shares(counts, out):
-    """Logarithm of each colour's share, out (n, n, n) float32, after counts have spread to the 26
+def log_fractions(counts, out):
+    """Fills out (n, n, n) float32: logarithm of each colour's fraction, after smoothing over the 26
     neighbouring colours.
     """
     bins = counts.shape[0]
@@ -142,7 +151,7 @@ def log_shares(counts, out):
         for green in range(bins):
             for red in range(bins):
                 total += counts[blue, green, red]
-                near = np.float32(0.0)
+                smooth = np.float32(0.0)
                 for b in range(-1, 2):
                     for g in range(-1, 2):
                         for r in range(-1, 2):
@@ -155,8 +164,8 @@ def log_shares(counts, out):
                             y = min(max(blue + b, 0), bins - 1)
                             x = min(max(green + g, 0), bins - 1)
                             z = min(max(red + r, 0), bins - 1)
-                            near += weight * counts[y, x, z]
-                out[blue, green, red] = near
+                            smooth += weight * counts[y, x, z]
+                out[blue, green, red] = smooth
     floor = np.float32(0.5)
     whole = np.float32(total) + floor * np.float32(bins * bins * bins)
     for blue in range(bins):
@@ -167,7 +176,7 @@ def log_shares(counts, out):
 
 @parallel_kernel
 def look_up(frame, table, shift, out):
-    """out (H, W) float32: the table's entry for each pixel's colour."""
+    """Fills out (H, W) float32: the entry of the table (n, n, n) for each pixel's colour."""
     height, width = out.shape
     for row in prange(height):
         for column in range(width):
@@ -180,25 +189,25 @@ def look_up(frame, table, shift, out):
 
 @parallel_kernel
 def sharpen(
-    frame, mean, least_light, most_light, band, inside, outside, reach, least_contrast, mask
+    frame, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):
-    """Sets mask in the band to where more than half of a pixel's colour is the person's.
+    """Sets mask in the band: whether more than half of a pixel's colour is the person's.
 
     The person's colour is the mean of the window's inside pixels. The background's is the model's,
-    times what light and shadow make of it on the window's outside pixels. Pixels with too few of
-    either, or too little contrast, keep their label.
+    times the gain that light and shadow have on the window's outside pixels. Pixels with too few
+    of either, or too little contrast, keep their label.
     """
     height, width = mask.shape
     stride = max(1, reach // 4)
     for row in prange(height):
         person = np.empty(3, np.float32)
-        seen = np.empty(3, np.float32)
+        observed = np.empty(3, np.float32)
         empty = np.empty(3, np.float32)
         for column in range(width):
             if not band[row, column]:
                 continue
             person[:] = 0
-            seen[:] = 0
+            observed[:] = 0
             empty[:] = 0
             count_inside = 0
             count_outside = 0
@@ -211,22 +220,23 @@ def sharpen(
                     elif outside[y, x]:
                         count_outside += 1
                         for channel in range(3):
-                            seen[channel] += np.float32(frame[y, x, channel])
+                            observed[channel] += np.float32(frame[y, x, channel])
                             empty[channel] += mean[y, x, channel]
             if count_inside < 3 or count_outside < 3:
                 continue
-            share = np.float32(0.0)
+            fraction = np.float32(0.0)
             contrast = np.float32(0.0)
             for channel in range(3):
                 light = min(
                     max(
-                        seen[channel] / max(empty[channel], np.float32(1e-3)), least_light[channel]
+                        observed[channel] / max(empty[channel], np.float32(1e-3)),
+                        least_light[channel],
                     ),
-                    most_light[channel],
+                    greatest_light[channel],
                 )
                 background = mean[row, column, channel] * light
-                step = person[channel] / count_inside - background
-                share += (np.float32(frame[row, column, channel]) - background) * step
-                contrast += step * step
+                axis = person[channel] / count_inside - background
+                fraction += (np.float32(frame[row, column, channel]) - background) * axis
+                contrast += axis * axis
             if contrast > least_contrast * least_contrast:
-                mask[row, column] = share > np.float32(0.5) * contrast
+                mask[row, column] = fraction > np.float32(0.5) * contrast

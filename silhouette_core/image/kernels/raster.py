@@ -1,8 +1,12 @@
-"""Loops of the part-number raster: plain arrays in, two images out.
+"""Part-number raster: a mesh drawn into an image of labels and one of depths.
 
 Screen positions are rounded to 1/256 pixel and kept as integers, so that the edge tests are exact:
 two triangles that share an edge see the same number with opposite signs, and the top-left rule
 gives every pixel centre on it to exactly one of them.
+
+Source: Okada and Stenger, section 3.1; edge functions as in Pineda, "A parallel algorithm for
+polygon rasterization" (1988), the clipping is that of Sutherland and Hodgman. Reference:
+`silhouette_core.image.kernels.reference.draw`.
 """
 
 import numpy as np
@@ -15,19 +19,16 @@ LIMIT = SUBPIXELS << 21  # keeps products of two coordinate differences inside i
 
 @kernel
 def _to_screen(pixel):
-    """Rounds a pixel coordinate to subpixels, far-away ones to the limit."""
+    """Pixel coordinate in subpixels, rounded and clamped to the limit."""
     scaled = np.floor(pixel * SUBPIXELS + 0.5)
     return np.int64(min(max(scaled, -LIMIT), LIMIT))
 
 
 @kernel
 def _row_span(dx, dy, start_x, start_y, row, first, last):
-    """Narrows [first, last] to the pixels of a row on the inner side of an edge that starts at
-    `start` and runs along (dx, dy).
-    """
-    inclusive = dy < 0 or (
-        dy == 0 and dx > 0
-    )  # left edges and flat top edges own the pixel centres on them
+    """Pixels of [first, last] in a row on the inner side of an edge from `start` along (dx, dy)."""
+    # Left edges and flat top edges own the pixel centres on them.
+    inclusive = dy < 0 or (dy == 0 and dx > 0)
     constant = dx * (row * SUBPIXELS - start_y) + dy * start_x - (0 if inclusive else 1)
     slope = -dy * SUBPIXELS  # inside where constant + slope * column >= 0
     if slope > 0:
@@ -40,10 +41,11 @@ def _row_span(dx, dy, start_x, start_y, row, first, last):
 
 
 @kernel
-def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
-    """Draws one triangle given in subpixels; aw, bw, cw are inverse depths, which are linear on the
-    screen.
-    """
+def _fill(a, b, c, label, cull, parts, depth):
+    """Draws a triangle of corners (x, y, w): subpixels, and inverse depth, linear on the screen."""
+    ax, ay, aw = a
+    bx, by, bw = b
+    cx, cy, cw = c
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     if area == 0 or (cull and area > 0):
         return
@@ -66,9 +68,8 @@ def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
         first, last = _row_span(ax - cx, ay - cy, cx, cy, row, first, last)
         for column in range(first, last + 1):
             w = aw + w_dx * (column * SUBPIXELS - ax) + w_dy * (row * SUBPIXELS - ay)
-            z = np.float32(
-                1.0 / min(max(w, farthest), nearest)
-            )  # slivers have steep planes: stay within the corners
+            # Slivers have steep planes: stay within the corners.
+            z = np.float32(1.0 / min(max(w, farthest), nearest))
             if z < depth[row, column]:
                 depth[row, column] = z
                 parts[row, column] = label
@@ -85,39 +86,23 @@ def _fill_clipped(corners, label, matrix, near, cull, parts, depth):
         for crossing in range(2):
             if (crossing == 0 and not inside) or (crossing == 1 and inside == next_inside):
                 continue
-            px, py, pz = (
-                np.float64(corners[i, 0]),
-                np.float64(corners[i, 1]),
-                np.float64(corners[i, 2]),
-            )
+            px, py = np.float64(corners[i, 0]), np.float64(corners[i, 1])
+            pz = np.float64(corners[i, 2])
             if crossing == 1:
                 # From the inner to the outer corner whatever the winding, so that neighbours cut at
                 # the same point.
                 inner, outer = (i, j) if inside else (j, i)
-                share = (corners[inner, 2] - near) / (corners[inner, 2] - corners[outer, 2])
-                px = corners[inner, 0] + share * (corners[outer, 0] - corners[inner, 0])
-                py = corners[inner, 1] + share * (corners[outer, 1] - corners[inner, 1])
+                fraction = (corners[inner, 2] - near) / (corners[inner, 2] - corners[outer, 2])
+                px = corners[inner, 0] + fraction * (corners[outer, 0] - corners[inner, 0])
+                py = corners[inner, 1] + fraction * (corners[outer, 1] - corners[inner, 1])
                 pz = near
             x[count] = _to_screen((matrix[0, 0] * px + matrix[0, 1] * py) / pz + matrix[0, 2])
             y[count] = _to_screen(matrix[1, 1] * py / pz + matrix[1, 2])
             w[count] = 1.0 / pz
             count += 1
     for k in range(2, count):
-        _fill(
-            x[0],
-            y[0],
-            w[0],
-            x[k - 1],
-            y[k - 1],
-            w[k - 1],
-            x[k],
-            y[k],
-            w[k],
-            label,
-            cull,
-            parts,
-            depth,
-        )
+        a, b, c = (x[0], y[0], w[0]), (x[k - 1], y[k - 1], w[k - 1]), (x[k], y[k], w[k])
+        _fill(a, b, c, label, cull, parts, depth)
 
 
 @kernel
@@ -126,11 +111,8 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
     count = len(vertices)
     x, y, w = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
     for i in range(count):
-        vx, vy, vz = (
-            np.float64(vertices[i, 0]),
-            np.float64(vertices[i, 1]),
-            np.float64(vertices[i, 2]),
-        )
+        vx, vy = np.float64(vertices[i, 0]), np.float64(vertices[i, 1])
+        vz = np.float64(vertices[i, 2])
         x[i], y[i], w[i] = 0, 0, 0.0
         if not np.isfinite(vx + vy + vz):
             w[i] = -1.0
@@ -145,7 +127,8 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
             continue
         label = np.uint8(face_part[f] + 1)
         if least > 0.0:
-            _fill(x[a], y[a], w[a], x[b], y[b], w[b], x[c], y[c], w[c], label, cull, parts, depth)
+            triangle = (x[a], y[a], w[a]), (x[b], y[b], w[b]), (x[c], y[c], w[c])
+            _fill(*triangle, label, cull, parts, depth)
         else:
             corners = np.empty((3, 3))
             for k in range(3):
@@ -160,7 +143,7 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
 @parallel_kernel
 def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
     """Draws every pose (N, V, 3) into its own image of `parts` (N, h, w); the depth buffers are
-    thrown away.
+    discarded.
     """
     for n in prange(len(vertices)):
         depth = np.full(parts.shape[1:], np.inf, np.float32)

@@ -1,4 +1,7 @@
-"""Loops from part images to windows, areas and runs."""
+"""From part images to windows, areas and runs.
+
+Source: own. Reference: `silhouette_core.library.kernels.reference`.
+"""
 
 import numpy as np
 
@@ -6,9 +9,9 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
 @parallel_kernel
-def turn_and_place(posed, pelvis, rotations, distance, placed):
-    """Fills placed (N, V, 3): posed (N, V, 3) turned by rotations (N, 3, 3) about pelvis (N, 3),
-    which comes to (0, 0, distance).
+def rotate_and_translate(posed, pelvis, rotations, distance, placed):
+    """Fills placed (N, V, 3): posed (N, V, 3) rotated by rotations (N, 3, 3) about pelvis (N, 3),
+    which is moved to (0, 0, distance).
     """
     for n in prange(len(posed)):
         r, o = rotations[n], pelvis[n]
@@ -20,11 +23,11 @@ def turn_and_place(posed, pelvis, rotations, distance, placed):
 
 
 @parallel_kernel
-def centre(parts, windows, shifts, areas, outside):
-    """Cuts windows (N, h, w) out of part images (N, H, W), the silhouette's centroid in the middle.
+def centre_windows(parts, windows, shifts, areas, outside):
+    """Fills windows (N, h, w) from part images (N, H, W), the silhouette's centroid in the middle.
 
-    Fills shifts (N, 2), how far (right, down) the canvas moved; areas (N, P), pixels of each part
-    in the whole canvas; outside (N,), pixels that the window cuts off.
+    Also fills shifts (N, 2), by which the image was moved (right, down), px; areas (N, P), pixels
+    of each part in the whole image; outside (N,), pixels that the window cuts off.
     """
     height, width = windows.shape[1], windows.shape[2]
     for n in prange(len(parts)):
@@ -53,48 +56,50 @@ def centre(parts, windows, shifts, areas, outside):
 
 
 @kernel
-def count_runs(mask):
-    """Returns the number of runs of a mask (h, w)."""
+def _count_mask(mask):
+    """Number of runs of foreground in the rows of a mask (h, w)."""
     count = 0
     for y in range(mask.shape[0]):
-        before = False
+        previous = False
         for x in range(mask.shape[1]):
-            count += mask[y, x] and not before
-            before = mask[y, x]
+            count += mask[y, x] and not previous
+            previous = mask[y, x]
     return count
 
 
 @parallel_kernel
-def count_all_runs(masks, counts):
-    """Fills counts (N,) for masks (N, h, w)."""
+def count_runs(masks, counts):
+    """Fills counts (N,): runs of foreground in the rows of masks (N, h, w)."""
     for n in prange(len(masks)):
-        counts[n] = count_runs(masks[n])
+        counts[n] = _count_mask(masks[n])
 
 
 @parallel_kernel
 def fill_runs(masks, offsets, rows, starts, ends):
-    """Fills the runs of masks (N, h, w), those of mask n from offsets[n] on."""
+    """Fills rows, starts and ends with the runs of masks (N, h, w), those of mask n from offsets[n]
+    on; ends are exclusive.
+    """
     width = masks.shape[2]
     for n in prange(len(masks)):
         k = offsets[n]
         for y in range(masks.shape[1]):
-            before = False
+            previous = False
             for x in range(width):
-                now = masks[n, y, x]
-                if now and not before:
+                current = masks[n, y, x]
+                if current and not previous:
                     rows[k], starts[k] = y, x
-                elif before and not now:
+                elif previous and not current:
                     ends[k] = x
                     k += 1
-                before = now
-            if before:
+                previous = current
+            if previous:
                 ends[k] = width
                 k += 1
 
 
 @kernel
 def draw_runs(rows, starts, ends, offsets, which, masks):
-    """Draws silhouettes `which` (N,) into empty masks (N, h, w)."""
+    """Draws the runs of silhouettes `which` (N,) into empty masks (N, h, w)."""
     for n in range(len(which)):
         for k in range(offsets[which[n]], offsets[which[n] + 1]):
             masks[n, rows[k], starts[k] : ends[k]] = True

@@ -1,4 +1,8 @@
-"""Greedy thinning with a hash grid."""
+"""Greedy thinning of poses with a hash grid.
+
+Source: the criterion is Okada and Stenger's, section 3; the grid is ours, with the hash of Fowler,
+Noll and Vo (FNV-1a). Reference: `silhouette_core.library.kernels.reference`, pair by pair.
+"""
 
 import numpy as np
 
@@ -7,7 +11,7 @@ from silhouette_core.jit import kernel
 
 @kernel
 def _bucket(cell, mask):
-    """Mixes a cell's integer coordinates into a bucket (FNV-1a, then a final shuffle)."""
+    """Bucket of a cell, from its integer coordinates (FNV-1a, then a final shuffle)."""
     key = np.uint64(14695981039346656037)
     for k in range(cell.shape[0]):
         key = (key ^ np.uint64(cell[k])) * np.uint64(1099511628211)
@@ -16,12 +20,12 @@ def _bucket(cell, mask):
 
 @kernel
 def thin_rows(rows, first, grid, tolerance, kept):
-    """Marks in kept (N,) the rows (N, K) that no earlier kept row is near to in every column; rows
-    before `first` are kept unasked.
+    """Fills kept (N,): whether no earlier kept row of rows (N, K) is within the tolerance in every
+    column; rows before `first` are always kept.
 
-    The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the box of
-    rows near to one touches at most two cells a column, 2^G in all. Kept rows of a bucket form a
-    linked list; other cells that share the bucket cost a comparison each.
+    The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the
+    neighbourhood of a row touches at most two cells a column, 2^G in all. Kept rows of a bucket
+    form a linked list; other cells that share the bucket cost a comparison each.
     """
     size = 16
     while size < 2 * rows.shape[0]:
@@ -30,22 +34,15 @@ def thin_rows(rows, first, grid, tolerance, kept):
     head = np.full(size, -1, np.int64)
     following = np.full(rows.shape[0], -1, np.int64)
     dimensions = grid.shape[0]
-    cell, low, high = (
-        np.empty(dimensions, np.int64),
-        np.empty(dimensions, np.int64),
-        np.empty(dimensions, np.int64),
-    )
+    cells = np.empty((3, dimensions), np.int64)
+    cell, low, high = cells[0], cells[1], cells[2]
     width = 2.001 * tolerance
+    reach = 1.0001 * tolerance  # a little more than needed, so that rounding hides no neighbour
     for n in range(rows.shape[0]):
         for g in range(dimensions):
             x = rows[n, grid[g]]
-            reach = (
-                1.0001 * tolerance
-            )  # a little more than needed: rounding must not hide a neighbour
-            low[g], high[g] = (
-                np.int64(np.floor((x - reach) / width)),
-                np.int64(np.floor((x + reach) / width)),
-            )
+            low[g] = np.int64(np.floor((x - reach) / width))
+            high[g] = np.int64(np.floor((x + reach) / width))
         free = True
         corner = 0
         while n >= first and free and corner < 1 << dimensions:

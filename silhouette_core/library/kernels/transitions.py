@@ -1,4 +1,8 @@
-"""Loops over the nearest samples in pose space."""
+"""Nearest samples in pose space.
+
+Source: Okada and Stenger, eq. (4) and (5), whose squared distances are compared; the search among
+candidates is ours. Reference: `silhouette_core.library.kernels.reference.nearest_samples`.
+"""
 
 import math
 
@@ -9,14 +13,14 @@ from silhouette_core.jit import parallel_kernel, prange
 
 @parallel_kernel
 def nearest_samples(
-    sources, bases, squares, orientation, per_root, views, same_pitch, index, found
+    sources, bases, squares, orientation, per_root, views, same_pitch, index, distance2
 ):
-    """Fills index (n, K) and found (n, K): the samples nearest to each source, nearest first, by
-    squared distance in sigmas.
+    """Fills index (n, K) and distance2 (n, K): the samples nearest to each source, nearest first,
+    and their squared distances in sigmas.
 
-    Candidates are base poses (n, C) in order of their joints' squared distance (n, C); the
-    orientation's, times per_root (n,), is added for every view of the source's pitch. Of equally
-    far samples the one that comes first is kept.
+    Candidates are base poses (n, C) in order of their joints' squared distance (n, C); that of the
+    orientation, times per_root (n,), is added for every view of the source's pitch. Of samples at
+    the same distance the first is kept.
     """
     for n in prange(len(sources)):
         source = sources[n]
@@ -26,7 +30,7 @@ def nearest_samples(
         room = index.shape[1]
         for c in range(bases.shape[1]):
             joints = squares[n, c]
-            if kept == room and joints >= found[n, room - 1]:
+            if kept == room and joints >= distance2[n, room - 1]:
                 break
             for v in range(first, first + same_pitch):
                 other = bases[n, c] * views + v
@@ -37,13 +41,13 @@ def nearest_samples(
                 square = joints + per_root[n] * angle * angle
                 if other == source:
                     square = 0.0
-                if kept == room and square >= found[n, room - 1]:
+                if kept == room and square >= distance2[n, room - 1]:
                     continue
                 k = kept if kept < room else room - 1
                 kept = min(kept + 1, room)
-                while k > 0 and found[n, k - 1] > square:
-                    found[n, k], index[n, k] = found[n, k - 1], index[n, k - 1]
+                while k > 0 and distance2[n, k - 1] > square:
+                    distance2[n, k], index[n, k] = distance2[n, k - 1], index[n, k - 1]
                     k -= 1
-                found[n, k], index[n, k] = square, other
+                distance2[n, k], index[n, k] = square, other
         for k in range(kept, room):
-            index[n, k], found[n, k] = source, np.inf
+            index[n, k], distance2[n, k] = source, np.inf

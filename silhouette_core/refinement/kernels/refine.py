@@ -1,5 +1,9 @@
-"""The loops of the continuous refinement: which surface point touches which contour, and how it
-moves with the joints.
+"""Residuals of the continuous refinement, their Jacobian, and the normal equations.
+
+Source: articulated iterative closest points on contours, as in Rosenhahn, Brox and Weickert,
+"Three-dimensional shape knowledge for joint image segmentation and pose tracking" (2007); the
+tangent planes and the choice of the rim are ours. Gauss-Newton is textbook. Reference:
+`silhouette_core.refinement.kernels.reference`.
 """
 
 import numpy as np

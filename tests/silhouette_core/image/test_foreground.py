@@ -192,7 +192,7 @@ def test_shares_of_colours_sum_to_one():
     counts[:2] = counts[-2:] = 0
     counts[:, :2] = counts[:, -2:] = 0
     counts[:, :, :2] = counts[:, :, -2:] = 0
-    kernels.log_shares(counts, shares)
+    kernels.log_fractions(counts, shares)
     assert np.exp(shares).sum() == pytest.approx(1, rel=1e-4)
 
 

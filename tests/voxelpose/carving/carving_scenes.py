@@ -3,6 +3,10 @@
 import numpy as np
 
 from calib.camera import Camera, Rig
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.carving.kernels import reference
+from voxelpose.carving.views import Masks, mask_list, pack_rig
 
 
 def look_at(
@@ -64,3 +68,12 @@ def silhouettes(rig: Rig, points: np.ndarray | None = None) -> dict[str, np.ndar
                 mask[y[inside], x[inside]] = True
         masks[camera.name] = mask
     return masks
+
+
+def carve_by_reference(
+    rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
+) -> np.ndarray:
+    """Carves voxel by voxel, as `voxelpose.carving.carver.carve` should."""
+    rows, kinds, _ = pack_rig(rig)
+    packed = (rule or CarveRule()).packed(len(rig))
+    return reference.carve_voxels(rows, kinds, mask_list(rig, masks), packed, grid.axes())

@@ -1,11 +1,10 @@
 import cv2
 import numpy as np
 import pytest
-from carving_scenes import look_at, ring, silhouettes
+from carving_scenes import carve_by_reference, look_at, ring, silhouettes
 
 from calib.camera import Rig
 from silhouette_core.jit import set_threads
-from voxelpose.carving import reference
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 
@@ -47,7 +46,7 @@ def test_carving_is_the_references_bit_for_bit(lens, grid, rule):
     masks = silhouettes(rig)
     carved = carve(rig, masks, grid, rule)
     assert carved.any()
-    np.testing.assert_array_equal(carved, reference.carve(rig, masks, grid, rule))
+    np.testing.assert_array_equal(carved, carve_by_reference(rig, masks, grid, rule))
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -83,7 +82,7 @@ def test_any_masks_cameras_and_grids_agree_with_the_reference(seed):
     grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
     for rule in (CarveRule(), CarveRule(2, "keep", 0), CarveRule(1, "carve", 3)):
         np.testing.assert_array_equal(
-            carve(rig, masks, grid, rule), reference.carve(rig, masks, grid, rule)
+            carve(rig, masks, grid, rule), carve_by_reference(rig, masks, grid, rule)
         )
 
 
@@ -93,7 +92,9 @@ def test_blocks_larger_than_the_sums_can_count_agree_with_the_reference():
     for holes in (0, 1, 40):
         mask = np.ones((800, 900), bool)
         mask[tuple(np.random.default_rng(holes).integers(0, 800, (2, holes)))] = False
-        np.testing.assert_array_equal(carve(rig, [mask], grid), reference.carve(rig, [mask], grid))
+        np.testing.assert_array_equal(
+            carve(rig, [mask], grid), carve_by_reference(rig, [mask], grid)
+        )
 
 
 def test_the_reference_projects_as_the_camera_does():
@@ -111,7 +112,7 @@ def test_the_reference_projects_as_the_camera_does():
             inside = ((pixels > -0.5) & (pixels < np.array(camera.size) - 0.5)).all(axis=1)
         pixels = np.rint(pixels[inside]).astype(int)
         mask = np.random.default_rng(0).random((camera.size[1], camera.size[0])) > 0.5
-        carved = reference.carve(rig, [mask], WIDE)
+        carved = carve_by_reference(rig, [mask], WIDE)
         expected = np.zeros(len(points), bool)
         expected[inside] = mask[pixels[:, 1], pixels[:, 0]]
         np.testing.assert_array_equal(carved.ravel(), expected)
@@ -170,7 +171,7 @@ def test_masks_that_do_not_fit_are_refused():
     masks = silhouettes(rig)
     with pytest.raises(
         ValueError,
-        match=r"mask of cam_1 must be \(120, 160\) as its camera's image, got \(60, 80\)",
+        match=r"mask of cam_1 must be \(120, 160\) bool, got \(60, 80\)",
     ):
         carve(rig, {**masks, "cam_1": np.zeros((60, 80), bool)}, PERSON)
     with pytest.raises(

@@ -1,6 +1,6 @@
 """Box of a mask's foreground, of which only a crop is carved.
 
-Own; `cv2.boundingRect` gives the same at three times the cost. Reference:
+Source: own; `cv2.boundingRect` gives the same at three times the cost. Reference:
 `voxelpose.carving.kernels.reference.foreground_box`.
 """
 

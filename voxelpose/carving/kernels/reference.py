@@ -1,20 +1,60 @@
-"""Carving voxel by voxel in NumPy: slow, and what the kernels are compared with bit for bit."""
+"""The kernels of this folder voxel by voxel in NumPy: what tests compare with, bit for bit. Each
+takes the arguments of the kernel of its name and fills the same array.
+"""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Rig
-from voxelpose.carving.carver import CarveRule
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels import blocks as columns
-from voxelpose.carving.views import Masks, mask_list, view
 
 FloatArray = NDArray[np.float64]
 
 
-def distort_unbounded(
+def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, occupancy):
+    """Carves every voxel of the grid, with masks put together from their crops."""
+    masks = []
+    for width, height, left, upper, wide, high, first, _ in frames:
+        # The crop's rim may lie beyond the image.
+        mask = np.zeros((height + 2, width + 2), np.uint8)
+        crop = pixels[first : first + wide * high].reshape(high, wide)
+        mask[upper + 1 : upper + 1 + high, left + 1 : left + 1 + wide] = crop
+        masks.append(mask[1:-1, 1:-1])
+    axes = tuple(axis[:count] for axis, count in zip(axes, occupancy.shape, strict=True))
+    occupancy[:] = carve_voxels(rows, kinds, masks, rule, axes)
+
+
+def carve_voxels(
+    rows: FloatArray,
+    kinds: NDArray[np.int64],
+    masks: list[NDArray[np.uint8]],
+    rule: tuple[int, int, int],
+    axes: tuple[FloatArray, ...],
+) -> NDArray[np.bool_]:
+    """Occupancy (nx, ny, nz) of the voxels with centres on axes, from whole masks (h, w); the other
+    arguments are those of `blocks.carve_blocks`.
+    """
+    tolerance, least, outside = rule
+    x, y, z = np.meshgrid(*axes, indexing="ij", sparse=True)
+    agreeing, objecting = np.zeros((2, *map(len, axes)), dtype=np.int64)
+    for row, kind, mask in zip(rows, kinds, masks, strict=True):
+        verdict = _verdict(row, kind, mask, x, y, z)
+        verdict[verdict == columns.BLIND] = outside
+        agreeing += verdict == columns.AGREES
+        objecting += verdict == columns.OBJECTS
+    return (objecting <= tolerance) & (agreeing >= least)
+
+
+def foreground_box(mask):
+    """Left, top, width and height of the box around all non-zero pixels."""
+    lines, across = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(lines):
+        return 0, 0, 0, 0
+    return across[0], lines[0], across[-1] + 1 - across[0], lines[-1] + 1 - lines[0]
+
+
+def _distort_unbounded(
     row: FloatArray, kind: int, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Distorts ideal coordinates. Source: OpenCV, "Camera Calibration and 3D Reconstruction" and
@@ -41,12 +81,10 @@ def distort_unbounded(
     return a, b
 
 
-def look(
+def _verdict(
     row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: FloatArray, z: FloatArray
 ) -> NDArray[np.int64]:
-    """Says what a camera makes of points: AGREES, OBJECTS or BLIND, in the shape of x, y and z
-    broadcast together.
-    """
+    """One camera's verdict on points x, y, z, which broadcast: AGREES, OBJECTS or BLIND."""
     p = row[:12].reshape(3, 4)
     u, v, w = (((p[i, 0] * x + p[i, 1] * y) + p[i, 3]) + p[i, 2] * z for i in range(3))
     with np.errstate(all="ignore"):
@@ -56,7 +94,7 @@ def look(
         if kind != columns.PINHOLE:
             sees &= ~(u * u + v * v > row[columns.FIELD_SQUARED])
             fx, skew, cx, fy, cy = row[columns.FX : columns.CY + 1]
-            a, b = distort_unbounded(row, kind, u, v)
+            a, b = _distort_unbounded(row, kind, u, v)
             u, v = (fx * a + skew * b) + cx, fy * b + cy
         column, line = np.floor(u + 0.5), np.floor(v + 0.5)
         sees &= (column >= 0) & (line >= 0) & (column < mask.shape[1]) & (line < mask.shape[0])
@@ -64,20 +102,3 @@ def look(
     foreground = mask[line[sees].astype(int), column[sees].astype(int)]
     verdict[sees] = np.where(foreground, columns.AGREES, columns.OBJECTS)
     return verdict
-
-
-def carve(
-    rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
-) -> NDArray[np.bool_]:
-    """Carves as `voxelpose.carving.carver.carve` does; see there."""
-    tolerance, least, outside = (rule or CarveRule()).packed(len(rig))
-    x, y, z = grid.axes()
-    agreeing = np.zeros(grid.shape, dtype=np.int64)
-    objecting = np.zeros(grid.shape, dtype=np.int64)
-    for camera, mask in zip(rig, mask_list(rig, masks), strict=True):
-        row, kind = view(camera).row, view(camera).kind
-        verdict = look(row, kind, mask, x[:, None, None], y[None, :, None], z[None, None, :])
-        verdict[verdict == columns.BLIND] = outside
-        agreeing += verdict == columns.AGREES
-        objecting += verdict == columns.OBJECTS
-    return (objecting <= tolerance) & (agreeing >= least)

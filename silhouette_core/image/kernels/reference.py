@@ -1,0 +1,155 @@
+"""The kernels of this folder in NumPy, as close to their equations as can be: what tests compare
+with. Each takes the arguments of the kernel of its name and fills the same arrays.
+"""
+
+import numpy as np
+from scipy.ndimage import convolve1d
+
+
+def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
+    """Okada and Stenger, section 5.1: sums of the colour and of the colour over its length."""
+    colour = frame.astype(np.float64)
+    unit = _unit(colour)
+    sum_raw += colour
+    sum_raw_squared += colour**2
+    sum_unit += unit
+    sum_unit_squared += unit**2
+
+
+def paper_mask(
+    frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
+):
+    """Okada and Stenger, section 5.1: Gaussian of the normalised colour, or clear difference."""
+    colour = frame.astype(np.float64)
+    log_likelihood = log_peak - ((_unit(colour) - unit_mean) ** 2 * half_precision).sum(axis=2)
+    mask[:] = (log_likelihood < log_threshold) | (
+        np.linalg.norm(colour - mean, axis=2) > raw_threshold
+    )
+
+
+def median_and_deviation(stack, median, deviation):
+    """Lower median over time, and lower median of the distances from it."""
+    half = (len(stack) + 1) // 2
+    median[:] = np.sort(stack, axis=0)[half - 1]
+    deviation[:] = np.sort(np.abs(stack - median), axis=0)[half - 1]
+
+
+def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
+    """Length of the mean chromatic residual of a window, each pixel's cut to length clip."""
+    residual, _ = _split(frame, mean, scales, gain)
+    length = np.linalg.norm(residual, axis=2, keepdims=True)
+    residual = residual * np.minimum(1, clip / np.maximum(length, 1e-9))
+    for k, j in np.ndindex(out.shape):
+        rows = slice(max(k * step - radius, 0), k * step + radius + 1)
+        columns = slice(max(j * step - radius, 0), j * step + radius + 1)
+        out[k, j] = np.linalg.norm(residual[rows, columns].mean(axis=(0, 1)))
+
+
+def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
+    """Chromatic residual cut to length clip, and brightness beyond shadow and highlight."""
+    residual, ratio = _split(frame, mean, scales, gain)
+    length = np.linalg.norm(residual, axis=2)
+    beyond = np.clip(np.maximum(shadow - ratio, ratio - highlight), 0, None) * scales[..., 2]
+    parts[..., :3] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))[..., None]
+    parts[..., 3] = unit * np.minimum(beyond, 2 * beyond_limit)
+    strong[:] = (length > clip) | (beyond > 1.5 * beyond_limit)
+
+
+def decide(pooled, strong, chroma_limit, beyond_limit, mask):
+    """Strong pixels, and those whose pooled evidence is over a limit."""
+    mask[:] = strong | (_chroma(pooled) > chroma_limit) | (pooled[..., 3] > beyond_limit)
+
+
+def doubt(pooled, bright, chroma_limit, bright_limit, mask):
+    """Pixels whose pooled chromatic residual or brightness is over a limit."""
+    mask[:] = (_chroma(pooled) > chroma_limit) | (np.abs(bright) > bright_limit)
+
+
+def brightness(frame, mean, scales, gain, out):
+    """Signed difference along the background's colour, in noise."""
+    out[:] = (_split(frame, mean, scales, gain)[1] - 1) * scales[..., 2]
+
+
+def count_colours(frame, where, shift, counts):
+    """Histogram of the colours under a mask."""
+    np.add.at(counts, tuple((frame[where] >> shift).T), 1)
+
+
+def log_fractions(counts, out):
+    """Logarithm of the fractions of a histogram smoothed by (1, 2, 1) / 4 along each axis."""
+    smooth = counts.astype(np.float64)
+    for axis in range(3):
+        smooth = convolve1d(smooth, (0.25, 0.5, 0.25), axis=axis, mode="nearest")
+    out[:] = np.log((smooth + 0.5) / (counts.sum() + 0.5 * counts.size))
+
+
+def look_up(frame, table, shift, out):
+    """Table entries of the pixels' colours."""
+    out[:] = table[tuple(np.moveaxis(frame >> shift, 2, 0))]
+
+
+def sharpen(
+    frame, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
+):
+    """Pixels more than half of whose colour is the person's, along the line between the means."""
+    stride = max(1, reach // 4)
+    for row, column in np.argwhere(band):
+        window = (
+            slice(max(row - reach, 0), row + reach + 1, stride),
+            slice(max(column - reach, 0), column + reach + 1, stride),
+        )
+        inner, outer = inside[window], outside[window] & ~inside[window]
+        if min(inner.sum(), outer.sum()) < 3:
+            continue
+        light = frame[window][outer].sum(axis=0) / mean[window][outer].sum(axis=0)
+        background = mean[row, column] * np.clip(light, least_light, greatest_light)
+        step = frame[window][inner].mean(axis=0) - background
+        if step @ step > least_contrast**2:
+            mask[row, column] = (frame[row, column] - background) @ step > 0.5 * step @ step
+
+
+def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
+    """Meshes in front of the near plane: every edge function at every pixel, in whole 1/256 px."""
+    homogeneous = vertices @ matrix.T
+    corners = np.floor(homogeneous[:, :2] / homogeneous[:, 2:] * 256 + 0.5).astype(np.int64)
+    x, y = np.meshgrid(np.arange(parts.shape[1]) * 256, np.arange(parts.shape[0]) * 256)
+    for face, part in zip(faces, face_part, strict=True):
+        (a, b, c), w = corners[face], 1 / vertices[face, 2]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if area == 0 or (cull and area > 0):
+            continue
+        if area < 0:
+            b, c, w, area = c, b, w[[0, 2, 1]], -area
+        edges, inside = [], np.ones(parts.shape, bool)
+        for p, q in ((b, c), (c, a), (a, b)):
+            dx, dy = q - p
+            edge = dx * (y - p[1]) - dy * (x - p[0])
+            inside &= (edge >= 0) if dy < 0 or (dy == 0 and dx > 0) else (edge > 0)
+            edges.append(edge)
+        z = area / sum(edge * wi for edge, wi in zip(edges, w, strict=True)).clip(1e-9)
+        nearer = inside & (z.astype(np.float32) < depth)
+        parts[nearer], depth[nearer] = part + 1, z[nearer]
+
+
+def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
+    """Each pose into its own image."""
+    for pose, image in zip(vertices, parts, strict=True):
+        depth = np.full(image.shape, np.inf, np.float32)
+        draw(pose, faces, face_part, matrix, near, cull, image, depth)
+
+
+def _unit(colour):
+    """Colours (H, W, 3) over their lengths; black stays black."""
+    return colour / np.maximum(np.linalg.norm(colour, axis=2, keepdims=True), 1.0)
+
+
+def _split(frame, mean, scales, gain):
+    """Residual (H, W, 3), in noise, after projection onto the background's colour; its multiple."""
+    colour = frame * gain.astype(np.float64)
+    ratio = (colour * mean).sum(axis=2) * scales[..., 0]
+    return (colour - ratio[..., None] * mean) * scales[..., 1:2], ratio
+
+
+def _chroma(pooled):
+    """Lengths (H, W) of the pooled chromatic residuals."""
+    return np.linalg.norm(pooled[..., :3].astype(np.float64), axis=2)

@@ -1,0 +1,43 @@
+import cv2
+import numpy as np
+
+from calib.camera import Rig
+from tests.kernel_examples import Example
+from tests.voxelpose.carving.carving_scenes import look_at
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.carving.kernels.blocks import LARGEST
+from voxelpose.carving.views import block_order, pack_masks, pack_rig
+
+LENSES = (
+    {},
+    {"distortion": (-0.3, 0.12, -0.002, 0.003, -0.01)},
+    {"distortion": (0.05, -0.01, 0.003, -0.001), "fisheye": True},
+)
+
+
+def mask(rng, size):
+    noise = cv2.GaussianBlur(rng.normal(size=size[::-1]), (0, 0), 4)
+    return (noise > 0).view(np.uint8)
+
+
+def carve_blocks(rng):
+    cameras = (
+        look_at(f"c{i}", rng.normal(size=3) * 2, rng.normal(size=3), (60, 50), 60.0, **lens)
+        for i, lens in enumerate(LENSES)
+    )
+    rig = Rig(tuple(cameras))
+    frames, sums, pixels = pack_masks([mask(rng, camera.size) for camera in rig])
+    grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
+    axes = grid.axes(LARGEST)
+    order = block_order(int(np.prod([len(axis) // LARGEST for axis in axes])))
+    rule = CarveRule(1, str(rng.choice(["keep", "carve"])), 1).packed(len(rig))
+    occupancy = np.zeros(grid.shape, bool)
+    return Example((*pack_rig(rig), frames, sums, pixels, rule, axes, order, occupancy))
+
+
+def foreground_box(rng):
+    image = np.zeros((30, 40), np.uint8)
+    top, left = rng.integers(0, 20, 2)
+    image[top : top + 8, left : left + 5] = rng.integers(0, 2, (8, 5)) * rng.integers(0, 2)
+    return Example((image,))

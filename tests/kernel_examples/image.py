@@ -1,0 +1,117 @@
+import cv2
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from tests.kernel_examples import Example
+
+SIZE = (20, 30)
+GAIN = np.array([0.9, 1.0, 1.1], np.float32)
+
+
+def frame(rng):
+    return rng.integers(1, 250, (*SIZE, 3), dtype=np.uint8)
+
+
+def blob(rng, size=SIZE):
+    return cv2.GaussianBlur(rng.normal(size=size), (0, 0), 2) > 0
+
+
+def scene(rng):
+    """Frame, background, its noise figures, and gain."""
+    mean = rng.uniform(20, 240, (*SIZE, 3)).astype(np.float32)
+    length, noise = np.linalg.norm(mean, axis=2), rng.uniform(1, 3, SIZE)
+    scales = np.stack([1 / length**2, 1 / noise, length / noise], axis=2).astype(np.float32)
+    return frame(rng), mean, scales, GAIN
+
+
+def add_moments(rng):
+    return Example((frame(rng), *rng.uniform(0, 9, (4, *SIZE, 3))), rtol=1e-12)
+
+
+def paper_mask(rng):
+    image = frame(rng)
+    mean = (image + rng.normal(0, 40, image.shape) * blob(rng)[..., None]).astype(np.float32)
+    unit = mean / np.linalg.norm(mean, axis=2, keepdims=True)
+    variance = rng.uniform(1e-4, 1e-3, mean.shape)
+    peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
+    limits = np.float32(-30), np.float32(90)
+    half_precision = (0.5 / variance).astype(np.float32)
+    mask = np.empty(SIZE, bool)
+    return Example((image, mean, unit, half_precision, peak.astype(np.float32), *limits, mask))
+
+
+def median_and_deviation(rng):
+    stack = rng.integers(0, 256, (rng.integers(1, 9), *SIZE, 3), dtype=np.uint8)
+    return Example((stack, np.empty((*SIZE, 3), np.float32), np.empty((*SIZE, 3), np.float32)))
+
+
+def sampled_chroma(rng):
+    return Example((*scene(rng), np.float32(30), 2, 4, np.empty((5, 8), np.float32)), rtol=1e-4)
+
+
+def evidence(rng):
+    limits = (np.float32(value) for value in (100.0, 30.0, 0.5, 1.1, 8.0))
+    filled = np.empty((*SIZE, 4), np.int16), np.empty(SIZE, bool)
+    # Rounding may cut to another whole number.
+    return Example((*scene(rng), *limits, *filled), atol=1)
+
+
+def decide(rng):
+    pooled = rng.integers(-3000, 3000, (*SIZE, 4), dtype=np.int16)
+    return Example((pooled, rng.random(SIZE) < 0.1, 2500, 2000, np.empty(SIZE, bool)))
+
+
+def doubt(rng):
+    pooled = rng.integers(-3000, 3000, (*SIZE, 4), dtype=np.int16)
+    bright = rng.normal(size=SIZE).astype(np.float32)
+    return Example((pooled, bright, 2500, np.float32(1), np.empty(SIZE, bool)))
+
+
+def brightness(rng):
+    return Example((*scene(rng), np.empty(SIZE, np.float32)), rtol=1e-4, atol=1e-4)
+
+
+def count_colours(rng):
+    return Example((frame(rng), blob(rng), 4, np.zeros((16, 16, 16), np.float32)))
+
+
+def log_fractions(rng):
+    counts = rng.integers(0, 50, (8, 8, 8)).astype(np.float32)
+    return Example((counts, np.empty((8, 8, 8), np.float32)), rtol=1e-5)
+
+
+def look_up(rng):
+    table = rng.normal(size=(16, 16, 16)).astype(np.float32)
+    return Example((frame(rng), table, 4, np.empty(SIZE, np.float32)))
+
+
+def sharpen(rng):
+    mask = blob(rng)
+    around = (cv2.dilate(mask.view(np.uint8), None) > 0) & ~(
+        cv2.erode(mask.view(np.uint8), None) > 0
+    )
+    image, mean, _, _ = scene(rng)
+    light = np.full(3, 0.2, np.float32), np.full(3, 2, np.float32)
+    regions = around, mask & ~around, ~mask & ~around
+    return Example((image, mean, *light, *regions, 4, np.float32(10), mask.copy()))
+
+
+def mesh(rng, *poses):
+    """Two overlapping convex bodies in front of a camera: what the renderers take first."""
+    corners = rng.normal(size=(2, 15, 3))
+    corners /= np.linalg.norm(corners, axis=2, keepdims=True)
+    faces = [ConvexHull(body).simplices + 15 * k for k, body in enumerate(corners)]
+    part = np.repeat([0, 1], [len(f) for f in faces]).astype(np.int32)
+    vertices = (corners + np.array([[[-0.4, 0, 4]], [[0.4, 0.2, 4.3]]])).reshape(30, 3)
+    moved = vertices + 0.2 * rng.normal(size=(*poses, 1, 3)) if poses else vertices
+    matrix = np.array([[40.0, 0, 29.3], [0, 40, 20.1], [0, 0, 1]])
+    return moved, np.concatenate(faces).astype(np.int32), part, matrix, 0.05
+
+
+def draw(rng):
+    filled = np.zeros((40, 60), np.uint8), np.full((40, 60), np.inf, np.float32)
+    return Example((*mesh(rng), bool(rng.random() < 0.5), *filled), rtol=1e-5)
+
+
+def draw_many(rng):
+    return Example((*mesh(rng, 3), False, np.zeros((3, 40, 60), np.uint8)))
