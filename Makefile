@@ -16,7 +16,7 @@ help:
 	@echo "make check     style, types and layers"
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
-	@echo "make accuracy  fits the shared recordings and scores them (VOXELPOSE_SHARED=folder, by default ../shared)"
+	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
 	@echo "make format    puts the code into the project's style"
 

@@ -1,9 +1,9 @@
-"""Anatomical angles of balancing4 beside those that OpenSim found for its keypoints: python -m
-benchmarks.angles [RESULT]
+"""Compare anatomical angles of balancing4 with OpenSim's: python -m benchmarks.angles [RESULT]
 
-RESULT is a fit of balancing4; left out, it is fitted first, into out/angles/balancing4. A line per
-angle, in degrees: mean of ours minus theirs, RMS of what is left without that mean, correlation,
-and the span of theirs. The recording is in ../shared/data, or in $VOXELPOSE_SHARED/data.
+RESULT is a fit of balancing4; by default it is fitted first, into out/angles/balancing4. One line
+per angle, in degrees: mean and standard deviation of the difference (ours minus OpenSim's),
+correlation, and the range of OpenSim's. The recording is in ../shared/data, or in
+$VOXELPOSE_SHARED/data.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ OURS = (
     " ankle_angle_l subtalar_angle_r subtalar_angle_l arm_flex_r arm_flex_l arm_add_r arm_add_l"
     " arm_rot_r arm_rot_l elbow_flex_r elbow_flex_l"
 ).split()
-# Their model bends in six lumbar joints and ours between pelvis and thorax at once: their sums
-# stand for it.
+# OpenSim's model has six lumbar joints, ours a single one: their angles are summed.
 LUMBAR = {
     "lumbar_extension": "Flex_Ext",
     "lumbar_bending": "Lat_Bending",
@@ -48,7 +47,7 @@ DOWN = np.array([0.0, -1.0, 0.0])
 
 
 def main(words: list[str]) -> int:
-    """Compares."""
+    """Print the comparison."""
     if not DATA.is_dir():
         print(f"no recording {DATA}: set VOXELPOSE_SHARED", file=sys.stderr)
         return 2
@@ -73,7 +72,7 @@ def main(words: list[str]) -> int:
 
 
 def compared(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, NDArray, NDArray]]:
-    """Yields a name, ours and theirs, (T,) degrees each."""
+    """Yield name, our angles and OpenSim's, (T,) degrees each."""
     ours = mot_coordinates(motion)
     for name in OURS:
         yield name, ours[name], theirs[name]
@@ -93,14 +92,14 @@ def compared(motion: Motion, theirs: dict[str, NDArray]) -> Iterator[tuple[str, 
             yield (
                 f"{side}_{joint}_flexion, keypoints",
                 angles[f"{side}_{joint}_flexion"],
-                bend(*keypoints),
+                flexion_deg(*keypoints),
             )
 
 
 def directions(
     motion: Motion, theirs: dict[str, NDArray]
 ) -> Iterator[tuple[str, NDArray, NDArray]]:
-    """Yields a name and the directions, ours and theirs, (T, 3) each; the left arm's are mirrored."""
+    """Yield name, our directions and OpenSim's, (T, 3) each; the left arm's are mirrored."""
     rotations = joint_rotations(motion)
     pelvis = turned(theirs, "pelvis_tilt", "pelvis_list", "pelvis_rotation")
     lumbar = turned({name: lumbar_sum(theirs, name) for name in LUMBAR}, *LUMBAR)
@@ -119,7 +118,7 @@ def directions(
 
 
 def turned(columns: dict[str, NDArray], *names: str) -> NDArray:
-    """Returns (T, 3, 3) rotations by three columns, about z, x and y in this order."""
+    """Rotations (T, 3, 3) by three columns, about z, x and y in this order."""
     return Rotation.from_euler(
         "ZXY", np.column_stack([columns[name] for name in names]), degrees=True
     ).as_matrix()
@@ -136,8 +135,8 @@ def lumbar_sum(theirs: dict[str, NDArray], name: str) -> NDArray:
     )
 
 
-def bend(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
-    """Returns (T,) by how many degrees the way a, b, c is bent at b."""
+def flexion_deg(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
+    """Angle at b between a-b and b-c, (T,) degrees; 0 is straight."""
     first, second = (
         (to - start) / np.linalg.norm(to - start, axis=1, keepdims=True)
         for start, to in ((a, b), (b, c))
@@ -146,9 +145,7 @@ def bend(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
 
 
 def read_mot(path: Path, frames: NDArray) -> dict[str, NDArray]:
-    """Returns the columns of a MOT of 60 rows a second, at frames of the recording (its first row
-    is frame 0).
-    """
+    """Columns of a MOT file at frames of the recording; its first row is frame 0."""
     lines = path.read_text().splitlines()
     end = lines.index("endheader")
     table = np.array([line.split() for line in lines[end + 2 :] if line.strip()], float)
