@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.cases import Case, Timed, case
+from benchmarks.library import dense_distances
 from benchmarks.scene import ring
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
@@ -30,7 +31,7 @@ from silhouette_core.filter.forward import FilterFrame, ForwardFilter
 from silhouette_core.filter.person import find_person
 from silhouette_core.filter.tree_filter import SIGMA_SCALE, Posterior, TreeFilter
 from silhouette_core.filter.window import look_at
-from silhouette_core.image.distance import Weighting, silhouette_distances
+from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
@@ -54,7 +55,7 @@ Score = Callable[[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]], ND
 def numpy_distances(
     mask: NDArray[np.bool_], silhouettes: NDArray[np.bool_], weights: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Does what `silhouette_distances` does, as eq. (7) is written."""
+    """Does what `dense_distances` does, as eq. (7) is written."""
     return np.array([weights[mask ^ one].sum(dtype=np.float64) for one in silhouettes]) / mask.size
 
 
@@ -73,7 +74,7 @@ class DenseEvidence(Evidence):
 
     def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
         if reduction not in self.drawn:
-            size = self.windows[0].picture.shape
+            size = self.windows[0].mask.shape
             self.drawn[reduction] = masks_of(
                 spans, nodes, (size[1] // reduction, size[0] // reduction)
             )
@@ -205,7 +206,7 @@ def against_numpy() -> Case:
 
 @case("track a frame, 3 levels, dense")
 def against_dense() -> Case:
-    return _against(silhouette_distances, "the same nodes as images, compiled", ">= 10")
+    return _against(dense_distances, "the same nodes as images, compiled", ">= 10")
 
 
 def main() -> None:

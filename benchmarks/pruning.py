@@ -14,17 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
-from silhouette_core.image.distance import Target
+from silhouette_core.image.spans import Spans
 from silhouette_core.library.base_poses import BasePoses
 from silhouette_core.library.build import build_library
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.library.rendering import (
     pose_surfaces,
+    render_views,
     silhouette_levels,
     spans_of,
-    take_pictures,
 )
 from silhouette_core.library.store import read_library
+from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.target import Target
 
 _EVERY, _TESTS, _FOLLOWED = 6, 120, 0.05
 
@@ -53,7 +55,9 @@ def main(path: str) -> None:
         )
         for looked_up in ("nwxor", "balanced"):
             found = [
-                _look_up(library, [Target.of(mask, looked_up) for mask in masks], spans, nodes)
+                _look_up(
+                    library, [Target.from_mask(mask, looked_up) for mask in masks], spans, nodes
+                )
                 for masks in zip(*observed, strict=True)
             ]
             ranks, ratios = np.array(found).T
@@ -88,17 +92,18 @@ def _observations(whole: PoseLibrary, some: np.ndarray) -> tuple[np.ndarray, ...
     yaw = np.random.default_rng(0).uniform(0, 2 * np.pi, len(others))
     views = np.column_stack([yaw, np.full(len(others), whole.views[0, 1])])
     return silhouette_levels(
-        take_pictures(whole.model, surfaces, np.arange(len(others)), views).windows > 0
+        render_views(whole.model, surfaces, np.arange(len(others)), views).windows > 0
     )
 
 
 def _look_up(
-    library: PoseLibrary, targets: list[Target], spans: object, nodes: np.ndarray
+    library: PoseLibrary, targets: list[Target], spans: Spans, nodes: np.ndarray
 ) -> tuple[float, float]:
-    every = targets[-1].distances(spans)  # type: ignore[arg-type]
+    every = CPU.span_distances(targets[-1], spans)[:, 0]
     best = int(every.argmin())
     distances = [
-        target.distances(level.spans) for target, level in zip(targets, library.levels, strict=True)
+        CPU.span_distances(target, level.spans)[:, 0]
+        for target, level in zip(targets, library.levels, strict=True)
     ]
     right = library.levels[1].parent[library.levels[2].parent[nodes[best]]]
     kept = np.arange(len(library.levels[0]))

@@ -1,4 +1,6 @@
-"""The compiled scoring backend against the one in NumPy."""
+"""The compiled scoring backend against the one in NumPy, method by method."""
+
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -6,50 +8,94 @@ from scipy.spatial.transform import Rotation
 from benchmarks.carving import scene
 from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring, silhouettes
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Spans
-from silhouette_core.scoring.backend import Voxels, signed_prefix
-from silhouette_core.scoring.cpu import CpuBackend
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.refinement.pose import Pose
+from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.reference import ReferenceBackend
+from silhouette_core.scoring.target import Target
 from voxelpose.carving.carver import carve
+from voxelpose.carving.grid import VoxelGrid
+
+_PLACEMENTS = 2000
+
+
+def _case(score: Callable[[Backend], object], repeats: int) -> Case:
+    return Case(
+        Timed(lambda _: score(CPU), repeats=repeats),
+        Timed(lambda _: score(ReferenceBackend())),
+        "NumPy",
+        lambda a, b: "" if np.allclose(a, b) else "the results differ",
+    )
+
+
+def _hull() -> tuple[VoxelGrid, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """A hull, and a part of 400 points in many placements."""
+    rig, masks, grid = scene(128)
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(400, 3)) * (0.05, 0.05, 0.15)
+    rotations = Rotation.random(_PLACEMENTS, random_state=0).as_matrix()
+    positions = rng.normal(size=(_PLACEMENTS, 3)) * 0.2 + (0, 0, 1.2)
+    return grid, carve(rig, masks, grid), (points, rotations, positions)
 
 
 @case("voxel overlap, 2000 placements")
 def voxel_overlap() -> Case:
-    rig, masks, grid = scene(128)
-    voxels = Voxels(carve(rig, masks, grid), grid.origin_m, grid.voxel_size_m)
-    rng = np.random.default_rng(0)
-    points, weights = rng.normal(size=(400, 3)) * (0.05, 0.05, 0.15), np.full(400, 1e-5)
-    arguments = (
-        voxels,
-        points,
-        weights,
-        Rotation.random(2000, random_state=0).as_matrix(),
-        rng.normal(size=(2000, 3)) * 0.2 + (0, 0, 1.2),
-    )
-    return _same(
-        Timed(lambda _: CpuBackend().voxel_overlap(*arguments), repeats=5),
-        Timed(lambda _: ReferenceBackend().voxel_overlap(*arguments)),
-    )
+    grid, occupancy, (points, *placed) = _hull()
+    weights = np.full(len(points), 1e-5)
+    return _case(lambda own: own.voxel_overlap(grid, occupancy, points, weights, *placed), 5)
+
+
+@case("voxel cover, 2000 placements")
+def voxel_cover() -> Case:
+    grid, occupancy, placed = _hull()
+    numbers = np.where(occupancy, np.cumsum(occupancy).reshape(grid.shape) - 1, -1)
+    numbers, words = numbers.astype(np.int32), int(occupancy.sum()) // 64 + 1
+    return _case(lambda own: own.voxel_cover(grid, numbers, words, *placed)[0], 5)
+
+
+@case("pixel scores, 2000 placements")
+def pixel_scores() -> Case:
+    rig, masks, _ = scene(128)
+    images = np.where(np.stack(masks), 2, -3).astype(np.int8)
+    views, (_, _, placed) = PinholeViews.from_rig(rig), _hull()
+    return _case(lambda own: own.pixel_scores(views, images, placed[0][::7], *placed[1:]), 5)
 
 
 @case("silhouette distance, 2000 poses")
-def span_distance() -> Case:
-    (camera,) = ring(1, (320, 240))
+def span_distances() -> Case:
     mask = silhouettes(ring(1, (320, 240)))[0]
     shifts = np.random.default_rng(0).integers(-30, 30, (2000, 2))
-    library = [np.roll(mask, tuple(shift), (0, 1)) for shift in shifts]
-    spans = Spans.from_masks(library)
-    weights = np.ones((camera.size[1], camera.size[0]))
-    prefix, base = signed_prefix(mask, weights)
-    # In float32, as one would store such weights.
-    light = weights.astype(np.float32)
-    dense = Timed(lambda _: np.array([light[mask ^ one].sum(dtype=np.float64) for one in library]))
-    ours = Timed(lambda _: CpuBackend().span_distance(prefix, base, spans), repeats=20)
-    return _same(ours, dense, "XOR of the images in NumPy")
+    spans = Spans.from_masks([np.roll(mask, tuple(shift), (0, 1)) for shift in shifts])
+    target = Target((mask,), (np.ones(mask.shape, np.float32),))
+    return _case(lambda own: own.span_distances(target, spans), 20)
 
 
-def _same(ours: Timed, reference: Timed, name: str = "NumPy") -> Case:
-    """Makes a case whose results must be equal."""
-    return Case(
-        ours, reference, name, lambda a, b: "" if np.allclose(a, b) else "the results differ"
+@case("silhouette error, 4 cameras")
+def silhouette_errors() -> Case:
+    rig = ring(4)
+    model, views = BodyModel.from_sizes(BodySizes(1.75)), PinholeViews.from_rig(rig)
+    pose = Pose(np.array([0, 0, 0.95]), np.eye(3), np.zeros(model.dof_count))
+    meshes = posed_mesh(model, pose) @ views.rotation.transpose(0, 2, 1)
+    meshes += views.translation_m[:, None]
+    matrices, masks = np.stack([camera.matrix for camera in rig]), silhouettes(rig)
+    faces = model.faces
+    return _case(lambda own: own.silhouette_errors(masks, matrices, meshes[None], faces), 10)
+
+
+@case("drawn weights, 200 poses")
+def drawn_weights() -> Case:
+    (camera,) = ring(1, (160, 120))
+    model, rng = BodyModel.from_sizes(BodySizes(1.75)), np.random.default_rng(0)
+    poses = (
+        Pose(np.array([0, 0, 0.95]), np.eye(3), rng.normal(0, 0.2, model.dof_count))
+        for _ in range(200)
     )
+    meshes = np.stack([posed_mesh(model, pose) @ camera.rotation.T for pose in poses])
+    meshes += camera.translation
+    weights = rng.normal(size=camera.size[::-1])
+    return _case(lambda own: own.drawn_weights(weights, meshes, model.faces, camera.matrix), 5)

@@ -9,7 +9,6 @@ no contour; its weights are 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 
 from calib.checks import check_array
 from silhouette_core.image.kernels import distance as kernels
-from silhouette_core.image.spans import Spans
 
 Weighting = Literal["xor", "wxor", "nwxor", "balanced"]
 WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor", "balanced")
@@ -27,7 +25,6 @@ _REACH = (
     12 / 240
 )  # of the window's height: where the balanced weight outside is 1; about the half width of a trunk
 _HEIGHT = 240
-_FEW = 512  # silhouettes for which starting threads costs more than it brings
 
 
 def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> NDArray[np.float32]:
@@ -112,126 +109,3 @@ def _removable() -> NDArray[np.bool_]:
     neighbours = np.minimum(pairs_one, pairs_two)
     edge = (crossings == 1) & (neighbours >= 2) & (neighbours <= 3)
     return np.stack([edge & ~((p2 | p3 | ~p5) & p4), edge & ~((p6 | p7 | ~p1) & p8)])
-
-
-def silhouette_distances(
-    mask: NDArray[np.bool_], silhouettes: NDArray[np.bool_], weights: NDArray[np.float32]
-) -> NDArray[np.float64]:
-    """Measures distances pixel by pixel, compiled.
-
-    Args:
-        mask: (h, w) bool, the first silhouette.
-        silhouettes: (K, h, w) bool, the others.
-        weights: (h, w), its weights.
-
-    Returns:
-        (K,) float64.
-
-    Source: Okada and Stenger, eq. (6)-(9).
-    """
-    check_array("silhouettes", silhouettes, ("K", *mask.shape))
-    check_array("weights", weights, mask.shape)
-    distances = np.empty(len(silhouettes))
-    kernels.dense_distance(mask, weights, silhouettes, distances)
-    return distances / mask.size
-
-
-@dataclass(frozen=True, eq=False)
-class Target:
-    """A silhouette prepared for being compared with many others, given as runs.
-
-    Attributes: prefix: (h + 2 m, w + 2 m + 1) float64, sums along rows of the signed weights,
-        `margin_px` m wider than the window on all sides, so
-            that others may be moved by that much. Beyond the window the weight at its border goes
-            on.
-        base: the silhouette's own weight.
-        shape: (h, w) of the window.
-        margin_px: m.
-    """
-
-    prefix: NDArray[np.float64]
-    base: float
-    shape: tuple[int, int]
-    margin_px: int
-
-    @classmethod
-    def of(
-        cls, mask: NDArray[np.bool_], weighting: Weighting = "nwxor", margin_px: int = 0
-    ) -> Target:
-        """Prepares a silhouette.
-
-        Args:
-            mask: (h, w) bool.
-            weighting: see `pixel_weights`.
-            margin_px: the largest shift, in rows or columns, that `distances` will be asked for.
-        """
-        weights = pixel_weights(mask, weighting)
-        prefix = np.empty((mask.shape[0] + 2 * margin_px, mask.shape[1] + 2 * margin_px + 1))
-        return cls(
-            prefix, kernels.padded_prefix(mask, weights, margin_px, prefix), mask.shape, margin_px
-        )
-
-    def distances(
-        self,
-        spans: Spans,
-        which: NDArray[np.integer] | None = None,
-        shifts_px: NDArray[np.integer] | None = None,
-        threads: bool = True,
-    ) -> NDArray[np.float64]:
-        """Measures the distance from this silhouette to others.
-
-        Args: spans: silhouettes within a window of this size; not checked, since that would read
-            all of a library. which: (K,) numbers of the silhouettes to be measured; None: all.
-            shifts_px: (S, 2) whole pixels (right, down) by which the others are moved, each at most
-            the margin; None: not moved. threads: False keeps to the calling thread, for callers
-            that are threads themselves. The results are the same.
-
-        Returns:
-            (K,) float64, or (S, K) where shifts are given.
-
-        Raises:
-            ValueError: a shift beyond the margin, a number that no silhouette has.
-
-        Source: Okada and Stenger, eq. (6)-(9), rearranged: with P the silhouette, d its weights and
-        s = d (1 - 2 P), the weighted XOR with Q is sum(d P) + sum of s over Q, two look-ups of a
-        prefix sum for every run of Q.
-        """
-        chosen = np.arange(len(spans)) if which is None else np.ascontiguousarray(which)
-        if len(chosen) and which is not None and (chosen.min() < 0 or chosen.max() >= len(spans)):
-            raise ValueError(
-                f"which must be 0 to {len(spans) - 1}, got {chosen.min()} to {chosen.max()}"
-            )
-        shifts = (
-            np.zeros((1, 2), np.int64) if shifts_px is None else np.asarray(shifts_px, np.int64)
-        )
-        check_array("shifts_px", shifts, ("S", 2))
-        if len(shifts) and np.abs(shifts).max() > self.margin_px:
-            raise ValueError(
-                f"shifts_px must be at most the margin, {self.margin_px} px, got {shifts.tolist()}"
-            )
-        width = self.prefix.shape[1]
-        origins = ((shifts[:, 1] + self.margin_px) * width + shifts[:, 0] + self.margin_px).astype(
-            np.uint32
-        )
-        found = np.empty((len(origins), len(chosen)))
-        score = (
-            kernels.span_distance_parallel
-            if threads and len(chosen) * len(origins) >= _FEW
-            else kernels.span_distance
-        )
-        scale = 1.0 / (self.shape[0] * self.shape[1])
-        flat = np.ascontiguousarray(self.prefix).reshape(-1)
-        score(
-            flat,
-            np.uint32(width),
-            self.base,
-            scale,
-            spans.rows,
-            spans.starts,
-            spans.ends,
-            spans.offsets,
-            chosen,
-            origins,
-            found,
-        )
-        return found[0] if shifts_px is None else found

@@ -1,14 +1,15 @@
-"""How well a pose explains the silhouettes: its own, rendered, against those seen."""
+"""How well a pose explains the silhouettes: its own, rendered, against those observed."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, quaternions, skin
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.pose import Pose
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
 
 
 def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:
@@ -19,23 +20,16 @@ def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:
     return skin(model, rotation[0], origin[0])
 
 
-def silhouette_error(model: BodyModel, pose: Pose, observation: Observation) -> float:
-    """Returns the mean over the cameras of |XOR| / |OR| between the pose's silhouettes and those
-    seen: 0 perfect, 1 apart.
-
-    Cameras that see nothing of the body and should not are left out; with none left the error is 1.
+def silhouette_error(
+    model: BodyModel, pose: Pose, observation: Observation, backend: Backend = CPU
+) -> float:
+    """Unexplained fraction of the silhouettes, the mean over the cameras of |XOR| / |OR| between
+    the pose's and the observed ones: 0 perfect, 1 apart. See `Backend.silhouette_errors`.
     """
-    vertices = posed_mesh(model, pose)
     views = observation.views
-    errors = []
-    for c, mask in enumerate(observation.masks):
-        in_camera = vertices @ views.rotation[c].T + views.translation_m[c]
-        camera = views.rig.cameras[c]
-        parts, _ = render_parts(
-            in_camera, model.faces, model.face_part, camera.matrix, camera.size, cull_back=True
-        )
-        drawn = parts > 0
-        either = np.count_nonzero(drawn | mask)
-        if either:
-            errors.append(np.count_nonzero(drawn ^ mask) / either)
-    return float(np.mean(errors)) if errors else 1.0
+    in_cameras = posed_mesh(model, pose) @ views.rotation.transpose(0, 2, 1)
+    in_cameras += views.translation_m[:, None]
+    matrices = np.stack([camera.matrix for camera in views.rig])
+    return float(
+        backend.silhouette_errors(observation.masks, matrices, in_cameras[None], model.faces)[0]
+    )

@@ -1,90 +1,105 @@
-"""What a scoring backend must do, and the arrays it is given."""
+"""The protocol of scoring backends, and how backends are found.
+
+A backend scores many candidates against one observation. It is a class without constructor
+arguments, registered under the entry point group `silhouette_core.backends`:
+
+    [project.entry-points."silhouette_core.backends"]
+    cpu = "silhouette_core.scoring.cpu:CpuBackend"
+
+Both estimators score through it alone; `Settings.backend` chooses it by name.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
+from silhouette_core.entry_points import load_registered
 from silhouette_core.image.spans import Spans
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.target import Target
+
+GROUP = "silhouette_core.backends"
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Voxels:
-    """An observed volume.
+class Grid(Protocol):
+    """Cubic voxels in the world, for example a `voxelpose.carving.grid.VoxelGrid`."""
 
-    Attributes:
-        occupancy: (nx, ny, nz) bool, True where the body is.
-        origin_m: (3,) float64, world, m: the lower corner of voxel (0, 0, 0).
-        voxel_size_m: Edge of a voxel, m.
+    @property
+    def origin_m(self) -> FloatArray:
+        """(3,) world, m: the lower corner of voxel (0, 0, 0)."""
+        ...
 
-    Raises:
-        TypeError: The occupancy is not bool.
-        ValueError: A value has the wrong shape.
-    """
-
-    occupancy: NDArray[np.bool_]
-    origin_m: FloatArray
-    voxel_size_m: float
-
-    def __post_init__(self) -> None:
-        """Checks every value once."""
-        if self.occupancy.dtype != np.bool_:
-            raise TypeError(
-                f"occupancy must be (nx, ny, nz) bool, got {self.occupancy.shape}"
-                f" {self.occupancy.dtype}"
-            )
-        if self.occupancy.ndim != 3:
-            raise ValueError(f"occupancy must be (nx, ny, nz) bool, got {self.occupancy.shape}")
-        if np.shape(self.origin_m) != (3,):
-            raise ValueError(f"origin_m must be (3,), got {np.shape(self.origin_m)}")
-        if not self.voxel_size_m > 0:
-            raise ValueError(f"voxel_size_m must be positive, got {self.voxel_size_m}")
+    @property
+    def voxel_size_m(self) -> float:
+        """Edge of a voxel, m."""
+        ...
 
 
+@runtime_checkable
 class Backend(Protocol):
-    """Scores many candidates against one observation. All backends give the same numbers, for any
-    number of threads.
+    """Scores of many candidates against one observation.
+
+    All backends give the same numbers, for any number of threads: sums whose order is not defined
+    agree to 1e-9. Wherever K placements of a rigid part are scored, `rotations` (K, 3, 3) and
+    `translations_m` (K, 3) are world from part.
     """
 
-    def voxel_overlap(
+    def span_distances(
         self,
-        voxels: Voxels,
-        points: FloatArray,
-        weights: FloatArray,
-        rotations: FloatArray,
-        translations: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Says for K placements of a part how much of it lies in occupied and how much in empty
-        voxels.
+        target: Target,
+        spans: Spans,
+        which: NDArray[np.integer] | None = None,
+        parallel: bool = True,
+    ) -> FloatArray:
+        r"""Distance from observed silhouettes to others: nodes of the tree, samples of a library.
+
+        .. math:: d(P, Q) = s \sum_{x} d_P(x) \, |P(x) - Q(x)|
 
         Args:
-            voxels: The observed volume; what lies outside of it counts as empty.
-            points: (P, 3) float64, m, points that fill the part, in the part's frame.
-            weights: (P,) float64, what each point counts, for example its volume.
-            rotations: (K, 3, 3) float64, world from part.
-            translations: (K, 3) float64, m, world from part.
+            target: The observed silhouettes P with their pixel weights d_P, and how Q is moved:
+                C combinations of window and shift.
+            spans: Silhouettes Q of at most the target's size; not checked, since that would read
+                all of a library.
+            which: (K,) numbers of the silhouettes to be measured; None: all.
+            parallel: False keeps to the calling thread, for callers that are threads themselves.
 
         Returns:
-            Weight in occupied voxels (K,) float64, and in empty ones (K,) float64.
+            (K, C) float64.
 
-        Source: Iiyama, Kameda and Minoh, the overlap of a part with the voxels.
+        Raises:
+            ValueError: A number that no silhouette has.
+
+        Source: Okada and Stenger, eq. (6)-(9).
         """
         ...
 
-    def span_distance(self, prefix: FloatArray, base: float, spans: Spans) -> FloatArray:
-        """Measures K silhouettes' distance from an observed one.
+    def drawn_weights(
+        self,
+        weights: FloatArray,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+        matrix: FloatArray,
+        cull_back: bool = False,
+    ) -> FloatArray:
+        r"""Sum of pixel weights under each of K drawn meshes: placements of a limb, whole poses.
 
-        With P the observation, d its pixel weights and s = d (1 - 2 P), the weighted disagreement
-        of P with a silhouette Q is sum(d P) + sum of s over Q, and the latter is a difference of
-        two prefix sums for every run of Q in a row.
+        With weights d_P (1 - 2 P) the sum over a silhouette Q is what Q adds to eq. (7):
 
-        Args: prefix: (h, w + 1) float64, sums of s along rows; the first column is zero (see
-            `signed_prefix`). base: sum(d P). spans: K silhouettes of at most (h, w).
+        .. math:: \sum_x d_P |P - Q| = \sum_x d_P P + \sum_{x \in Q} d_P (1 - 2 P)
+
+        Args:
+            weights: (h, w), the weight of each pixel.
+            vertices_cam: (K, V, 3) m, camera frame.
+            faces: (F, 3) vertex indices.
+            matrix: (3, 3) pinhole matrix, px.
+            cull_back: Leaves out faces seen from behind.
 
         Returns:
             (K,) float64.
@@ -93,48 +108,138 @@ class Backend(Protocol):
         """
         ...
 
+    def silhouette_errors(
+        self,
+        masks: Sequence[NDArray[np.bool_]],
+        matrices: FloatArray,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+    ) -> FloatArray:
+        r"""Unexplained fraction of the silhouettes for K poses, the mean over the cameras.
 
-def signed_prefix(observation: NDArray[np.bool_], weights: FloatArray) -> tuple[FloatArray, float]:
-    """Prepares an observed silhouette (h, w) bool with pixel weights (h, w) for `span_distance`;
-    returns prefix and base.
+        .. math:: e = \frac{1}{C} \sum_c \frac{|P_c \oplus Q_c|}{|P_c \cup Q_c|}
+
+        Cameras in which both silhouettes are empty are left out; with none left the error is 1.
+
+        Args:
+            masks: C observed silhouettes P (h, w) bool, each of its camera's size.
+            matrices: (C, 3, 3) pinhole matrices, px.
+            vertices_cam: (K, C, V, 3) m, each pose's closed mesh in the frame of every camera.
+            faces: (F, 3) vertex indices, oriented outwards.
+
+        Returns:
+            (K,) float64, 0 perfect, 1 apart.
+        """
+        ...
+
+    def pixel_scores(
+        self,
+        views: PinholeViews,
+        images: NDArray[np.int8],
+        points: FloatArray,
+        rotations: FloatArray,
+        translations_m: FloatArray,
+    ) -> NDArray[np.int64]:
+        """Sum of the pixels to which the points of each placement project, over all cameras.
+
+        A point less than 0.05 m before a camera, or outside its image, counts nothing there.
+
+        Args:
+            views: C cameras.
+            images: (C, h, w) int8, the score of each pixel.
+            points: (P, 3) m, points that fill the part, in the part's frame.
+            rotations: (K, 3, 3).
+            translations_m: (K, 3).
+
+        Returns:
+            (K,) int64.
+        """
+        ...
+
+    def voxel_overlap(
+        self,
+        grid: Grid,
+        occupancy: NDArray[np.bool_],
+        points: FloatArray,
+        weights: FloatArray,
+        rotations: FloatArray,
+        translations_m: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Weight of each placement's points in occupied and in empty voxels.
+
+        Args:
+            grid: Where the voxels are.
+            occupancy: (nx, ny, nz) bool; what lies outside of it is empty.
+            points: (P, 3) m, points that fill the part, in the part's frame.
+            weights: (P,) what each point counts, for example its volume.
+            rotations: (K, 3, 3).
+            translations_m: (K, 3).
+
+        Returns:
+            Weight in occupied voxels (K,) float64, and in empty ones (K,) float64.
+
+        Source: Iiyama, Kameda and Minoh, section 2, the overlap of a part with the voxels.
+        """
+        ...
+
+    def voxel_cover(
+        self,
+        grid: Grid,
+        numbers: NDArray[np.int32],
+        words: int,
+        points: FloatArray,
+        rotations: FloatArray,
+        translations_m: FloatArray,
+    ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
+        """Voxels that each placement covers, as sets of bits.
+
+        Args:
+            grid: Where the voxels are.
+            numbers: (nx, ny, nz) int32, the number of each free voxel; -1 for empty space, -2 for
+                voxels that a part already placed has taken.
+            words: W; all numbers are below 64 W.
+            points: (P, 3) m, points that fill the part, in the part's frame.
+            rotations: (K, 3, 3).
+            translations_m: (K, 3).
+
+        Returns:
+            Sets (K, W) uint64, bit n % 64 of word n // 64 for voxel n; points in empty space or
+            outside the grid (K,) int64; points in taken voxels (K,) int64.
+
+        Source: Iiyama, Kameda and Minoh, section 3, sets of voxels with several candidate parts.
+        """
+        ...
+
+
+def load_backend(name: str = "cpu") -> Backend:
+    """Returns a new backend.
+
+    Args:
+        name: As registered.
+
+    Raises:
+        InputError: None is registered under this name.
+        TypeError: What is registered is not a backend.
     """
-    if observation.shape != weights.shape:
-        raise ValueError(
-            f"weights must be {observation.shape} as the observation, got {weights.shape}"
-        )
-    signed = np.where(observation, -weights, weights).astype(np.float64)
-    prefix = np.zeros((signed.shape[0], signed.shape[1] + 1))
-    np.cumsum(signed, axis=1, out=prefix[:, 1:])
-    return prefix, float(weights[observation].sum())
+    return load_registered(GROUP, "backend", Backend, name)
 
 
-def check_placements(
-    points: FloatArray, weights: FloatArray, rotations: FloatArray, translations: FloatArray
-) -> None:
-    """Raises ValueError where the arguments of `voxel_overlap` do not belong together."""
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f"points must be (P, 3), got {points.shape}")
-    if weights.shape != (len(points),):
-        raise ValueError(f"weights must be ({len(points)},) as the points, got {weights.shape}")
-    if rotations.ndim != 3 or rotations.shape[1:] != (3, 3):
-        raise ValueError(f"rotations must be (K, 3, 3), got {rotations.shape}")
-    if translations.shape != (len(rotations), 3):
-        raise ValueError(
-            f"translations must be ({len(rotations)}, 3) as the rotations, got {translations.shape}"
-        )
+def chosen_spans(spans: Spans, which: NDArray[np.integer] | None) -> NDArray[np.integer]:
+    """Returns the numbers of the silhouettes to be measured, checked; for backends."""
+    if which is None:
+        return np.arange(len(spans))
+    if len(which) and (which.min() < 0 or which.max() >= len(spans)):
+        raise ValueError(f"which must be 0 to {len(spans) - 1}, got {which.min()} to {which.max()}")
+    return np.ascontiguousarray(which)
 
 
-def check_spans(prefix: FloatArray, spans: Spans) -> None:
-    """Raises ValueError where a silhouette reaches out of the prefix image."""
-    if prefix.ndim != 2:
-        raise ValueError(f"prefix must be (h, w + 1), got {prefix.shape}")
-    if len(spans.rows) and (
-        spans.rows.min() < 0
-        or spans.rows.max() >= prefix.shape[0]
-        or spans.starts.min() < 0
-        or spans.ends.max() >= prefix.shape[1]
-    ):
-        raise ValueError(
-            f"a silhouette reaches out of the image of {prefix.shape[0]} rows and"
-            f" {prefix.shape[1] - 1} columns"
-        )
+def checked_placements(
+    points: FloatArray, rotations: FloatArray, translations_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns placed points as contiguous float64, checked; for backends."""
+    check_array("points", points, ("P", 3))
+    check_array("rotations", rotations, ("K", 3, 3))
+    check_array("translations_m", translations_m, (len(rotations), 3))
+    return tuple[Any, Any, Any](
+        np.ascontiguousarray(array, np.float64) for array in (points, rotations, translations_m)
+    )

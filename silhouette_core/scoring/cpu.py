@@ -2,88 +2,141 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from calib.checks import check_array
+from silhouette_core.image.raster import render_many
 from silhouette_core.image.spans import Spans
-from silhouette_core.jit import set_threads
-from silhouette_core.scoring.backend import FloatArray, Voxels, check_placements, check_spans
-from silhouette_core.scoring.kernels import overlap
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.backend import FloatArray, Grid, checked_placements, chosen_spans
+from silhouette_core.scoring.kernels import pixels, silhouettes, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
+from silhouette_core.scoring.target import Target
+
+_FEW = 512  # distances for which starting threads costs more than it brings
+_TOGETHER_PX = 1 << 21  # pixels of the images that are drawn together
 
 
 class CpuBackend:
     """Scores with numba; see `silhouette_core.scoring.backend.Backend`.
 
-    Args: threads: How many; None takes what `silhouette_core.jit.set_threads` said. The results are
-        the same for any number.
-
-    Raises:
-        ValueError: Fewer than one thread.
+    `silhouette_core.jit.set_threads` sets the number of threads; the results are the same for any.
     """
 
-    def __init__(self, threads: int | None = None) -> None:
-        """Keeps the number of threads."""
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads must be at least 1, got {threads}")
-        self.threads = threads
+    def span_distances(
+        self,
+        target: Target,
+        spans: Spans,
+        which: NDArray[np.integer] | None = None,
+        parallel: bool = True,
+    ) -> FloatArray:
+        """See `Backend.span_distances`."""
+        chosen = chosen_spans(spans, which)
+        table, bases = target.sums
+        distances = np.empty((len(chosen), len(bases)))
+        score = (
+            span_kernels.span_distances_parallel
+            if parallel and distances.size >= _FEW
+            else span_kernels.span_distances
+        )
+        runs = spans.rows, spans.starts, spans.ends, spans.offsets
+        score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
+        return distances
+
+    def drawn_weights(
+        self,
+        weights: FloatArray,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+        matrix: FloatArray,
+        cull_back: bool = False,
+    ) -> FloatArray:
+        """See `Backend.drawn_weights`."""
+        labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
+        weights, step = np.ascontiguousarray(weights, np.float64), _TOGETHER_PX // weights.size + 1
+        for k in range(0, len(totals), step):
+            meshes, size = vertices_cam[k : k + step], weights.shape[::-1]
+            parts = render_many(meshes, faces, labels, matrix, size, cull_back)
+            silhouettes.sum_weights(parts, weights, totals[k : k + step])
+        return totals
+
+    def silhouette_errors(
+        self,
+        masks: Sequence[NDArray[np.bool_]],
+        matrices: FloatArray,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+    ) -> FloatArray:
+        """See `Backend.silhouette_errors`."""
+        check_array("vertices_cam", vertices_cam, ("K", len(masks), "V", 3))
+        labels, errors = np.zeros(len(faces), np.int32), np.ones(len(vertices_cam))
+        height, width = np.max([mask.shape for mask in masks], axis=0)
+        for k, meshes in enumerate(vertices_cam @ np.swapaxes(matrices, 1, 2)):
+            # Pixel positions times depth: all cameras are drawn at once, by the same matrix.
+            images = render_many(meshes, faces, labels, np.eye(3), (width, height))
+            ratios = [
+                apart / either
+                for apart, either in map(silhouettes.count_disagreement, images, masks)
+                if either
+            ]
+            errors[k] = np.mean(ratios or 1.0)
+        return errors
+
+    def pixel_scores(
+        self,
+        views: PinholeViews,
+        images: NDArray[np.int8],
+        points: FloatArray,
+        rotations: FloatArray,
+        translations_m: FloatArray,
+    ) -> NDArray[np.int64]:
+        """See `Backend.pixel_scores`."""
+        placed, scores = (
+            checked_placements(points, rotations, translations_m),
+            np.empty(len(rotations), np.int64),
+        )
+        cameras = views.intrinsics, views.rotation, views.translation_m
+        pixels.pixel_scores(*placed, *cameras, images, scores)
+        return scores
 
     def voxel_overlap(
         self,
-        voxels: Voxels,
+        grid: Grid,
+        occupancy: NDArray[np.bool_],
         points: FloatArray,
         weights: FloatArray,
         rotations: FloatArray,
-        translations: FloatArray,
+        translations_m: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """See `Backend.voxel_overlap`."""
-        check_placements(points, weights, rotations, translations)
+        check_array("occupancy", occupancy, ("nx", "ny", "nz"), np.bool_)
+        check_array("weights", weights, (len(points),))
+        points, *placed = checked_placements(points, rotations, translations_m)
         inside, outside = np.empty(len(rotations)), np.empty(len(rotations))
-        occupancy, per_voxel = np.ascontiguousarray(voxels.occupancy), 1.0 / voxels.voxel_size_m
-        origin, points, weights, rotations, translations = (
-            np.ascontiguousarray(array, dtype=np.float64)
-            for array in (voxels.origin_m, points, weights, rotations, translations)
-        )
-        with self._threads():
-            overlap.voxel_overlap(
-                occupancy,
-                origin,
-                per_voxel,
-                points,
-                weights,
-                rotations,
-                translations,
-                inside,
-                outside,
-            )
+        cells = np.ascontiguousarray(occupancy), grid.origin_m, 1.0 / grid.voxel_size_m
+        voxels.voxel_overlap(*cells, points, weights, *placed, inside, outside)
         return inside, outside
 
-    def span_distance(self, prefix: FloatArray, base: float, spans: Spans) -> FloatArray:
-        """See `Backend.span_distance`."""
-        check_spans(prefix, spans)
-        distances = np.empty(len(spans))
-        with self._threads():
-            span_kernels.span_distance(
-                np.ascontiguousarray(prefix),
-                float(base),
-                spans.rows,
-                spans.starts,
-                spans.ends,
-                spans.offsets,
-                distances,
-            )
-        return distances
+    def voxel_cover(
+        self,
+        grid: Grid,
+        numbers: NDArray[np.int32],
+        words: int,
+        points: FloatArray,
+        rotations: FloatArray,
+        translations_m: FloatArray,
+    ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
+        """See `Backend.voxel_cover`."""
+        check_array("numbers", numbers, ("nx", "ny", "nz"), np.integer)
+        placed = checked_placements(points, rotations, translations_m)
+        bits = np.empty((len(rotations), words), np.uint64)
+        empty, taken = np.empty(len(rotations), np.int64), np.empty(len(rotations), np.int64)
+        voxels.voxel_cover(numbers, grid.origin_m, grid.voxel_size_m, *placed, bits, empty, taken)
+        return bits, empty, taken
 
-    @contextmanager
-    def _threads(self) -> Iterator[None]:
-        """Sets the number of threads and puts it back."""
-        before = numba.get_num_threads()
-        if self.threads is not None:
-            set_threads(self.threads)
-        try:
-            yield
-        finally:
-            numba.set_num_threads(before)
+
+CPU = CpuBackend()
+"""The backend of whoever is given none."""

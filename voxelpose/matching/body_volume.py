@@ -1,4 +1,4 @@
-"""The body as lumps of points, limb by limb, to be placed in great numbers."""
+"""A body filled with points, limb by limb, to be placed many times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_one_part
 from silhouette_core.refinement.pose import Pose
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CpuBackend
+from silhouette_core.scoring.cpu import CPU
 from voxelpose.matching.limbs import LIMBS, Limb
 
 
@@ -19,9 +19,12 @@ from voxelpose.matching.limbs import LIMBS, Limb
 class BodyVolume:
     """A body filled with points, about one per voxel.
 
-    Attributes: model: the body. points: limb name -> (n, 3) float64, positions at rest relative to
-        the joint of the limb's first part. part_points: 27 arrays (n_p, 3), the same points by
-        part, relative to each part's own joint. backend: what scores many placements at once.
+    Attributes:
+        model: The body.
+        points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
+            limb's first part.
+        part_points: 27 arrays (n_p, 3), the same points by part, relative to each part's own joint.
+        backend: Scores many placements at once.
     """
 
     model: BodyModel
@@ -30,30 +33,28 @@ class BodyVolume:
     backend: Backend
 
     @classmethod
-    def of(cls, model: BodyModel, spacing_m: float, backend: Backend | None = None) -> BodyVolume:
-        """Fills a body, one point every `spacing_m` along each axis; by default all cores score it."""
+    def from_model(cls, model: BodyModel, spacing_m: float, backend: Backend = CPU) -> BodyVolume:
+        """Fills a body, one point every `spacing_m` along each axis."""
         parts = model.part_points(spacing_m)
         points = {}
         for limb in LIMBS:
-            held = [model.names.index(name) for name in limb.parts]
-            points[limb.name] = (
-                np.concatenate([parts[p] + model.joints_m[p] for p in held])
-                - model.joints_m[limb.part]
-            )
-        return cls(model, points, parts, backend or CpuBackend())
+            own = [model.names.index(name) for name in limb.parts]
+            at_rest = np.concatenate([parts[p] + model.joints_m[p] for p in own])
+            points[limb.name] = at_rest - model.joints_m[limb.part]
+        return cls(model, points, parts, backend)
 
     def placements(
         self, limb: Limb, root: Pose, angles_rad: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Places a limb for each of K choices of angles.
+        """Placements of a limb for K choices of angles.
 
         Args:
-            limb: which.
-            root: gives root position and rotation.
+            limb: The limb.
+            root: Gives root position and rotation.
             angles_rad: (K, D).
 
         Returns:
-            rotations (K, 3, 3) and translations (K, 3), world from the limb's first part.
+            Rotations (K, 3, 3) and translations (K, 3) m, world from the limb's first part.
         """
         model = self.model
         chain, parents, dofs, dof_parts = _chain(limb.part)

@@ -60,8 +60,8 @@ def test_distances_are_those_of_a_search_pixel_by_pixel(
 def test_weights_are_the_papers_over_the_silhouettes_own(windows):
     window = windows[0]
     picture, weights = relative_weights(window, "nwxor", 1)
-    paper = pixel_weights(window.picture, "nwxor")
-    assert (picture == window.picture).all()
+    paper = pixel_weights(window.mask, "nwxor")
+    assert (picture == window.mask).all()
     assert weights[picture].sum() == pytest.approx(1.0)
     np.testing.assert_allclose(
         weights[window.seen] / weights[picture].max(),
@@ -72,7 +72,7 @@ def test_weights_are_the_papers_over_the_silhouettes_own(windows):
 
 
 def test_resolutions_are_reduced_as_the_librarys(windows):
-    for reduction, mask in zip((4, 2, 1), silhouette_levels(windows[0].picture), strict=True):
+    for reduction, mask in zip((4, 2, 1), silhouette_levels(windows[0].mask), strict=True):
         assert (relative_weights(windows[0], "xor", reduction)[0] == mask).all()
 
 

@@ -1,4 +1,4 @@
-"""Limbs weighed alone against the whole body drawn anew."""
+"""Limbs weighed alone against the whole body drawn again."""
 
 import numpy as np
 import pytest
@@ -40,9 +40,12 @@ def drawn(picture, pose):
 
 @pytest.mark.parametrize("name", LIMB_NAMES)
 @pytest.mark.parametrize("reduction", [1, 2])
-def test_a_limb_elsewhere_is_the_whole_body_drawn_anew(seen, name, reduction):
+def test_a_limb_elsewhere_is_the_whole_body_drawn_again(seen, name, reduction):
     pose, window = seen
-    picture, limb = SignedWeights.of(window, "nwxor", reduction), LimbShape.of(MODEL, name)
+    picture, limb = (
+        SignedWeights.from_window(window, "nwxor", reduction),
+        LimbShape.from_model(MODEL, name),
+    )
     mask, weights = relative_weights(window, "nwxor", reduction)
     rng = np.random.default_rng(1)
     angles = np.clip(
@@ -58,34 +61,30 @@ def test_a_limb_elsewhere_is_the_whole_body_drawn_anew(seen, name, reduction):
         assert distance == pytest.approx(
             dense, abs=0.02
         )  # skin that limb and trunk share stays behind
-        assert picture.distance(MODEL, other) == pytest.approx(dense, abs=1e-6)
+        assert picture.distances(MODEL, [other])[0] == pytest.approx(dense, abs=1e-6)
     assert np.ptp(found) > 0.05
     still = picture.limb_distances(MODEL, limb, pose, pose.angles_rad[None, limb.dofs])
-    assert still[0] == pytest.approx(picture.distance(MODEL, pose), abs=1e-9)
+    assert still[0] == pytest.approx(picture.distances(MODEL, [pose])[0], abs=1e-9)
 
 
 def test_the_true_pose_has_next_to_no_distance(seen):
     pose, window = seen
-    picture = SignedWeights.of(window, "balanced", 1)
-    assert picture.distance(MODEL, pose) < 0.03
+    picture = SignedWeights.from_window(window, "balanced", 1)
+    assert picture.distances(MODEL, [pose])[0] < 0.03
     raised = pose.angles_rad.copy()
     raised[MODEL.dof_names.index("left_thigh.flexion")] += 0.8
-    assert picture.distance(MODEL, Pose(pose.root_m, pose.root_rotation, raised)) > 0.15
-    assert (
-        picture.distance(
-            MODEL, Pose(pose.root_m + np.array([0.1, 0, 0]), pose.root_rotation, pose.angles_rad)
-        )
-        > 0.15
-    )
+    assert picture.distances(MODEL, [Pose(pose.root_m, pose.root_rotation, raised)])[0] > 0.15
+    beside = Pose(pose.root_m + [0.1, 0, 0], pose.root_rotation, pose.angles_rad)
+    assert picture.distances(MODEL, [beside])[0] > 0.15
 
 
 def test_areas_are_pixels_of_the_librarys_resolution(seen):
     pose, window = seen
     for reduction in (1, 2):
-        picture = SignedWeights.of(window, "balanced", reduction)
+        picture = SignedWeights.from_window(window, "balanced", reduction)
         areas = picture.part_areas(MODEL, pose)
         fine = np.bincount(
-            drawn(SignedWeights.of(window, "balanced", 1), pose).ravel(), minlength=28
+            drawn(SignedWeights.from_window(window, "balanced", 1), pose).ravel(), minlength=28
         )[1:]
         np.testing.assert_allclose(areas, fine, atol=1 if reduction == 1 else 30)
     assert picture.signed.shape == (SIZE[1] // 2, SIZE[0] // 2)
@@ -93,7 +92,7 @@ def test_areas_are_pixels_of_the_librarys_resolution(seen):
 
 @pytest.mark.parametrize("name", LIMB_NAMES)
 def test_a_limb_and_the_rest_are_the_body(name):
-    limb = LimbShape.of(MODEL, name)
+    limb = LimbShape.from_model(MODEL, name)
     assert len(limb.faces) + len(limb.rest_faces) == len(MODEL.faces)
     assert set(limb.face_part) == set(limb.parts) and not set(limb.rest_part) & set(limb.parts)
     assert all(MODEL.dof_names[dof].startswith(name.split("_")[0]) for dof in limb.dofs)

@@ -1,6 +1,4 @@
-"""Silhouette distances: the equations, the dense loop and the runs agree; thinning is Guo and
-Hall's.
-"""
+"""Silhouette distances follow the equations; thinning is Guo and Hall's."""
 
 import cv2
 import numpy as np
@@ -10,12 +8,12 @@ from skimage.morphology import thin as thin_of_scikit_image
 
 from silhouette_core.image.distance import (
     WEIGHTINGS,
-    Target,
     pixel_weights,
-    silhouette_distances,
     thin_silhouette,
 )
 from silhouette_core.image.spans import Spans
+from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.target import Target
 
 
 def figure(rng, shape=(60, 80)):
@@ -31,6 +29,11 @@ def figure(rng, shape=(60, 80)):
         end = middle + np.array([np.cos(angle), np.sin(angle)]) * h * rng.uniform(0.2, 0.4)
         cv2.line(image, middle.astype(int).tolist(), end.astype(int).tolist(), 1, max(1, h // 20))
     return image.astype(bool)
+
+
+def distances_to(mask, masks, weighting="nwxor"):
+    """Distances from a silhouette to others, as the library's tree is built with."""
+    return CPU.span_distances(Target.from_mask(mask, weighting), Spans.from_masks(masks))[:, 0]
 
 
 def to_set(points, shape):
@@ -78,63 +81,37 @@ def test_resolutions_agree():
     for weighting in WEIGHTINGS:
         large = [figure(rng, (240, 320)) for _ in range(8)]
         small = [mask.reshape(60, 4, 80, 4).mean((1, 3)) >= 0.5 for mask in large]
-        fine, coarse = (
-            silhouette_distances(m[0], np.stack(m[1:]), pixel_weights(m[0], weighting))
-            for m in (large, small)
-        )
+        fine, coarse = (distances_to(m[0], m[1:], weighting) for m in (large, small))
         # A pixel at a contour lies one whole pixel inside, of whatever size.
         np.testing.assert_allclose(coarse, fine, rtol=0.05 if weighting == "xor" else 0.3)
 
 
 @pytest.mark.parametrize("weighting", WEIGHTINGS)
-@pytest.mark.parametrize("dtype", [np.int32, np.int16])
-def test_three_forms_agree(weighting, dtype):
+def test_the_distance_is_the_weighted_disagreement_per_pixel(weighting):
     rng = np.random.default_rng(2)
     masks = np.stack([figure(rng) for _ in range(600)])  # enough for the parallel loop
-    mask, weights = masks[0], pixel_weights(masks[0], weighting)
-    expected = (
-        np.array([weights[mask ^ other].sum(dtype=np.float64) for other in masks]) / mask.size
-    )
-    np.testing.assert_allclose(
-        silhouette_distances(mask, masks, weights), expected, rtol=1e-12, atol=1e-15
-    )
-    spans = Spans.from_masks(masks)
-    spans = Spans(
-        spans.rows.astype(dtype),
-        spans.starts.astype(dtype),
-        spans.ends.astype(dtype),
-        spans.offsets,
-    )
-    target = Target.of(mask, weighting)
-    found = target.distances(spans)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
-    assert (found == target.distances(spans, threads=False)).all()
-    assert (found[[7, 3]] == target.distances(spans, np.array([7, 3]))).all()
-    assert found[0] == pytest.approx(0, abs=1e-10) and found[1:].min() > 0
+    distances = distances_to(masks[0], masks, weighting)
+    weights = pixel_weights(masks[0], weighting)
+    expected = [weights[masks[0] ^ mask].sum(dtype=np.float64) / mask.size for mask in masks]
+    np.testing.assert_allclose(distances, expected, rtol=1e-9, atol=1e-10)
+    assert distances[0] == pytest.approx(0, abs=1e-10) and distances[1:].min() > 0
 
 
 def test_shifted_silhouettes_are_scored_beyond_the_window():
     rng = np.random.default_rng(3)
     masks = np.stack([figure(rng) for _ in range(5)])
-    margin = 30
-    target = Target.of(masks[0], "nwxor", margin)
-    shifts = np.array([[0, 0], [30, -30], [-7, 12], [29, 4]])
-    found = target.distances(Spans.from_masks(masks), shifts_px=shifts)
-    assert found.shape == (4, 5)
-    weights = np.pad(pixel_weights(masks[0], "nwxor"), margin, mode="edge")
+    margin, shifts = 30, np.array([[0, 0], [30, -30], [-7, 12], [29, 4]])
+    target = Target((masks[0],), (pixel_weights(masks[0]),), shifts, 1 / masks[0].size)
+    distances = CPU.span_distances(target, Spans.from_masks(masks))
+    assert distances.shape == (5, 4)
+    weights = np.pad(pixel_weights(masks[0]), margin, mode="edge")
     wide = np.pad(masks, ((0, 0), (margin, margin), (margin, margin)))
-    for row, (right, down) in zip(found, shifts, strict=True):
-        moved = np.roll(
-            wide, (down, right), (1, 2)
-        )  # the rim is wide enough that nothing comes round
-        np.testing.assert_allclose(
-            row,
-            [weights[wide[0] ^ other].sum(dtype=float) / masks[0].size for other in moved],
-            rtol=1e-9,
-        )
-    assert (found[0] == target.distances(Spans.from_masks(masks))).all()
-    with pytest.raises(ValueError, match="margin"):
-        target.distances(Spans.from_masks(masks), shifts_px=np.array([[31, 0]]))
+    for column, (right, down) in zip(distances.T, shifts, strict=True):
+        # The rim is wide enough that nothing comes round.
+        moved = np.roll(wide, (down, right), (1, 2))
+        expected = [weights[wide[0] ^ other].sum(dtype=float) / masks[0].size for other in moved]
+        np.testing.assert_allclose(column, expected, rtol=1e-9)
+    np.testing.assert_allclose(distances[:, 0], distances_to(masks[0], masks), rtol=1e-12)
 
 
 def test_thinning_is_that_of_scikit_image():
@@ -162,7 +139,3 @@ def test_wrong_arguments_are_refused():
         pixel_weights(np.zeros((3, 4)), "xor")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="weighting"):
         pixel_weights(np.zeros((3, 4), bool), "and")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="which"):
-        Target.of(np.zeros((3, 4), bool)).distances(
-            Spans.from_masks([np.ones((3, 4), bool)]), np.array([1])
-        )

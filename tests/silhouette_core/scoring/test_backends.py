@@ -1,107 +1,222 @@
-import numba
+"""One set of tests for every scoring backend: the project's own two and one registered outside."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from calib.errors import InputError
+from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
-from silhouette_core.scoring.backend import Voxels, signed_prefix
+from silhouette_core.jit import set_threads
+from silhouette_core.scoring.backend import GROUP, load_backend
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.reference import ReferenceBackend
+from silhouette_core.scoring.target import Target
 
 REFERENCE = ReferenceBackend()
 
 
-def overlap_case(seed, points, placements):
-    rng = np.random.default_rng(seed)
-    voxels = Voxels(
-        rng.random(tuple(rng.integers(1, 14, 3))) > 0.4,
-        rng.normal(size=3),
-        float(rng.uniform(0.02, 0.3)),
+@pytest.fixture(autouse=True)
+def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The metadata of an installed package of somebody else, as pip leaves it."""
+    metadata = tmp_path / "somebodys_backend-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: somebodys-backend\nVersion: 1.0\n"
     )
-    rotations = Rotation.random(placements, random_state=seed).as_matrix().reshape(-1, 3, 3)
-    middle = voxels.origin_m + 0.5 * voxels.voxel_size_m * np.array(voxels.occupancy.shape)
-    return (
-        voxels,
-        rng.normal(size=(points, 3)),
-        rng.random(points),
-        rotations,
-        middle + rng.normal(size=(placements, 3)),
+    module = "tests.silhouette_core.scoring.outside_backend"
+    (metadata / "entry_points.txt").write_text(
+        f"[{GROUP}]\narrays = {module}:ArrayBackend\nnothing = types:SimpleNamespace\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, module, raising=False)
+
+
+@pytest.fixture(params=["reference-1", "cpu-1", "cpu-2", "arrays-1", "arrays-2"])
+def backend(request):
+    """Every backend, by name as registered, with one and with two threads."""
+    name, threads = request.param.split("-")
+    set_threads(int(threads))
+    yield load_backend(name)
+    set_threads()
+
+
+def target_of(rng, windows, shifts, shape):
+    return Target(
+        tuple(rng.random(shape) > 0.5 for _ in range(windows)),
+        tuple(
+            rng.random(shape).astype(rng.choice([np.float32, np.float64])) for _ in range(windows)
+        ),
+        rng.integers(-3, 4, (shifts, 2)) if shifts > 1 else np.zeros((1, 2), np.int64),
+        float(rng.uniform(0.1, 2)),
     )
 
 
-@settings(max_examples=40, deadline=None)
-@given(
-    seed=st.integers(0, 10**6),
-    points=st.integers(0, 60),
-    placements=st.integers(1, 20),
-    threads=st.integers(1, 4),
-)
-def test_voxel_overlap_is_the_references_bit_for_bit(seed, points, placements, threads):
-    case = overlap_case(seed, points, placements)
-    expected = REFERENCE.voxel_overlap(*case)
-    found = CpuBackend(threads).voxel_overlap(*case)
-    np.testing.assert_array_equal(found, expected)
-    np.testing.assert_allclose(expected[0] + expected[1], case[2].sum(), atol=1e-12)
+def meshes_of(rng, *shape):
+    """Triangles (..., 30, 3) before a camera, some of them cut by its near plane."""
+    return rng.normal(size=(*shape, 30, 3)) * (0.5, 0.5, 0.6) + (0, 0, 1.2)
 
 
-def test_a_part_overlaps_where_it_was_cut_out():
-    occupancy = np.zeros((10, 10, 10), bool)
-    occupancy[2:5, 3:6, 4:8] = True
-    voxels = Voxels(occupancy, np.array([0.5, 0.0, -0.5]), 0.1)
-    points = (np.argwhere(occupancy) + 0.5) * 0.1
-    shifts = voxels.origin_m + np.array([[0, 0, 0], [0.1, 0, 0], [0, 0, 0.2], [5.0, 0, 0]])
-    rotations = np.repeat(np.eye(3)[None], 4, axis=0)
-    inside, outside = CpuBackend().voxel_overlap(voxels, points, np.ones(36), rotations, shifts)
-    np.testing.assert_array_equal(inside, [36, 24, 18, 0])
-    np.testing.assert_array_equal(outside, [0, 12, 18, 36])
+FACES = np.arange(30).reshape(10, 3)
+MATRIX = np.array([[40.0, 0, 31.5], [0, 42.0, 23.5], [0, 0, 1]])
 
 
-@settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 10**6), count=st.integers(0, 6), threads=st.integers(1, 4))
-def test_span_distance_is_the_weighted_disagreement(seed, count, threads):
+def placements_of(rng, count):
+    rotations = Rotation.random(count, random_state=int(rng.integers(1 << 30))).as_matrix()
+    return rotations.reshape(-1, 3, 3), rng.normal(size=(count, 3))
+
+
+def grid_of(rng):
+    return SimpleNamespace(
+        origin_m=rng.normal(size=3) - 0.5, voxel_size_m=float(rng.uniform(0.05, 0.2))
+    )
+
+
+@pytest.mark.parametrize(("windows", "shifts"), [(1, 1), (3, 1), (1, 4), (2, 9)])
+@pytest.mark.parametrize("seed", range(4))
+def test_span_distance_is_the_weighted_disagreement(backend, windows, shifts, seed):
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(1, 30, 2))
-    observation, weights = rng.random(shape) > 0.5, rng.random(shape)
-    masks = [rng.random(shape) > rng.random() for _ in range(count)]
-    prefix, base = signed_prefix(observation, weights)
+    target = target_of(rng, windows, shifts, shape)
+    masks = [rng.random(shape) > rng.random() for _ in range(int(rng.integers(0, 300)))]
     spans = Spans.from_masks(masks)
-    expected = REFERENCE.span_distance(prefix, base, spans)
-    np.testing.assert_array_equal(CpuBackend(threads).span_distance(prefix, base, spans), expected)
-    np.testing.assert_allclose(
-        expected, [weights[mask ^ observation].sum() for mask in masks], atol=1e-9
+    if seed % 2:
+        runs = (array.astype(np.int16) for array in (spans.rows, spans.starts, spans.ends))
+        spans = Spans(*runs, spans.offsets)
+    found = backend.span_distances(target, spans)
+    expected = REFERENCE.span_distances(target, spans)
+    assert found.shape == (len(masks), windows * shifts)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    which = rng.integers(0, max(len(masks), 1), 5 if masks else 0)
+    np.testing.assert_array_equal(backend.span_distances(target, spans, which), found[which])
+    np.testing.assert_array_equal(backend.span_distances(target, spans, parallel=False), found)
+    if shifts == 1:
+        plain = [
+            [weights[mask ^ other].sum(dtype=float) for mask, weights in zip(*pair, strict=True)]
+            for other in masks
+            for pair in [(target.masks, target.weights)]
+        ]
+        np.testing.assert_allclose(
+            found, target.scale * np.array(plain).reshape(found.shape), atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("cull", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_drawn_weights_are_summed_under_each_mesh(backend, cull, seed):
+    rng = np.random.default_rng(seed)
+    weights, meshes = rng.normal(size=(48, 64)), meshes_of(rng, 7)
+    found = backend.drawn_weights(weights, meshes, FACES, MATRIX, cull)
+    expected = REFERENCE.drawn_weights(weights, meshes, FACES, MATRIX, cull)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    # Eq. (7), with the weights of a silhouette: the disagreement with it, pixel by pixel.
+    mask, positive = rng.random(weights.shape) > 0.5, np.abs(weights)
+    signed = np.where(mask, -positive, positive)
+    found = positive[mask].sum() + backend.drawn_weights(signed, meshes[:1], FACES, MATRIX, cull)
+    parts, _ = render_parts(meshes[0], FACES, np.zeros(10, int), MATRIX, (64, 48), cull)
+    assert found[0] == pytest.approx(positive[(parts > 0) ^ mask].sum(), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_silhouette_errors_are_the_references(backend, seed):
+    rng = np.random.default_rng(seed)
+    masks = [rng.random(shape) > 0.3 for shape in ((48, 64), (40, 80), (60, 50))]
+    matrices = np.stack([MATRIX, 1.3 * MATRIX, 0.8 * MATRIX])
+    matrices[:, 2, 2] = 1
+    meshes = meshes_of(rng, 4, 3)
+    meshes[3] -= (0, 0, 9)  # behind all cameras
+    found = backend.silhouette_errors(masks, matrices, meshes, FACES)
+    expected = REFERENCE.silhouette_errors(masks, matrices, meshes, FACES)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    assert found[3] == 1 and 0 < found[0] < 1
+    # A camera that sees nothing and should not is left out.
+    empty = [masks[0], np.zeros((20, 20), bool)]
+    meshes[0, 1] -= (0, 0, 9)
+    found = backend.silhouette_errors(empty, matrices[:2], meshes[:1, :2], FACES)
+    assert found == backend.silhouette_errors(masks[:1], matrices[:1], meshes[:1, :1], FACES)
+    none = backend.silhouette_errors(empty[1:], matrices[:1], meshes[3:, :1], FACES)
+    assert none.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pixel_scores_are_the_references(backend, seed):
+    rng = np.random.default_rng(seed)
+    rotation, translation_m = placements_of(rng, 3)
+    views = SimpleNamespace(
+        intrinsics=rng.uniform(20, 60, (3, 4)),
+        rotation=rotation,
+        translation_m=translation_m + np.array([0, 0, 1]),
     )
+    images = rng.integers(-3, 3, (3, 50, 70)).astype(np.int8)
+    case = views, images, rng.normal(size=(40, 3)), *placements_of(rng, 20)
+    found = backend.pixel_scores(*case)
+    np.testing.assert_array_equal(found, REFERENCE.pixel_scores(*case))
+    assert len(np.unique(found)) > 3
 
 
-def test_arrays_that_do_not_belong_together_are_refused():
-    voxels, points, weights, rotations, translations = overlap_case(0, 5, 3)
-    backend = CpuBackend()
+@pytest.mark.parametrize("seed", range(8))
+def test_voxel_overlap_is_the_references(backend, seed):
+    rng = np.random.default_rng(seed)
+    occupancy = rng.random(tuple(rng.integers(1, 14, 3))) > 0.4
+    points = rng.normal(size=(seed * 8, 3))
+    weights = rng.random(len(points))
+    case = grid_of(rng), occupancy, points, weights, *placements_of(rng, 12)
+    found, expected = backend.voxel_overlap(*case), REFERENCE.voxel_overlap(*case)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(expected[0] + expected[1], weights.sum(), atol=1e-12)
+    if isinstance(backend, CpuBackend):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_part_overlaps_where_it_was_cut_out(backend):
+    occupancy = np.zeros((10, 10, 10), bool)
+    occupancy[2:5, 3:6, 4:8] = True
+    grid = SimpleNamespace(origin_m=np.array([0.5, 0.0, -0.5]), voxel_size_m=0.1)
+    points = (np.argwhere(occupancy) + 0.5) * 0.1
+    shifts = grid.origin_m + np.array([[0, 0, 0], [0.1, 0, 0], [0, 0, 0.2], [5.0, 0, 0]])
+    rotations = np.repeat(np.eye(3)[None], 4, axis=0)
+    inside, outside = backend.voxel_overlap(grid, occupancy, points, np.ones(36), rotations, shifts)
+    np.testing.assert_allclose(inside, [36, 24, 18, 0])
+    np.testing.assert_allclose(outside, [0, 12, 18, 36])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_voxel_cover_is_the_references(backend, seed):
+    rng = np.random.default_rng(seed)
+    numbers = np.arange(10 * 11 * 12, dtype=np.int32).reshape(10, 11, 12)
+    numbers[rng.random(numbers.shape) < 0.4] = -1
+    numbers[rng.random(numbers.shape) < 0.2] = -2
+    grid = SimpleNamespace(origin_m=np.full(3, -1.0), voxel_size_m=0.2)
+    case = grid, numbers, 21, rng.normal(size=(90, 3)), *placements_of(rng, 15)
+    found, expected = backend.voxel_cover(*case), REFERENCE.voxel_cover(*case)
+    for ours, theirs in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert found[0].dtype == np.uint64 and found[0].any() and found[1].any() and found[2].any()
+
+
+@pytest.mark.parametrize("own", [REFERENCE, CpuBackend()])
+def test_arrays_that_do_not_belong_together_are_refused(own):
+    rng = np.random.default_rng(0)
+    points, (rotations, translations) = rng.random((5, 3)), placements_of(rng, 3)
+    grid, numbers = grid_of(rng), np.zeros((2, 2, 2), np.int32)
     for wrong, message in [
-        (
-            (voxels, points[:, :2], weights, rotations, translations),
-            r"points must be \(P, 3\), got \(5, 2\)",
-        ),
-        ((voxels, points, weights[1:], rotations, translations), r"weights must be \(5,\)"),
-        ((voxels, points, weights, rotations[0], translations), r"rotations must be \(K, 3, 3\)"),
-        ((voxels, points, weights, rotations, translations[1:]), r"translations must be \(3, 3\)"),
+        ((points[:, :2], rotations, translations), r"points must be \(P, 3\), got \(5, 2\)"),
+        ((points, rotations[0], translations), r"rotations must be \(K, 3, 3\)"),
+        ((points, rotations, translations[1:]), r"translations_m must be \(3, 3\)"),
     ]:
         with pytest.raises(ValueError, match=message):
-            backend.voxel_overlap(*wrong)
-    with pytest.raises(
-        TypeError, match=r"occupancy must be \(nx, ny, nz\) bool, got \(2, 2, 2\) float64"
-    ):
-        Voxels(np.zeros((2, 2, 2)), np.zeros(3), 0.1)
-    prefix, base = signed_prefix(np.zeros((4, 5), bool), np.ones((4, 5)))
-    with pytest.raises(ValueError, match="reaches out of the image of 4 rows and 5 columns"):
-        backend.span_distance(prefix, base, Spans.from_masks([np.ones((4, 6), bool)]))
-    with pytest.raises(ValueError, match="offsets must rise"):
-        Spans(np.zeros(1, np.int32), np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 2]))
-    with pytest.raises(ValueError, match="threads must be at least 1"):
-        CpuBackend(0)
+            own.voxel_cover(grid, numbers, 1, *wrong)
+    target = Target.from_mask(np.zeros((3, 4), bool))
+    with pytest.raises(ValueError, match="which must be 0 to 0, got 1 to 1"):
+        own.span_distances(target, Spans.from_masks([np.ones((3, 4), bool)]), np.array([1]))
 
 
-def test_the_callers_number_of_threads_is_put_back():
-    before = numba.get_num_threads()
-    CpuBackend(1).voxel_overlap(*overlap_case(1, 3, 2))
-    assert numba.get_num_threads() == before
+def test_what_is_registered_is_checked():
+    with pytest.raises(InputError, match=r"no backend is called 'gpu'.*cpu.*reference"):
+        load_backend("gpu")
+    with pytest.raises(TypeError, match="types:SimpleNamespace is registered as backend 'nothing'"):
+        load_backend("nothing")

@@ -1,4 +1,6 @@
-"""Placed points looked up in the pictures of several cameras."""
+"""Placed points looked up in the images of several cameras. Reference:
+`ReferenceBackend.pixel_scores`.
+"""
 
 import numpy as np
 
@@ -6,15 +8,13 @@ from silhouette_core.jit import parallel_kernel, prange
 
 
 @parallel_kernel
-def score_placements(
-    points, rotations, translations, intrinsics, camera_rotation, camera_translation, worth, scores
+def pixel_scores(
+    points, rotations, translations, intrinsics, camera_rotation, camera_translation, images, scores
 ):
-    """Fills scores (K,) with the worth of the pixels that each placement's points project to,
-    summed over cameras and points.
-
-    worth (C, h, w) int8; a point behind a camera or outside its picture is worth nothing there.
+    """Fills scores (K,): the pixels of images (C, h, w) int8 to which each placement's points
+    project, summed over cameras and points.
     """
-    cameras, height, width = worth.shape
+    cameras, height, width = images.shape
     for k in prange(rotations.shape[0]):
         r, t = rotations[k], translations[k]
         total = 0
@@ -38,5 +38,5 @@ def score_placements(
                 )
                 i, j = int(np.floor(row + 0.5)), int(np.floor(column + 0.5))
                 if 0 <= i < height and 0 <= j < width:
-                    total += worth[v, i, j]
+                    total += images[v, i, j]
         scores[k] = total

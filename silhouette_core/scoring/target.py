@@ -1,0 +1,76 @@
+"""Observed silhouettes prepared for comparison with many others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.checks import check_array
+from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.scoring.kernels import spans as kernels
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Silhouettes seen through P windows, each compared with candidates moved by S shifts.
+
+    Combination c of the C = P S is window c // S and shift c % S.
+
+    Attributes:
+        masks: P arrays (h, w) bool, P of eq. (7).
+        weights: P arrays (h, w) float32 or float64, d_P. Beyond the window the weight at its border
+            goes on.
+        shifts_px: (S, 2) int64, whole pixels (right, down) by which candidates are moved.
+        scale: Factor on the weighted disagreement.
+
+    Raises:
+        TypeError: A mask is not bool, the shifts are not integers.
+        ValueError: A value has the wrong shape.
+    """
+
+    masks: tuple[NDArray[np.bool_], ...]
+    weights: tuple[NDArray[np.floating], ...]
+    shifts_px: NDArray[np.integer] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Checks every value once."""
+        for mask, weights in zip(self.masks, self.weights, strict=True):
+            check_array("mask", mask, self.masks[0].shape, np.bool_)
+            check_array("weights", weights, mask.shape)
+        check_array("shifts_px", self.shifts_px, ("S", 2), np.integer)
+
+    @classmethod
+    def from_mask(cls, mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> Target:
+        """Prepares one silhouette (h, w) bool; the distance is the weighted disagreement per pixel
+        of the window, and candidates are not moved.
+        """
+        return cls((mask,), (pixel_weights(mask, weighting),), scale=1.0 / mask.size)
+
+    @property
+    def margin_px(self) -> int:
+        """Largest shift, px."""
+        return int(np.abs(self.shifts_px).max(initial=0))
+
+    @cached_property
+    def sums(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sums of the signed weights d_P (1 - 2 P) along rows, (h, w + 1, C) float64: the first x
+        pixels of row y in combination c; and the weight of each silhouette P, (C,) float64.
+
+        The combinations lie next to each other: one run is looked up for all of them at once.
+        """
+        (height, width), margin = self.masks[0].shape, self.margin_px
+        prefixes = np.empty((len(self.masks), height + 2 * margin, width + 2 * margin + 1))
+        bases = [
+            kernels.padded_prefix(mask, weights, margin, prefix)
+            for mask, weights, prefix in zip(self.masks, self.weights, prefixes, strict=True)
+        ]
+        count = len(bases) * len(self.shifts_px)
+        table = prefixes.reshape(height, width + 1, 1) if count == 1 and not margin else None
+        if table is None:
+            table = np.empty((height, width + 1, count))
+            kernels.interleave(prefixes, self.shifts_px, margin, table)
+        return table, np.repeat(bases, len(self.shifts_px))
