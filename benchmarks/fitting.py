@@ -13,14 +13,17 @@ from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.refinement.surface import Surface
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import HullObserver
-from voxelpose.matching.pose_search import FittingBody
+from voxelpose.matching.pose_search import BodyGeometry
 from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 
 VIEWS, SHAPE_SEED = 4, 5
@@ -69,15 +72,14 @@ def against_one_carve() -> Case:
     for t, masks in enumerate(frames):
         store.put(t, masks)
     observer = HullObserver(
-        PinholeViews.of(rig),
+        PinholeViews.from_rig(rig),
         VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2 * VOXEL_M, (40, 40, 44)),
         VOXEL_M,
     )
-    body = FittingBody.of(BodyModel.from_sizes(BodySizes(1.75)), VOXEL_M)
+    surface = Surface(BodyModel.from_sizes(BodySizes(1.75)))
     track = PoseTracker(
-        body,
-        observer,
-        store,
+        BodyGeometry.from_surface(surface, VOXEL_M),
+        ObservationStore(observer, store),
         PoseTrackerSettings(30.0, MatchSettings()),
         lambda stage: nullcontext(),
         lambda: None,
@@ -86,6 +88,7 @@ def against_one_carve() -> Case:
     def forget() -> None:
         track.poses[:], track.error[:] = [poses[0], poses[1], None], [0.0, 0.0, np.inf]
         track.error[:2] = 0.1
+        track.observations = ObservationStore(observer, store)
 
     def step(_: None) -> Pose | None:
         track.carry(1, +1)

@@ -10,12 +10,12 @@ import numpy as np
 from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Estimate, FrameSource, Settings
+from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.smoothing import smooth, smooth_quaternions
+from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.pose import Pose
@@ -24,47 +24,38 @@ from voxelpose.matching.adaptation import stature_of
 from voxelpose.matching.body_choice import choose_body, refit
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import HullObserver, body_rule
 from voxelpose.matching.quality import assess
 from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 from voxelpose.recording.frame_reader import Frame
 
-LONG_SIDE_PX = (
-    960  # larger pictures are fitted at this size: contours are finer there than clothes are
-)
+LONG_SIDE_PX = 960  # larger images are reduced: contours are finer there than clothes are
 VOXEL_M = 0.025
 _VOLUME_FRAMES = 60
 
 
 @dataclass(frozen=True)
 class _Options:
-    """What only this estimator is told, checked.
+    """Options of this estimator only.
 
     Attributes:
-        interference: match interfering parts together.
-        voxel_size_m: of the voxels that are matched.
-        tolerance: cameras that may be wrong about a voxel.
+        interference: match interfering parts jointly.
+        voxel_size_m: size of the voxels that are matched, 0.005 to 0.1.
+        tolerance: number of cameras that may be wrong about a voxel.
     """
 
     interference: bool = True
     voxel_size_m: float = VOXEL_M
     tolerance: int = 0
 
-    @classmethod
-    def read(cls, options: Mapping[str, object]) -> _Options:
-        unknown = sorted(set(options) - set(cls.__dataclass_fields__))
-        if unknown:
+    def __post_init__(self) -> None:
+        """Refuses voxels that cannot be matched."""
+        if not 0.005 <= self.voxel_size_m <= 0.1:
             raise InputError(
-                f"the multi-view estimator has no option {unknown[0]!r}: it has"
-                f" {', '.join(cls.__dataclass_fields__)}"
-            )
-        read = cls(**options)  # type: ignore[arg-type]
-        if not 0.005 <= read.voxel_size_m <= 0.1:
-            raise InputError(
-                f"voxels of {read.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for"
+                f"voxels of {self.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for"
                 " example 0.025"
             )
-        return read
 
 
 class MultiViewEstimator:
@@ -78,26 +69,29 @@ class MultiViewEstimator:
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
-        options = _Options.read(settings.options)
+        options = read_options(_Options, settings.options, "multi-view")
         if len(source.rig) < 2:
             raise InputError(
                 f"{len(source.rig)} camera is too few for voxels: give at least two calibrated"
                 " cameras that see the person"
             )
         if settings.stature_m is not None:
-            BodySizes(
-                settings.stature_m, settings.chest_m, settings.sex
-            )  # refuses what is no person's, before any work is done
+            # Refuses what is no person's, before any work is done.
+            BodySizes(settings.stature_m, settings.chest_m, settings.sex)
         set_threads(settings.threads)
         clock = StageClock()
-        lenses = [UndistortedView.of(camera, LONG_SIDE_PX) for camera in source.rig]
-        views = PinholeViews.of(Rig(tuple(lens.pinhole for lens in lenses)))
+        lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
+        views = PinholeViews.from_rig(Rig(tuple(lens.pinhole for lens in lenses)))
         store = MaskStore([lens.pinhole.size for lens in lenses], source.frame_count)
         try:
             numbers, times = _store_silhouettes(source, settings, lenses, store, clock, reporter)
             observer = _observer(views, store, options, reporter)
-            track, facts = _track(observer, store, settings, options, source.fps, clock, reporter)
-            motion = _motion(track, settings, source.fps, numbers, times, clock, reporter)
+            observations = ObservationStore(observer, store)
+            matching = MatchSettings(interference=options.interference)
+            tracker, facts = _track(
+                observations, settings, PoseTrackerSettings(source.fps, matching), clock, reporter
+            )
+            motion = _motion(tracker, settings, numbers, times, clock, reporter)
         finally:
             store.close()
         return Estimate(
@@ -113,7 +107,7 @@ def _store_silhouettes(
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fills the store; returns frame numbers (T,) and times (T,) s."""
+    """Stores the silhouettes of all frames; frame numbers (T,) and times (T,) s."""
     reporter.stage("background")
     silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
     if silhouettes.without_background:
@@ -142,7 +136,7 @@ def _store_silhouettes(
 def _observer(
     views: PinholeViews, store: MaskStore, options: _Options, reporter: Reporter
 ) -> HullObserver:
-    """Places the volume where the silhouettes of the whole recording allow a body."""
+    """Observer of the volume in which the silhouettes of the whole recording allow a body."""
     reporter.stage("volume")
     union = store[0]
     for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
@@ -154,107 +148,87 @@ def _observer(
 
 
 def _track(
-    observer: HullObserver,
-    store: MaskStore,
+    observations: ObservationStore,
     settings: Settings,
-    options: _Options,
-    fps: float,
+    tracking: PoseTrackerSettings,
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[PoseTracker, dict[str, object]]:
+    """Poses of all frames, and facts for the summary."""
     reporter.stage("first poses")
     with clock("first poses"):
-        start = choose_body(
-            observer, store, settings, MatchSettings(interference=options.interference), reporter
-        )
-    track = PoseTracker(
-        start.body,
-        observer,
-        store,
-        PoseTrackerSettings(fps, MatchSettings(interference=options.interference)),
-        clock,
-        reporter.advance,
-    )
-    reporter.stage("tracking", len(store))
-    track.begin(start.poses, start.errors)
+        start = choose_body(observations, settings, tracking.match, reporter)
+    tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
+    reporter.stage("tracking", len(observations))
+    tracker.begin(start.poses, start.errors)
     reporter.stage("repair")
     with clock("repair"):
-        track.repair(3 + len(store) // 100)
+        tracker.repair(3 + len(observations) // 100)
     reporter.stage("limbs")
-    track.recheck()
+    tracker.recheck()
     reporter.stage("proportions")
     with clock("proportions"):
-        refit(track, start)
-    reporter.stage("refinement", len(store))
-    track.polish()
+        refit(tracker, start)
+    reporter.stage("refinement", len(observations))
+    tracker.polish()
+    errors = tracker.error[np.isfinite(tracker.error)]
     facts = {
-        "stature_m": stature_of(track.body.model),
+        "stature_m": stature_of(tracker.body.model),
         "stature_given": settings.stature_m is not None,
         "sex_template": start.body.model.sizes.sex,
-        "voxel_size_m": observer.voxel_size_m,
+        "voxel_size_m": observations.observer.voxel_size_m,
         "anchor_frames": sorted(start.poses),
         "shape": dict(
-            zip(start.shape_names, track.body.model.shape.round(4).tolist(), strict=True)
+            zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
         ),
-        "silhouette_error": {
-            "median": (
-                float(np.median(track.error[np.isfinite(track.error)]))
-                if np.isfinite(track.error).any()
-                else None
-            )
-        },
+        "silhouette_error": {"median": float(np.median(errors)) if len(errors) else None},
     }
-    return track, facts
+    return tracker, facts
 
 
 def _motion(
-    track: PoseTracker,
+    tracker: PoseTracker,
     settings: Settings,
-    fps: float,
     numbers: np.ndarray,
     times: np.ndarray,
     clock: StageClock,
     reporter: Reporter,
 ) -> Motion:
-    posed = [t for t, pose in enumerate(track.poses) if pose is not None]
-    poses = [pose for pose in track.poses if pose is not None]
+    """Poses as a motion, smoothed if requested, with the quality of each."""
+    posed = [t for t, pose in enumerate(tracker.poses) if pose is not None]
+    poses = [pose for pose in tracker.poses if pose is not None]
     if not poses:
         raise InputError(
             "no body was found in any frame: look at the hull with `voxelpose carve`, and check"
             " background and calibration"
         )
-    root, angles = (
-        np.stack([pose.root_m for pose in poses]),
-        np.stack([pose.angles_rad for pose in poses]),
-    )
+    fps = tracker.settings.fps
+    root = np.stack([pose.root_m for pose in poses])
+    angles = np.stack([pose.angles_rad for pose in poses])
     rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))
     if settings.smooth:
-        for run in np.split(np.arange(len(posed)), np.flatnonzero(np.diff(posed) > 1) + 1):
-            root[run], angles[run] = smooth(root[run], fps), smooth(angles[run], fps)
-            rotation[run] = smooth_quaternions(rotation[run], fps)
+        smooth_runs(root, rotation, angles, np.array(posed), fps)
     reporter.stage("quality", len(posed))
-    found = []
+    assessed = []
     for k, t in enumerate(posed):
         with clock("quality"):
-            observed = track.observed(t)
-            pose = Pose(
-                root[k], rotation_matrices(rotation[k]), angles[k]
-            )  # as written: smoothed where that was asked for
-            found.append(
-                None if observed is None else assess(track.body.body_volume, pose, observed)
-            )
+            frame = tracker.observe(t)
+            # As written, smoothed if requested.
+            pose = Pose(root[k], rotation_matrices(rotation[k]), angles[k])
+            volume = tracker.body.body_volume
+            assessed.append(None if frame is None else assess(volume, pose, frame))
         reporter.advance()
-    parts = len(track.body.model.names)
+    parts = len(tracker.body.model.names)
     quality = {
         "part_overlap": np.stack(
-            [np.full(parts, np.nan) if q is None else q.part_overlap for q in found]
+            [np.full(parts, np.nan) if q is None else q.part_overlap for q in assessed]
         ),
         "part_unsupported": np.stack(
-            [np.zeros(parts, bool) if q is None else q.part_unsupported for q in found]
+            [np.zeros(parts, bool) if q is None else q.part_unsupported for q in assessed]
         ),
-        "unexplained": np.array([np.nan if q is None else q.unexplained for q in found]),
-        "confidence": np.clip(1 - track.error[posed], 0.0, 1.0),
+        "unexplained": np.array([np.nan if q is None else q.unexplained for q in assessed]),
+        "confidence": np.clip(1 - tracker.error[posed], 0.0, 1.0),
     }
     return Motion(
-        fps, track.body.model, root, rotation, angles, numbers[posed], times[posed], quality
+        fps, tracker.body.model, root, rotation, angles, numbers[posed], times[posed], quality
     )

@@ -1,10 +1,10 @@
-"""Redoes Fig. 2 of Iiyama, Kameda and Minoh: `python -m docs.figures.interference` writes
-docs/images/interference.png.
+"""Reproduces Fig. 2 of Iiyama, Kameda and Minoh: docs/images/interference.png.
 
-Somebody stands with the left leg crossed before the right one. Matched part by part, the left shin
-finds the right shin's voxels, which explain it just as well; matched together, each shin has its
-own. The voxels are the visual hull of the demo's mannequin, which shares nothing with the body that
-is matched. As in the paper the root part is given, and no part is judged by what hangs on it.
+`python -m docs.figures.interference` writes it. A person stands with the left leg crossed in front
+of the right one. Matched part by part, the left shin is placed in the right shin's voxels, which
+explain it just as well; matched jointly, each shin has its own. The voxels are the visual hull of
+the demo's mannequin, which shares nothing with the body that is matched. As in the paper the root
+part is given, and no part is scored by the parts attached to it.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.silhouette_error import posed_mesh
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
@@ -49,14 +50,14 @@ _VOXEL, _TRUNK = np.array([182.0, 204.0, 222.0]), (205, 208, 210)
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """Voxels of somebody, and the body that is matched to them.
+    """Voxels of one body, and another body that is matched to them.
 
     Attributes:
-        grid: the voxels' places.
+        grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool.
         joints_m: (15, 3) true joints, in the order of LANDMARK_NAMES.
         body_volume: the body that is matched.
-        root: its root part placed, the joints relaxed.
+        root: its root part placed, with relaxed joints.
     """
 
     grid: VoxelGrid
@@ -67,7 +68,7 @@ class Example:
 
 
 def make_example() -> Example:
-    """Poses the mannequin, films it from all sides and carves its voxels."""
+    """Visual hull of the posed mannequin, seen from all sides."""
     turns = {}
     for side, sign in (("left", 1), ("right", -1)):
         hip, inward, knee = CROSSED[side]
@@ -79,9 +80,11 @@ def make_example() -> Example:
     actor = Mannequin.build()
     vertices, joints = actor.pose(np.zeros(2), turns)
     rig = _cameras()
-    one = np.zeros(len(actor.faces), np.int32)
+    part = np.zeros(len(actor.faces), np.int32)
     masks = [
-        render_parts(vertices @ c.rotation.T + c.translation, actor.faces, one, c.matrix, c.size)[0]
+        render_parts(vertices @ c.rotation.T + c.translation, actor.faces, part, c.matrix, c.size)[
+            0
+        ]
         > 0
         for c in rig
     ]
@@ -94,7 +97,7 @@ def make_example() -> Example:
         grid,
         carve(rig, masks, grid),
         true,
-        BodyVolume.of(model, VOXEL_M),
+        BodyVolume.from_model(model, VOXEL_M),
         Pose(root, np.eye(3), RELAXED_RAD.copy()),
     )
 
@@ -102,14 +105,14 @@ def make_example() -> Example:
 def match_example(
     example: Example, interference: bool, step_rad: float = MatchSettings.step_rad
 ) -> Match:
-    """Matches as the paper does, with or without interference."""
+    """Posture by the paper's matcher, with or without interference."""
     settings = MatchSettings(step_rad=step_rad, interference=interference)
     return match(example.body_volume, example.grid, example.occupancy, example.root, settings)
 
 
-def matched_joints(example: Example, found: Match) -> dict[str, NDArray[np.float64]]:
-    """Returns the places (3,) m of the joints that a match found."""
-    model, pose = example.body_volume.model, found.pose
+def matched_joints(example: Example, result: Match) -> dict[str, NDArray[np.float64]]:
+    """Position (3,) m of each joint in a matched pose."""
+    model, pose = example.body_volume.model, result.pose
     placed = landmarks(
         model,
         *forward(
@@ -119,9 +122,9 @@ def matched_joints(example: Example, found: Match) -> dict[str, NDArray[np.float
     return dict(zip(LANDMARK_NAMES, placed[0], strict=True))
 
 
-def errors_m(example: Example, found: Match) -> dict[str, float]:
-    """Returns how far each joint is from the truth, metres."""
-    joints = matched_joints(example, found)
+def errors_m(example: Example, result: Match) -> dict[str, float]:
+    """Distance of each joint from the truth, metres."""
+    joints = matched_joints(example, result)
     return {
         name: float(np.linalg.norm(joints[name] - example.joints_m[k]))
         for k, name in enumerate(LANDMARK_NAMES)
@@ -129,9 +132,9 @@ def errors_m(example: Example, found: Match) -> dict[str, float]:
 
 
 def draw(example: Example, plain: Match, joint: Match) -> NDArray[np.uint8]:
-    """Draws the three panels: voxels, parts one by one, parts together. (h, w, 3) uint8, BGR."""
+    """Three panels: voxels, parts one by one, parts jointly; (h, w, 3) uint8, BGR."""
     vertices, faces, tone = _cubes(example.grid, example.occupancy)
-    numbers, depth = _render(_look(vertices), faces, tone)
+    numbers, depth = _render(_to_viewer(vertices), faces, tone)
     # Six directions, brightest above; every other voxel a little darker, so that each can be seen.
     light = np.repeat([0.94, 0.80, 0.86, 1.0, 1.1, 0.7], 2) * np.tile([1.0, 0.93], 6)
     voxels = _ground(vertices)
@@ -143,10 +146,11 @@ def draw(example: Example, plain: Match, joint: Match) -> NDArray[np.uint8]:
     voxels[inside] = (light[numbers[inside].astype(int) - 1] * _light(rounded)[inside])[
         :, None
     ] * _VOXEL
-    found, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    outline = [np.asarray(contour, np.int32) for contour in found]
+    contours, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    outline = [np.asarray(contour, np.int32) for contour in contours]
     worst = [
-        max(errors_m(example, found).items(), key=lambda item: item[1]) for found in (plain, joint)
+        max(errors_m(example, result).items(), key=lambda item: item[1])
+        for result in (plain, joint)
     ]
     panels = (
         (voxels, "(a) voxels", "of a body of another shape"),
@@ -165,20 +169,20 @@ def draw(example: Example, plain: Match, joint: Match) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Writes the picture."""
-    parser = argparse.ArgumentParser(description="Redoes Fig. 2 of Iiyama, Kameda and Minoh.")
+    """Writes the figure."""
+    parser = argparse.ArgumentParser(description="Reproduces Fig. 2 of Iiyama, Kameda and Minoh.")
     parser.add_argument(
         "file",
         nargs="?",
         type=Path,
         default=PICTURE,
-        help="where to write (default: the picture of the docs)",
+        help="where to write (default: the figure of the docs)",
     )
     file = parser.parse_args().file
     example = make_example()
-    picture = draw(example, match_example(example, False), match_example(example, True))
+    image = draw(example, match_example(example, False), match_example(example, True))
     file.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(file), picture, [cv2.IMWRITE_PNG_COMPRESSION, 9]):
+    if not cv2.imwrite(str(file), image, [cv2.IMWRITE_PNG_COMPRESSION, 9]):
         raise SystemExit(f"{file} cannot be written")
 
 
@@ -187,7 +191,7 @@ def _turn(about_x: float = 0.0, about_y: float = 0.0) -> Rotation:
 
 
 def _cameras(count: int = 8) -> Rig:
-    """All around at 3.5 m, alternately low and high."""
+    """Cameras all around at 3.5 m, alternately low and high."""
     cameras = []
     for k in range(count):
         angle = 2 * np.pi * (k + 0.3) / count
@@ -201,7 +205,7 @@ def _cameras(count: int = 8) -> Rig:
 
 
 def _facing(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns camera from world (3, 3) of an upright camera that looks along a direction."""
+    """Rotation (3, 3), camera from world, of an upright camera that faces a direction."""
     ahead = direction / np.linalg.norm(direction)
     right = np.cross(ahead, [0, 0, 1.0])
     right /= np.linalg.norm(right)
@@ -211,8 +215,10 @@ def _facing(direction: NDArray[np.float64]) -> NDArray[np.float64]:
 def _cubes(
     grid: VoxelGrid, occupancy: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-    """Returns the visible sides of the voxels as triangles: vertices, faces, and twice the
-    direction plus the voxel's parity.
+    """Visible sides of the voxels as triangles.
+
+    Returns:
+        Vertices, faces, and for each face twice the side's direction plus the voxel's parity.
     """
     padded = np.pad(occupancy, 1)
     corners, tones = [], []
@@ -231,8 +237,8 @@ def _cubes(
     return vertices, faces, np.tile(np.concatenate(tones), 2).astype(np.int32)
 
 
-def _look(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Takes world points (N, 3) into the viewer's frame."""
+def _to_viewer(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """World points (N, 3) in the viewer's frame."""
     toward = np.array(
         [
             np.cos(_AZIMUTH) * np.cos(_ELEVATION),
@@ -254,10 +260,10 @@ def _render(
 
 
 def _ground(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns an empty panel with a soft shadow under the feet."""
+    """Empty panel with a soft shadow under the feet."""
     width, height = (_FINE * side for side in _PANEL)
     panel = np.full((height, width, 3), _BACKGROUND, float)
-    feet = _look(vertices[vertices[:, 2] < 0.25] * (1, 1, 0))
+    feet = _to_viewer(vertices[vertices[:, 2] < 0.25] * (1, 1, 0))
     focal = _FOCAL * height
     pixels = np.rint(
         feet[:, :2] / feet[:, 2:] * focal + ((width - 1) / 2, (height - 1) / 2)
@@ -269,12 +275,12 @@ def _ground(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _body(
-    example: Example, found: Match, outline: Sequence[NDArray[np.int32]]
+    example: Example, result: Match, outline: Sequence[NDArray[np.int32]]
 ) -> NDArray[np.float64]:
-    """Draws a matched body over the outline of the voxels."""
+    """Panel of a matched body over the outline of the voxels."""
     model = example.body_volume.model
-    vertices = posed_mesh(model, found.pose)
-    parts, depth = _render(_look(vertices), model.faces, model.face_part)
+    vertices = posed_mesh(model, result.pose)
+    parts, depth = _render(_to_viewer(vertices), model.faces, model.face_part)
     sides = np.array(
         [colour_of(name) if name.partition("_")[2] in _LIMBS else _TRUNK for name in model.names],
         float,
@@ -289,13 +295,13 @@ def _body(
 
 
 def _without_ripples(depth: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Smooths a depth image where it does not jump."""
+    """Depth image smoothed where it does not jump."""
     filled = np.where(inside, depth, depth[inside].max()).astype(np.float32)
     return np.asarray(cv2.bilateralFilter(filled, 8 * _FINE - 1, 0.02, 3.0 * _FINE), np.float32)
 
 
 def _light(depth: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Shades a smooth depth image by the slope of its surface."""
+    """Brightness of a smooth depth image by the slope of its surface."""
     focal = _FOCAL * _FINE * _PANEL[1]
     slope_y, slope_x = (np.gradient(depth, axis=axis) * focal / depth for axis in (0, 1))
     normal = np.stack([slope_x, slope_y, -np.ones_like(depth)], -1)
@@ -305,7 +311,7 @@ def _light(depth: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _captioned(panel: NDArray[np.float64], title: str, note: str) -> NDArray[np.uint8]:
-    """Reduces a panel to its size and writes under it."""
+    """Panel reduced to its final size, with a caption."""
     width, height = _PANEL
     small = cv2.resize(
         np.clip(panel, 0, 255).astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA

@@ -1,9 +1,9 @@
-"""The body's own proportions, from several frames at once.
+"""Proportions of one person's body, estimated from several frames jointly.
 
-Two people of one stature differ by several per cent in the length of every limb. Silhouettes of a
-few different poses show it: here the shape of the body and the poses of those frames are refined
-together, the poses eliminated from the normal equations (Schur complement), so that only the shape
-deviations are left to solve for. Beyond both papers, which choose among ready-made bodies.
+Two people of one stature differ by several per cent in the length of every limb, which silhouettes
+of a few different poses show. Shape and poses are refined together; the poses are eliminated from
+the normal equations (Schur complement), so that only the shape deviations remain to be solved for.
+Beyond both papers, which choose among ready-made bodies.
 """
 
 from __future__ import annotations
@@ -28,13 +28,18 @@ from silhouette_core.refinement.refine import (
 from silhouette_core.refinement.surface import Surface
 
 _REACHES_M = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
-_LARGEST = 3.0  # deviations beyond this many spreads are not a person's
+_LARGEST = 3.0  # largest deviation of a person's shape, in standard deviations
 _SETTLE = RefineSettings(reaches_m=(0.08, 0.06, 0.05))
 
 
 @dataclass(frozen=True)
 class Stature:
-    """A person's height in metres, and its standard deviation."""
+    """A person's height.
+
+    Attributes:
+        metres: the height, m.
+        sigma_m: its standard deviation, m.
+    """
 
     metres: float
     sigma_m: float
@@ -50,11 +55,11 @@ def adapt_shape(
     """Adapts a body's proportions to the silhouettes of several frames.
 
     Args:
-        surface: of the body to start from.
+        surface: of the initial body.
         observations: F frames, of different poses.
         poses: F poses, right to within about 0.1 m.
         stature: the person's height.
-        expected: (K,) the shape that is likeliest without looking.
+        expected: (K,) mean of the prior of the shape.
 
     Returns:
         The surface of the adapted body, and the F poses refined on it.
@@ -102,7 +107,7 @@ def adapt_shape(
 
 
 def stature_of(model: BodyModel) -> float:
-    """Returns the height of the body at rest, from soles to vertex, metres."""
+    """Height of the body at rest, from soles to vertex, metres."""
     return float(
         model.landmarks_m[LANDMARK_NAMES.index("head_top"), 2] - model.vertices_m[:, 2].min()
     )
@@ -119,18 +124,18 @@ class _FrameSystem:
         reach: float,
         settings: RefineSettings,
     ):
-        """Linearises the residuals of one frame."""
+        """Linearises the residuals of one frame; `reach` in metres."""
         posed = surface.posed(pose)
         rows = residuals(surface, posed, observation, reach, settings)
-        both = np.concatenate(
+        jacobian = np.concatenate(
             [
                 surface.jacobian(posed, rows.index, rows.direction),
                 surface.shape_jacobian(posed, rows.index, rows.direction),
             ],
             axis=1,
         )
-        matrix, gradient = np.zeros((both.shape[1],) * 2), np.zeros(both.shape[1])
-        add_normal_equations(both, rows.weight, rows.gap_m, matrix, gradient)
+        matrix, gradient = np.zeros((jacobian.shape[1],) * 2), np.zeros(jacobian.shape[1])
+        add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
         n = 6 + surface.model.dof_count
         self.pose, self.cross, self.shape = matrix[:n, :n].copy(), matrix[:n, n:], matrix[n:, n:]
         self.pose_gradient, self.shape_gradient = gradient[:n].copy(), gradient[n:]
@@ -140,6 +145,7 @@ class _FrameSystem:
 def _add_stature(
     matrix: np.ndarray, gradient: np.ndarray, model: BodyModel, stature: Stature
 ) -> None:
+    """Adds the equation of the stature, linear in the shape."""
     sole = int(model.vertices_m[:, 2].argmin())
     row = (
         model.space.landmarks_change[:, LANDMARK_NAMES.index("head_top"), 2]

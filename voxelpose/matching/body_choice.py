@@ -1,4 +1,4 @@
-"""Whose body is it? A first body from measurements, and its proportions from the recording itself."""
+"""The body that is fitted: a first one from measurements, its proportions from the recording."""
 
 from __future__ import annotations
 
@@ -14,38 +14,34 @@ from silhouette_core.progress import Reporter
 from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.silhouette_error import silhouette_error
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.scoring.cpu import CpuBackend
 from voxelpose.matching.adaptation import Stature, adapt_shape
-from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
-from voxelpose.matching.observe import FrameObservation, HullObserver
-from voxelpose.matching.pose_search import FittingBody, PoseFit, find_pose
+from voxelpose.matching.observation_store import ObservationStore
+from voxelpose.matching.observe import FrameObservation
+from voxelpose.matching.pose_search import BodyGeometry, PoseFit, find_pose
 from voxelpose.matching.tracking import PoseTracker
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
-_CLEAR = 1.4  # an anchor is used where its error is below this many times the best one's
-_GIVEN_M, _GUESSED = 0.006, 0.05  # how sure a stature is: given (m), read off the hull (share)
-_SCALES = (
-    0.93,
-    1.0,
-    1.07,
-)  # tried on a stature that the hull suggests: arms overhead or a crouch mislead it
+_CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
+_GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
+_HULL_SIGMA = 0.05  # the same of one estimated from the hull, as a fraction of it
+# Tried on a stature estimated from the hull: arms overhead or a crouch falsify it.
+_SCALES = (0.93, 1.0, 1.07)
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where tracking starts.
+    """What tracking starts from.
 
     Attributes:
         body: with adapted proportions.
-        poses: frame -> pose, where a frame was clear by itself.
+        poses: frame -> pose, for the anchor frames that are clear.
         errors: frame -> its silhouette error.
-        stature: as given or guessed.
+        stature: given or estimated.
         expected_shape: (20,) the shape that the measurements alone suggest.
     """
 
-    body: FittingBody
+    body: BodyGeometry
     poses: dict[int, Pose]
     errors: dict[int, float]
     stature: Stature
@@ -58,64 +54,53 @@ class Start:
 
 
 def choose_body(
-    observer: HullObserver,
-    store: MaskStore,
-    settings: Settings,
-    matching: MatchSettings,
-    reporter: Reporter,
+    observations: ObservationStore, settings: Settings, matching: MatchSettings, reporter: Reporter
 ) -> Start:
-    """Searches some frames from nothing, and makes the body that fits them.
+    """Searches anchor frames without a prior, and adapts a body to them.
 
     Args:
-        observer: looks at frames.
-        store: the raw silhouettes.
+        observations: of every frame.
         settings: for stature, chest girth and sex, as far as known.
         matching: settings of the full search.
-        reporter: told of the frames.
+        reporter: receives the progress.
 
     Raises:
         InputError: no frame shows a body.
     """
-    count = min(len(store), max(_FEWEST_ANCHORS, len(store) // _FRAMES_PER_ANCHOR))
-    frames = np.unique(
-        np.round((np.arange(count) + 0.5) / count * (len(store) - 1)).astype(int)
-    ).tolist()
-    observed_frames = {
-        t: observed for t in frames if (observed := observer.look(store[t])) is not None
-    }
-    if not observed_frames:
+    total = len(observations)
+    count = min(total, max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR))
+    anchors = np.unique(np.round((np.arange(count) + 0.5) / count * (total - 1)).astype(int))
+    frames = {t: frame for t in anchors.tolist() if (frame := observations.observe(t)) is not None}
+    if not frames:
         raise InputError(
             "the silhouettes leave no hull of a person's size: look at it with `voxelpose carve"
             " RECORDING --frame 0 --out hull.ply`, and check the background pictures and the"
             " calibration"
         )
-    reporter.stage("first poses", len(observed_frames) + 1)
+    reporter.stage("first poses", len(frames) + 1)
     sex = "male" if settings.sex == "unknown" else settings.sex
+    voxel_size_m = observations.observer.voxel_size_m
     if settings.stature_m is not None:
-        stature = Stature(settings.stature_m, _GIVEN_M)
+        stature = Stature(settings.stature_m, _GIVEN_SIGMA_M)
     else:
-        stature = _guess_stature(observer, observed_frames, settings, matching)
+        stature = _stature_from_hull(frames, settings, matching, voxel_size_m)
         reporter.note(
             f"no stature given: about {stature.metres:.2f} m by the hull (--stature makes every"
             " joint more accurate)"
         )
-    body = _body(BodyModel.from_sizes(BodySizes(stature.metres, settings.chest_m, sex)), observer)
-    found: dict[int, PoseFit] = {}
-    for t, observed in observed_frames.items():
-        answers = find_pose(body, observed.observation, observed.grid, observed.occupancy, matching)
-        if answers:
-            found[t] = answers[0]
+    body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m)
+    fits: dict[int, PoseFit] = {}
+    for t, frame in frames.items():
+        found = find_pose(body, frame, matching)
+        if found:
+            fits[t] = found[0]
         reporter.advance()
-    best = min(answer.error for answer in found.values())
-    clear = {t: answer for t, answer in found.items() if answer.error <= _CLEAR * best}
+    smallest = min(fit.error for fit in fits.values())
+    clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
     starts = [
         _adapted(
-            BodySizes(stature.metres, settings.chest_m, name),
-            observer,
-            observed_frames,
-            clear,
-            stature,
+            BodySizes(stature.metres, settings.chest_m, name), frames, clear, stature, voxel_size_m
         )
         for name in templates
     ]
@@ -123,91 +108,75 @@ def choose_body(
     return min(starts, key=lambda start: float(np.mean(list(start.errors.values()))))
 
 
-def refit(track: PoseTracker, start: Start) -> None:
-    """Adapts the proportions once more, to frames from the whole take, and gives the track that
-    body.
-    """
-    posed = np.flatnonzero(np.isfinite(track.error))
-    clear = posed[track.error[posed] <= np.median(track.error[posed]) * 1.1]
-    frames = clear[
-        np.unique(np.linspace(0, len(clear) - 1, min(len(clear), _MOST_ADAPTED)).astype(int))
-    ]
-    observed_frames = {
-        int(t): observed for t in frames if (observed := track.observed(int(t))) is not None
+def refit(tracker: PoseTracker, start: Start) -> None:
+    """Adapts the tracker's body again, to clear frames of the whole recording."""
+    posed = np.flatnonzero(np.isfinite(tracker.error))
+    clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
+    spaced = np.linspace(0, len(clear) - 1, min(len(clear), _MOST_ADAPTED)).astype(int)
+    frames = {
+        int(t): frame
+        for t in clear[np.unique(spaced)]
+        if (frame := tracker.observe(int(t))) is not None
     }
-    poses = [pose for t in observed_frames if (pose := track.poses[t]) is not None]
     surface, _ = adapt_shape(
-        track.body.surface,
-        [observed.observation for observed in observed_frames.values()],
-        poses,
+        tracker.body.surface,
+        [frame.observation for frame in frames.values()],
+        [pose for t in frames if (pose := tracker.poses[t]) is not None],
         start.stature,
         start.expected_shape,
     )
-    track.body = _with_surface(surface, track.observer)
+    voxel_size_m = tracker.observations.observer.voxel_size_m
+    tracker.body = BodyGeometry.from_surface(surface, voxel_size_m)
 
 
-def _guess_stature(
-    observer: HullObserver,
-    observed_frames: dict[int, FrameObservation],
+def _stature_from_hull(
+    frames: dict[int, FrameObservation],
     settings: Settings,
     matching: MatchSettings,
+    voxel_size_m: float,
 ) -> Stature:
-    """Reads the stature off the hull: its height, corrected by which body of three fits a clear
-    frame best.
-    """
+    """Height of the hull, corrected by which of three bodies fits a typical frame best."""
     heights = {
-        t: float(np.ptp(np.flatnonzero(s.occupancy.any((0, 1)))) + 1) * s.grid.voxel_size_m
-        for t, s in observed_frames.items()
+        t: float(np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) + 1) * frame.grid.voxel_size_m
+        for t, frame in frames.items()
     }
     middle = float(np.median(list(heights.values())))
-    t = min(heights, key=lambda k: abs(heights[k] - middle))
-    observed = observed_frames[t]
+    typical = min(heights, key=lambda t: abs(heights[t] - middle))
     errors = {}
     for scale in _SCALES:
         metres = float(np.clip(middle * scale, 0.6, 2.4))
-        body = _body(BodyModel.from_sizes(BodySizes(metres, settings.chest_m, "male")), observer)
-        found = find_pose(
-            body, observed.observation, observed.grid, observed.occupancy, matching, count=5
-        )
-        errors[metres] = found[0].error if found else np.inf
+        body = _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m)
+        fits = find_pose(body, frames[typical], matching, count=5)
+        errors[metres] = fits[0].error if fits else np.inf
     metres = min(errors, key=lambda key: errors[key])
-    return Stature(metres, _GUESSED * metres)
+    return Stature(metres, _HULL_SIGMA * metres)
 
 
 def _adapted(
     sizes: BodySizes,
-    observer: HullObserver,
-    observed_frames: dict[int, FrameObservation],
-    clear: dict[int, PoseFit],
+    frames: dict[int, FrameObservation],
+    poses: dict[int, Pose],
     stature: Stature,
+    voxel_size_m: float,
 ) -> Start:
+    """Start with a body of these sizes, its proportions adapted to posed frames."""
     model = BodyModel.from_sizes(sizes)
-    observations = [observed_frames[t].observation for t in clear]
-    surface, poses = adapt_shape(
-        Surface(model),
-        observations,
-        [answer.pose for answer in clear.values()],
-        stature,
-        model.shape,
+    observations = [frames[t].observation for t in poses]
+    surface, adapted = adapt_shape(
+        Surface(model), observations, list(poses.values()), stature, model.shape
     )
     errors = [
         silhouette_error(surface.model, pose, observation)
-        for pose, observation in zip(poses, observations, strict=True)
+        for pose, observation in zip(adapted, observations, strict=True)
     ]
     return Start(
-        _with_surface(surface, observer),
-        dict(zip(clear, poses, strict=True)),
-        dict(zip(clear, errors, strict=True)),
+        BodyGeometry.from_surface(surface, voxel_size_m),
+        dict(zip(poses, adapted, strict=True)),
+        dict(zip(poses, errors, strict=True)),
         stature,
         model.shape,
     )
 
 
-def _body(model: BodyModel, observer: HullObserver) -> FittingBody:
-    return _with_surface(Surface(model), observer)
-
-
-def _with_surface(surface: Surface, observer: HullObserver) -> FittingBody:
-    return FittingBody(
-        surface.model, BodyVolume.of(surface.model, observer.voxel_size_m, CpuBackend()), surface
-    )
+def _body(sizes: BodySizes, voxel_size_m: float) -> BodyGeometry:
+    return BodyGeometry.from_surface(Surface(BodyModel.from_sizes(sizes)), voxel_size_m)

@@ -1,38 +1,40 @@
-"""Several parts at once: the best combination of placements when they may claim the same voxels.
+"""Joint matching of several parts: the best combination of placements that compete for voxels.
 
-The score of a group is the number of voxels in the union of its parts (a voxel counts once), less
-each part's own cost for lying in
-empty space. Unions grow more slowly than sums, so what a part adds to the parts already chosen
+The score of a group is the number of voxels in the union of its parts, less each part's own cost.
+What a part adds to a union never grows with the union, so what it adds to the parts chosen so far
 bounds what it can add later: best-first search over partial choices is exact, and stops at the
-first complete choice that it takes from the queue.
+first complete choice that leaves the queue.
 
-Before the search, what cannot be in a better answer than a good one already known is left out;
-parts that then no longer touch are decided apart. Only voxels that several parts still want are
-kept as sets; of two placements, one that is better whatever the other parts take makes the other
-needless. All of it is exact.
+Before the search, placements are discarded that cannot belong to a better choice than a good one
+already known; parts that then no longer overlap are decided separately. Only voxels that several
+parts still compete for are kept as sets; of two placements, one that is better whatever the other
+parts take dominates the other. All of it is exact.
 """
 
 from __future__ import annotations
 
 import heapq
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from voxelpose.matching.kernels.bits import count_common, count_new, find_dominated
 
-# where fewer than this share of the placements are left, they are sifted again before the search
-_WORTH_ANOTHER = 0.9
+# Where less than this fraction of the placements remains, they are reduced again before the search.
+_REDUCE_AGAIN = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The placements of one part that are still in question.
+    """The K placements of one part that are still candidates.
 
-    Attributes: number: which part of the group. rows: (K,) the placements' own numbers, ascending.
-        bits: (K, W) uint64, the voxels each covers. gain: (K,) float64, what each earns besides:
-        less its cost, with the voxels that no other part wants.
+    Attributes:
+        number: index of the part in the group.
+        rows: (K,) the placements' original indices, ascending.
+        bits: (K, W) uint64, the contested voxels that each covers.
+        gain: (K,) float64, uncontested voxels that each covers, less its cost.
     """
 
     number: int
@@ -41,31 +43,42 @@ class _Part:
     gain: np.ndarray
 
     def gains(self, taken: np.ndarray) -> np.ndarray:
-        """Returns what each placement would add to the voxels `taken` (W,): (K,) float64."""
+        """Increase (K,) float64 of the score by each placement, where voxels `taken` (W,) count."""
         new = np.empty(len(self.bits), np.int64)
         count_new(self.bits, taken, new)
         return self.gain + new
 
     def only(self, kept: np.ndarray) -> _Part:
-        """Returns the part with some of its placements, by mask or index."""
+        """The part with a subset of its placements, by mask or index."""
         return _Part(self.number, self.rows[kept], self.bits[kept], self.gain[kept])
 
 
 def best_together(bits: list[np.ndarray], costs: list[np.ndarray]) -> tuple[tuple[int, ...], float]:
-    """Finds the placements of several parts that together explain most.
+    r"""Best combination of placements of several parts, matched at once.
 
-    Args: bits: for each of n parts (K_i, W) uint64, the voxels that each of its K_i placements
-        covers. costs: for each part (K_i,) float64, at least 0: what each placement costs by
-        itself.
+    .. math::
+        :label: iiyama-4
 
-    Returns: The chosen placement of each part, and the score of the union less the costs. Of
-        equally good choices always the same; the result does not depend on threads.
+        \hat\theta_G = \arg\max_{\theta_G \in \prod_{p \in G} \Theta_p} s(\theta_G)
+
+    where :math:`G` is a group of interfering parts, :math:`\theta_G` holds the angles of each,
+    :math:`\Theta_p` are the sampled angles of part :math:`p`, and :math:`s` is the score
+    (:eq:`iiyama-5`).
+
+    Args:
+        bits: for each of n parts (K_i, W) uint64, the voxels that each of its K_i placements
+            covers.
+        costs: for each part (K_i,) float64, at least 0: what each placement costs by itself.
+
+    Returns:
+        The chosen placement of each part, and the score. Of equally good choices always the same;
+        the result does not depend on threads.
 
     Raises:
         ValueError: no part, or a part without placements.
 
-    Source: Iiyama, Kameda and Minoh, section 3; the bounds are ours (the union of sets is
-    submodular).
+    Source: Iiyama, Kameda and Minoh, step (4): section 3. The paper does not say how all
+    combinations are searched; the exact search is ours.
     """
     if not bits or any(not len(part) for part in bits):
         raise ValueError("every part needs at least one placement")
@@ -73,65 +86,119 @@ def best_together(bits: list[np.ndarray], costs: list[np.ndarray]) -> tuple[tupl
         _Part(i, np.arange(len(rows)), np.ascontiguousarray(rows), -np.asarray(cost, float))
         for i, (rows, cost) in enumerate(zip(bits, costs, strict=True))
     ]
-    chosen = _solve(parts)
+    chosen = _solve(parts)  # step (4)
     choice = tuple(chosen[i] for i in range(len(parts)))
-    union = np.bitwise_or.reduce([rows[k] for rows, k in zip(bits, choice, strict=True)])
-    return choice, float(np.bitwise_count(union).sum()) - sum(
-        float(cost[k]) for cost, k in zip(costs, choice, strict=True)
-    )
+    return choice, group_score(bits, costs, choice)
 
 
 def enumerate_together(
     bits: list[np.ndarray], costs: list[np.ndarray]
 ) -> tuple[tuple[int, ...], float]:
     """As `best_together`, by trying every combination. The reference for tests; exponential."""
-    best: tuple[tuple[int, ...], float] = ((), -np.inf)
-    for choice in itertools.product(*(range(len(part)) for part in bits)):
-        union = np.bitwise_or.reduce([part[k] for part, k in zip(bits, choice, strict=True)])
-        score = float(np.bitwise_count(union).sum()) - sum(
-            cost[k] for cost, k in zip(costs, choice, strict=True)
-        )
-        if score > best[1]:
-            best = (choice, score)
-    return best
+    choices = itertools.product(*(range(len(part)) for part in bits))
+    return max(
+        ((choice, group_score(bits, costs, choice)) for choice in choices), key=lambda it: it[1]
+    )
+
+
+def group_score(
+    bits: Sequence[np.ndarray], costs: Sequence[np.ndarray], choice: Sequence[int]
+) -> float:
+    r"""Score of one combination of placements: voxels in the union, less the costs.
+
+    .. math::
+        :label: iiyama-5
+
+        s(\theta_G) = \Bigl|\bigcup_{p \in G} V_p(\theta_p)\Bigr|
+                     - \sum_{p \in G} c_p(\theta_p)
+
+    where :math:`V_p(\theta_p)` are the voxels that part :math:`p` covers at its angles
+    :math:`\theta_p`, each of which counts once, and :math:`c_p(\theta_p) \ge 0`, in voxels, is the
+    cost of its volume in empty space. Since :math:`|A \cup B| = |A| + |B| - |A \cap B|`,
+
+    .. math::
+
+        s(\theta_G) \le \sum_{p \in G} \bigl(|V_p(\theta_p)| - c_p(\theta_p)\bigr)
+
+    so the scores of single parts bound that of every group; with some parts placed, what each other
+    part adds to their union takes the place of its single score.
+
+    Args:
+        bits: for each of n parts (K_i, W) uint64, the voxels that each of its placements covers.
+        costs: for each part (K_i,) float64.
+        choice: n indices, the placement of each part.
+
+    Source: Iiyama, Kameda and Minoh, step (5): section 2, the overlap of voxels. The union, the
+    costs and the bound are ours.
+    """
+    union = np.bitwise_or.reduce([part[k] for part, k in zip(bits, choice, strict=True)])
+    cost = sum(float(part[k]) for part, k in zip(costs, choice, strict=True))
+    return float(np.bitwise_count(union).sum()) - cost  # step (5)
+
+
+def interference_groups(areas: Sequence[np.ndarray]) -> list[list[int]]:
+    r"""Indices of the parts whose movable areas interfere, directly or through others.
+
+    The movable areas :math:`M_p` of all selectable parts are composed; two parts :math:`p` and
+    :math:`q` interfere where theirs overlap:
+
+    .. math::
+        :label: iiyama-3
+
+        I_{pq} = M_p \cap M_q \neq \emptyset
+
+    The groups are the connected components of this relation; a part that interferes with none is a
+    group by itself.
+
+    Args:
+        areas: for each part (W,) uint64, a set of voxels as bits.
+
+    Source: Iiyama, Kameda and Minoh, step (3): section 3. That interference is passed on from part
+    to part is ours.
+    """
+    label = list(range(len(areas)))
+    for i in range(len(areas)):
+        for j in range(i):
+            if count_common(areas[i], areas[j]):  # step (3)
+                label = [label[j] if other == label[i] else other for other in label]
+    return [[i for i, own in enumerate(label) if own == group] for group in sorted(set(label))]
 
 
 def _solve(parts: list[_Part]) -> dict[int, int]:
-    """Returns the best placement of every part, by the part's number."""
+    """Best placement of every part, by the part's number."""
     nothing = np.zeros(parts[0].bits.shape[1], np.uint64)
     alone = [part.gains(nothing) for part in parts]
     if len(parts) == 1:
         return {parts[0].number: int(parts[0].rows[alone[0].argmax()])}
-    known, score = _good_answer(parts, alone)
-    # A placement that even with the best of all others, none in its way, is no better than the
-    # known answer: only if it is part of it.
+    known, score = _local_optimum(parts, alone)
+    # Discards placements that, even with the best of all other parts and no voxel shared, are no
+    # better than the known choice.
     spare = sum(float(gain.max()) for gain in alone) - score
     kept = [gain > gain.max() - spare for gain in alone]
     for mask, k in zip(kept, known, strict=True):
         mask[k] = True
     fewer = [part.only(mask) for part, mask in zip(parts, kept, strict=True)]
-    groups = _touching(fewer)
+    groups = interference_groups([np.bitwise_or.reduce(part.bits, axis=0) for part in fewer])
     if len(groups) > 1:
-        return {number: row for group in groups for number, row in _solve(group).items()}
+        solved = [_solve([fewer[i] for i in group]) for group in groups]
+        return {number: row for group in solved for number, row in group.items()}
     reduced = [_undominated(part) for part in _contested(fewer)]
-    if sum(len(part.rows) for part in reduced) < _WORTH_ANOTHER * sum(
+    if sum(len(part.rows) for part in reduced) < _REDUCE_AGAIN * sum(
         len(part.rows) for part in parts
     ):
         return _solve(reduced)
-    # The part that can explain most is decided first: its choice narrows the others most.
+    # The part that can explain most is decided first: its choice restricts the others most.
     empty = np.zeros(reduced[0].bits.shape[1], np.uint64)
     order = sorted(range(len(reduced)), key=lambda i: (-reduced[i].gains(empty).max(), i))
     ordered = [reduced[i] for i in order]
-    found = _search(ordered, score)
-    if found is None:
-        return {part.number: int(part.rows[k]) for part, k in zip(parts, known, strict=True)}
-    return {part.number: int(part.rows[k]) for part, k in zip(ordered, found, strict=True)}
+    better = _search(ordered, score)
+    if better is not None:
+        parts, known = ordered, better
+    return {part.number: int(part.rows[k]) for part, k in zip(parts, known, strict=True)}
 
 
-def _good_answer(parts: list[_Part], alone: list[np.ndarray]) -> tuple[list[int], float]:
-    """Chooses greedily, the most promising part first, then lets each part choose again until none
-    finds anything better.
-    """
+def _local_optimum(parts: list[_Part], alone: list[np.ndarray]) -> tuple[list[int], float]:
+    """Greedy choice, the most promising part first, then coordinate ascent; with its score."""
     choice = [-1] * len(parts)
     covered = [np.zeros(parts[0].bits.shape[1], np.uint64) for _ in parts]
     order = sorted(range(len(parts)), key=lambda i: (-alone[i].max(), i))
@@ -144,31 +211,11 @@ def _good_answer(parts: list[_Part], alone: list[np.ndarray]) -> tuple[list[int]
             best = int(gains.argmax())
             if choice[i] < 0 or gains[best] > gains[choice[i]] + 1e-9:
                 choice[i], covered[i], changed = best, parts[i].bits[best], True
-    union = np.bitwise_or.reduce(covered)
-    return choice, float(np.bitwise_count(union).sum()) + sum(
-        float(part.gain[k]) for part, k in zip(parts, choice, strict=True)
-    )
-
-
-def _touching(parts: list[_Part]) -> list[list[_Part]]:
-    """Groups the parts some of whose placements share voxels, directly or through others."""
-    areas = [np.bitwise_or.reduce(part.bits, axis=0) for part in parts]
-    group = list(range(len(parts)))
-    for i in range(len(parts)):
-        for j in range(i):
-            if group[i] != group[j] and count_common(areas[i], areas[j]):
-                old, new = group[i], group[j]
-                group = [new if g == old else g for g in group]
-    return [
-        [part for part, g in zip(parts, group, strict=True) if g == label]
-        for label in sorted(set(group))
-    ]
+    return choice, group_score([p.bits for p in parts], [-p.gain for p in parts], choice)
 
 
 def _contested(parts: list[_Part]) -> list[_Part]:
-    """Keeps as sets only the voxels that several parts could cover; the others are earned by
-    whoever covers them.
-    """
+    """The parts with only those voxels as sets that several could cover; others count as gain."""
     once, several = np.zeros_like(parts[0].bits[0]), np.zeros_like(parts[0].bits[0])
     for part in parts:
         area = np.bitwise_or.reduce(part.bits, axis=0)
@@ -176,7 +223,7 @@ def _contested(parts: list[_Part]) -> list[_Part]:
         once |= area
     columns = np.flatnonzero(np.unpackbits(several.view(np.uint8), bitorder="little"))
     words = max((len(columns) + 63) // 64, 1)
-    found = []
+    reduced = []
     for part in parts:
         sets = np.zeros((len(part.bits), 64 * words), np.uint8)
         sets[:, : len(columns)] = np.unpackbits(
@@ -184,22 +231,22 @@ def _contested(parts: list[_Part]) -> list[_Part]:
         )[:, columns]
         packed = np.packbits(sets, axis=1, bitorder="little").view(np.uint64)
         own = np.bitwise_count(part.bits & ~several).sum(1)
-        found.append(_Part(part.number, part.rows, packed, part.gain + own))
-    return found
+        reduced.append(_Part(part.number, part.rows, packed, part.gain + own))
+    return reduced
 
 
 def _undominated(part: _Part) -> _Part:
-    """Leaves out placements to which another one is to be preferred, whatever the other parts take."""
+    """The part without placements that are dominated, whatever the other parts take."""
     dominated = np.zeros(len(part.bits), np.bool_)
-    # The likely winners first: most others fall to them.
+    # The likely winners first: they dominate most others.
     order = np.argsort(-part.gains(np.zeros(part.bits.shape[1], np.uint64)), kind="stable")
     find_dominated(np.ascontiguousarray(part.bits[order]), part.gain[order], dominated)
     return part.only(np.sort(order[~dominated]))
 
 
 def _search(parts: list[_Part], score: float) -> list[int] | None:
-    """Returns the placements with the best score above the given one, or None."""
-    found = None
+    """Best-first search: the placements with the best score above the given one, or None."""
+    best = None
     ticket = itertools.count()
     start = np.zeros(parts[0].bits.shape[1], np.uint64)
     queue = [(-np.inf, next(ticket), 0.0, [], start)]
@@ -210,12 +257,11 @@ def _search(parts: list[_Part], score: float) -> list[int] | None:
         depth = len(chosen)
         gains = [part.gains(taken) for part in parts[depth:]]
         later = sum(float(gain.max()) for gain in gains[1:])
-        bound = reached + float(gains[0].max()) + later
+        bound = reached + float(gains[0].max()) + later  # the bound of step (5)
         if bound <= score:
             continue
         if bound < -negative and queue and bound < -queue[0][0]:
-            # The bound inherited from the parent was too high: put the choice back where it
-            # belongs.
+            # The bound inherited from the parent was too high: back into the queue with its own.
             heapq.heappush(queue, (-bound, next(ticket), reached, chosen, taken))
             continue
         for k in np.argsort(-gains[0], kind="stable"):
@@ -223,7 +269,7 @@ def _search(parts: list[_Part], score: float) -> list[int] | None:
             if total + later <= score:
                 break
             if depth + 1 == len(parts):
-                found, score = [*chosen, int(k)], total
+                best, score = [*chosen, int(k)], total
                 break
             heapq.heappush(
                 queue,
@@ -235,4 +281,4 @@ def _search(parts: list[_Part], score: float) -> list[int] | None:
                     taken | parts[depth].bits[k],
                 ),
             )
-    return found
+    return best

@@ -1,7 +1,7 @@
-"""The parts that the voxel matcher places, and the angles it tries for each.
+"""Limbs, the parts that the voxel matcher places, and the angles sampled for each.
 
-Paper B matches "parts" of a coarse body model. Here a matched part is a limb: one or several of the
-27 parts held rigidly together (a forearm with its hand), turned by the joint angles that its own
+Paper B matches the parts of a coarse body model. Here a matched part is a limb: one or several of
+the 27 parts as a rigid group (a forearm with its hand), turned by the joint angles that its own
 placement shows.
 """
 
@@ -19,13 +19,16 @@ from silhouette_core.body.model import BodyModel
 
 @dataclass(frozen=True)
 class Limb:
-    """A rigid group of parts and how it is turned.
+    """A rigid group of parts and the angles that turn it.
 
-    Attributes: name: also that of its first part, whose joint it hangs on. parts: names of the
-        parts it consists of. parent: the limb that must be placed before it is selectable; None for
-        the root. swing: the two angles that point it, empty for a hinge. hinge: the angle of its
-        own hinge joint, None for a ball joint. twist_of: for a hinge, the ball joint above, whose
-        twist about the bone shows only in this limb.
+    Attributes:
+        name: also that of its first part, at whose joint it is attached.
+        parts: names of its parts.
+        parent: the limb that must be placed before it is selectable; None for the root.
+        swing: the two angles that point it; empty for a hinge.
+        hinge: the angle of its own hinge joint; None for a ball joint.
+        twist_of: for a hinge, the ball joint above, whose twist about the bone shows only in this
+            limb.
     """
 
     name: str
@@ -49,12 +52,12 @@ TORSO = Limb(
 
 
 def _limbs() -> tuple[Limb, ...]:
-    found = [
+    limbs = [
         TORSO,
         Limb("neck", ("neck", "head"), "pelvis", swing=("neck.flexion", "neck.lateral")),
     ]
     for s in ("left", "right"):
-        found += [
+        limbs += [
             Limb(
                 f"{s}_upper_arm",
                 (f"{s}_upper_arm",),
@@ -82,7 +85,7 @@ def _limbs() -> tuple[Limb, ...]:
                 twist_of=f"{s}_thigh",
             ),
         ]
-    return tuple(found)
+    return tuple(limbs)
 
 
 LIMBS = _limbs()
@@ -99,11 +102,14 @@ _TWIST_AXIS = {
 def sample_angles(
     limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None
 ) -> np.ndarray:
-    """Samples a limb's joint angles within their limits.
+    """Samples of a limb's joint angles within their limits.
 
-    Args: limb: which. angles_rad: (D,) the angles decided so far. step_rad: distance between
-        samples. around: samples at most this many radians from `angles_rad`; None: the whole range
-        of the joints.
+    Args:
+        limb: the limb.
+        angles_rad: (D,) the angles decided so far.
+        step_rad: distance between samples.
+        around: largest distance of samples from `angles_rad`, radians; None: the whole range of the
+            joints.
 
     Returns:
         (K, D) angles: `angles_rad` with the limb's own replaced. The present angles come first.
@@ -117,26 +123,28 @@ def sample_angles(
             _ticks(BodyModel.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns
         ]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
-        found = np.tile(angles_rad, (len(mesh), 1))
-        found[:, columns] = mesh
+        samples = np.tile(angles_rad, (len(mesh), 1))
+        samples[:, columns] = mesh
         if around is None:
-            # Over the whole range the twist of the old placement means nothing at the new ones.
+            # Over the whole range the present twist has no meaning at other placements.
             for k, name in enumerate(names):
                 if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
-                    found[:, k] = 0.0
+                    samples[:, k] = 0.0
     else:
-        found = sample_hinge(limb, angles_rad[None], step_rad, around)[0]
-    return np.concatenate([angles_rad[None], found[within_limits(found)]])
+        samples = sample_hinge(limb, angles_rad[None], step_rad, around)[0]
+    return np.concatenate([angles_rad[None], samples[within_limits(samples)]])
 
 
 def sample_hinge(
     limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None
 ) -> np.ndarray:
-    """Samples the bend of a hinge and the twist of the bone above it, for several placements of
-    that bone at once.
+    """Samples of a hinge's bend and of the twist of the bone above it.
 
-    Args: limb: one with a hinge. angles_rad: (M, D), alike in the hinge's own angle. step_rad:
-        distance between samples of the bend; the twist, which moves less, takes half as many.
+    Args:
+        limb: one with a hinge.
+        angles_rad: (M, D), M placements of the bone above, with equal angles of the hinge.
+        step_rad: distance between samples of the bend; the twist, which moves less, takes half as
+            many.
         around: as in `sample_angles`.
 
     Returns:
@@ -145,9 +153,8 @@ def sample_hinge(
     names = BodyModel.dof_names
     hinge = names.index(limb.hinge or "")
     above = [k for k, name in enumerate(names) if name.partition(".")[0] == limb.twist_of]
-    axes = BodyModel.dof_axis[
-        above
-    ]  # orthonormal, so that angles are coordinates of the rotation vector
+    # Orthonormal, so that angles are coordinates of the rotation vector.
+    axes = BodyModel.dof_axis[above]
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
     reach = np.radians(100) if around is None else around
     twists = _ticks((-reach, reach), 0.0, 2 * step_rad, None)
@@ -156,16 +163,16 @@ def sample_hinge(
     turned = (
         swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
     ).as_rotvec() @ axes.T
-    found = np.repeat(angles_rad[:, None], len(twists) * len(bends), axis=1)
-    found[..., above] = np.repeat(
+    samples = np.repeat(angles_rad[:, None], len(twists) * len(bends), axis=1)
+    samples[..., above] = np.repeat(
         turned.reshape(len(angles_rad), len(twists), 3), len(bends), axis=1
     )
-    found[..., hinge] = np.tile(bends, len(twists))
-    return found
+    samples[..., hinge] = np.tile(bends, len(twists))
+    return samples
 
 
 def within_limits(angles_rad: np.ndarray) -> np.ndarray:
-    """Returns for each (…, D) whether every angle is within its limits: (…,) bool."""
+    """Whether all angles (…, D) of each pose are within their limits, (…,) bool."""
     low, high = BodyModel.dof_limits_rad.T
     return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
@@ -173,6 +180,7 @@ def within_limits(angles_rad: np.ndarray) -> np.ndarray:
 def _ticks(
     limits: Sequence[float] | np.ndarray, middle: float, step: float, around: float | None
 ) -> np.ndarray:
+    """Samples of one angle, at most `step` apart, both ends of its range included."""
     low, high = limits
     if around is not None:
         low, high = max(low, middle - around), min(high, middle + around)

@@ -1,4 +1,4 @@
-"""A recording's silhouettes over time, kept on disk as bits."""
+"""Silhouettes of a recording, kept on disk as bits."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 
 
 class MaskStore:
-    """Silhouettes of all cameras and frames in one scratch file each, a bit per pixel, so that
-    memory does not grow with time.
+    """Silhouettes of all frames, one scratch file per camera, one bit per pixel.
+
+    Memory does not grow with the number of frames.
 
     Args:
         sizes: (width, height) of each camera's silhouettes.
@@ -18,7 +19,7 @@ class MaskStore:
     """
 
     def __init__(self, sizes: list[tuple[int, int]], count: int):
-        """Makes the scratch files; they vanish with `close`, or with the process."""
+        """Creates the scratch files; `close` or the end of the process removes them."""
         self._folder = tempfile.TemporaryDirectory(prefix="voxelpose-")
         self._widths = [width for width, _ in sizes]
         self._bits = [
@@ -32,18 +33,18 @@ class MaskStore:
         ]
 
     def __len__(self) -> int:
-        """Returns the number of frames."""
+        """Number of frames."""
         return len(self._bits[0])
 
     def __getitem__(self, t: int) -> list[np.ndarray]:
-        """Returns the (h, w) bool silhouettes of one frame, a camera each."""
+        """Silhouettes (h, w) bool of one frame, one per camera."""
         return [
             np.unpackbits(bits[t], axis=1, count=width).view(bool)
             for bits, width in zip(self._bits, self._widths, strict=True)
         ]
 
     def put(self, t: int, masks: list[np.ndarray]) -> None:
-        """Keeps one frame's silhouettes."""
+        """Stores one frame's silhouettes, (h, w) bool, one per camera."""
         for bits, mask in zip(self._bits, masks, strict=True):
             bits[t] = np.packbits(mask, axis=1)
 

@@ -1,31 +1,32 @@
-"""Paper B: a posture from voxels, part by part and breadth first, with interfering parts matched
-together.
-"""
+"""Paper B: a posture from voxels, part by part and breadth first, interfering parts jointly."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from silhouette_core.refinement.pose import Pose
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.joint_search import best_together
-from voxelpose.matching.kernels.bits import count_common
+from voxelpose.matching.joint_search import best_together, interference_groups
 from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
 from voxelpose.matching.voxel_set import VoxelSet
 
 
 @dataclass(frozen=True)
 class MatchSettings:
-    """How the matcher searches.
+    """Settings of the matcher.
 
-    Attributes: step_rad: distance between sampled angles. around_rad: how far from the given pose
-        angles are tried; None: the whole range of every joint. interference: match parts together
-        where their movable areas share voxels; False is the paper's plain matcher. empty_cost: cost
-        of a voxel's worth of a part in empty space, in explained voxels. taken_cost: the same for
-        lying inside a part that is already placed.
+    Attributes:
+        step_rad: distance between sampled angles.
+        around_rad: largest distance of sampled angles from the given pose; None: the whole range
+            of every joint.
+        interference: match parts jointly where their movable areas share voxels; False is the
+            paper's plain matcher.
+        empty_cost: cost of a voxel of a part in empty space, in explained voxels.
+        taken_cost: cost of a voxel of a part inside a part that is already placed.
     """
 
     step_rad: float = np.radians(15.0)
@@ -37,13 +38,13 @@ class MatchSettings:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """What the matcher found.
+    """Result of the matcher.
 
     Attributes:
         pose: with the best sampled angles.
-        score: voxels explained less the cost of parts in empty space.
-        explained: share of the hull's voxels that some part covers.
-        groups: the limbs matched together, in the order in which they were decided.
+        score: explained voxels less the cost of parts in empty space.
+        explained: fraction of the hull's voxels that some part covers.
+        groups: the limbs matched jointly, in the order in which they were decided.
     """
 
     pose: Pose
@@ -54,11 +55,14 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class LimbPlacements:
-    """The sampled placements of one selectable limb.
+    """The K sampled placements of one selectable limb.
 
-    Attributes: limb: which. angles_rad: (K, D), one row a placement. bits: (K, words) uint64, the
-        free voxels each covers. cost: (K,) float64, at least 0, for lying in empty space or inside
-        a part that is already placed.
+    Attributes:
+        limb: the limb.
+        angles_rad: (K, D), one row a placement.
+        bits: (K, words) uint64, the free voxels that each covers.
+        cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already
+            placed.
     """
 
     limb: Limb
@@ -68,25 +72,37 @@ class LimbPlacements:
 
     @property
     def movable_area(self) -> np.ndarray:
-        """(words,) uint64: the free voxels that some placement covers.
+        r"""Movable area of a selectable part: (words,) uint64, a set of voxels as bits.
 
-        Source: Iiyama, Kameda and Minoh, section 3.
+        .. math::
+            :label: iiyama-2
+
+            M_p = \bigcup_{\theta \in \Theta_p} V_p(\theta)
+
+        where :math:`\Theta_p` are the sampled angles of part :math:`p` within its range, and
+        :math:`V_p(\theta)` the free voxels that it covers at angles :math:`\theta`.
+
+        Source: Iiyama, Kameda and Minoh, step (2): section 3. The area as a set of the hull's
+        voxels is ours; the paper does not say how it is represented.
         """
-        return np.bitwise_or.reduce(self.bits, axis=0)
+        return np.bitwise_or.reduce(self.bits, axis=0)  # step (2)
 
 
-@dataclass
-class _State:
-    """The matching under way: the pose so far, and what has been decided."""
+@dataclass(frozen=True, eq=False)
+class LimbArea:
+    """Where one limb could be when the matcher is about to place it.
 
-    body_volume: BodyVolume
-    voxel_set: VoxelSet
-    pose: Pose
-    settings: MatchSettings
-    taken: np.ndarray
-    score: float = 0.0
-    covered: int = 0
-    groups: list[tuple[str, ...]] = field(default_factory=list)
+    Attributes:
+        limb: the limb.
+        voxels: (n, 3) int64, its movable area as indices into the grid.
+        interferes: names of the limbs that would be matched jointly with it, its own included.
+        disputed: (m, 3) int64, the voxels of its area that also lie in that of another of them.
+    """
+
+    limb: Limb
+    voxels: np.ndarray
+    interferes: tuple[str, ...]
+    disputed: np.ndarray
 
 
 def match(
@@ -96,79 +112,47 @@ def match(
     start: Pose,
     settings: MatchSettings | None = None,
 ) -> Match:
-    """Estimates the joint angles of a body whose root part is placed.
+    r"""Joint angles of a body whose root part is placed.
 
-    Args: body_volume: the body. grid: the voxels' places. occupancy: (nx, ny, nz) bool, the voxels
-        of one body. start: places the root part; its other angles are the middle of a local search,
-        or only the first guess of a full one. settings: see MatchSettings.
+    The parts are matched one by one, breadth first along the tree of parts: once the angles of its
+    parent are decided, part :math:`p` is selectable, and
 
-    Source: Iiyama, Kameda and Minoh, sections 2 and 3. Ours: the union score with its cost for
-    empty space, the exact joint search; the torso's voxels are taken before the limbs are matched.
+    .. math::
+        :label: iiyama-1
+
+        \hat\theta_p = \arg\max_{\theta \in \Theta_p} s_p(\theta)
+
+    where :math:`\Theta_p` are angles sampled within the range of the part's joint and
+    :math:`s_p(\theta)` is the overlap of the part with the voxels. Parts whose movable areas
+    interfere are decided jointly instead (:eq:`iiyama-4`).
+
+    Args:
+        body_volume: the body.
+        grid: position and size of the voxels.
+        occupancy: (nx, ny, nz) bool, the voxels of one body.
+        start: places the root part; its other angles are the middle of a local search, or the
+            initial values of a full one.
+        settings: see MatchSettings.
+
+    Source: Iiyama, Kameda and Minoh, step (1): section 2, with section 3 for interfering parts.
+    Ours: a score that subtracts a cost for empty space; the torso's voxels are taken before the
+    limbs are matched, and the voxels that one level takes are not offered to the next.
     """
-    voxel_set = VoxelSet(grid, occupancy)
-    state = _State(
-        body_volume,
-        voxel_set,
-        start,
-        settings or MatchSettings(),
-        np.zeros(voxel_set.words, np.uint64),
-    )
-    bits, cost = _cover(state, TORSO, start.angles_rad[None])
-    _decide(state, [TORSO], [bits[0]], start.angles_rad, float(cost[0]))
-    decided = {TORSO.name}
-    while True:
-        selectable = [limb for limb in LIMBS if limb.name not in decided and limb.parent in decided]
-        if not selectable:
-            break
-        candidates = [candidate_placements(state, limb) for limb in selectable]
-        groups = (
-            interference_groups(candidates)
-            if state.settings.interference
-            else [[c] for c in candidates]
-        )
-        # All groups of one level are judged on the voxels that the levels before left: breadth
-        # first.
-        found = [
-            (group, *best_together([c.bits for c in group], [c.cost for c in group]))
-            for group in groups
+    search = _Search(body_volume, grid, occupancy, start, settings or MatchSettings())
+    search.decide([search.placements(TORSO, start.angles_rad[None])], (0,), start.angles_rad)
+    while candidates := search.selectable():
+        groups = [[c] for c in candidates]
+        if search.settings.interference:
+            groups = _interfering(candidates)
+        # All groups of a level are matched on the voxels that the levels before left.
+        choices = [  # step (1), (4)
+            best_together([c.bits for c in group], [c.cost for c in group])[0] for group in groups
         ]
-        before = state.pose.angles_rad
-        for group, choice, _ in found:
-            angles = state.pose.angles_rad.copy()
-            for candidate, k in zip(group, choice, strict=True):
-                # Against the angles that the candidates were sampled from: what other groups have
-                # decided since then stays.
-                changed = candidate.angles_rad[k] != before
-                angles[changed] = candidate.angles_rad[k][changed]
-            cost = sum(float(c.cost[k]) for c, k in zip(group, choice, strict=True))
-            _decide(
-                state,
-                [c.limb for c in group],
-                [c.bits[k] for c, k in zip(group, choice, strict=True)],
-                angles,
-                cost,
-            )
-        decided |= {limb.name for limb in selectable}
-    return Match(
-        state.pose, state.score, state.covered / max(len(state.voxel_set), 1), tuple(state.groups)
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """Where one limb could be, at the moment at which the matcher would place it.
-
-    Attributes:
-        limb: which.
-        voxels: (n, 3) int64, its movable area as indices into the grid.
-        interferes: the limbs that would be matched together with it, itself among them.
-        disputed: (m, 3) int64, the voxels of its area that lie in another one of the group, too.
-    """
-
-    limb: Limb
-    voxels: np.ndarray
-    interferes: tuple[str, ...]
-    disputed: np.ndarray
+        before = search.pose.angles_rad
+        for group, choice in zip(groups, choices, strict=True):
+            search.decide(group, choice, before)
+    explained = int(np.bitwise_count(search.taken).sum()) / max(len(search.voxel_set), 1)
+    return Match(search.pose, search.score, explained, tuple(search.groups))
 
 
 def movable_areas(
@@ -177,98 +161,99 @@ def movable_areas(
     occupancy: np.ndarray,
     pose: Pose,
     settings: MatchSettings | None = None,
-) -> list[Reach]:
-    """Returns the movable area of every limb but the torso, with what is above it placed as in a
-    given pose.
+) -> list[LimbArea]:
+    """Movable area of every limb but the torso, with its parents placed as in a given pose.
 
     Args:
         body_volume: the body.
-        grid: the voxels' places.
+        grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
         pose: places the limbs that are decided before each.
         settings: see MatchSettings.
 
     Source: Iiyama, Kameda and Minoh, section 3.
     """
-    voxel_set = VoxelSet(grid, occupancy)
-    state = _State(
-        body_volume,
-        voxel_set,
-        pose,
-        settings or MatchSettings(),
-        np.zeros(voxel_set.words, np.uint64),
-    )
-    decided: set[str] = set()
-    found = []
-    selectable = [TORSO]
-    while selectable:
-        candidates = [candidate_placements(state, limb) for limb in selectable] if decided else []
-        for group in interference_groups(candidates):
-            for one in group:
-                others = [other.movable_area for other in group if other is not one]
-                shared = (
-                    one.movable_area & np.bitwise_or.reduce(others)
-                    if others
-                    else np.zeros(voxel_set.words, np.uint64)
-                )
-                names = tuple(other.limb.name for other in group)
-                found.append(
-                    Reach(
-                        one.limb,
-                        voxel_set.voxels(one.movable_area),
-                        names,
-                        voxel_set.voxels(shared),
-                    )
-                )
-        for limb in selectable:
-            voxel_set.take(_cover(state, limb, pose.angles_rad[None])[0][0])
-            decided.add(limb.name)
-        selectable = [limb for limb in LIMBS if limb.name not in decided and limb.parent in decided]
-    return found
+    search = _Search(body_volume, grid, occupancy, pose, settings or MatchSettings())
+    search.decide([search.placements(TORSO, pose.angles_rad[None])], (0,), pose.angles_rad)
+    areas = []
+    while candidates := search.selectable():
+        for group in _interfering(candidates):
+            names = tuple(candidate.limb.name for candidate in group)
+            for candidate in group:
+                own, others = candidate.movable_area, np.zeros_like(search.taken)
+                for other in group:
+                    if other is not candidate:
+                        others |= other.movable_area
+                voxels, shared = search.voxel_set.voxels(own), search.voxel_set.voxels(own & others)
+                areas.append(LimbArea(candidate.limb, voxels, names, shared))
+        for candidate in candidates:  # the first placement is the given pose's
+            search.decide([candidate], (0,), pose.angles_rad)
+    return areas
 
 
-def candidate_placements(state: _State, limb: Limb) -> LimbPlacements:
-    """Samples and scores the placements of one selectable limb."""
-    angles = sample_angles(
-        limb, state.pose.angles_rad, state.settings.step_rad, state.settings.around_rad
-    )
-    return LimbPlacements(limb, angles, *_cover(state, limb, angles))
+class _Search:
+    """State of the search: the pose so far, and the voxels that its parts have taken."""
+
+    def __init__(
+        self,
+        body_volume: BodyVolume,
+        grid: VoxelGrid,
+        occupancy: np.ndarray,
+        pose: Pose,
+        settings: MatchSettings,
+    ):
+        """Starts with no part placed."""
+        self.body_volume = body_volume
+        self.voxel_set = VoxelSet(grid, occupancy)
+        self.pose = pose
+        self.settings = settings
+        self.taken = np.zeros(self.voxel_set.words, np.uint64)
+        self.score = 0.0
+        self.groups: list[tuple[str, ...]] = []
+
+    def selectable(self) -> list[LimbPlacements]:
+        """Placements of each limb that is not decided yet, but whose parent is."""
+        decided = {name for group in self.groups for name in group}
+        own = self.pose.angles_rad, self.settings.step_rad, self.settings.around_rad
+        return [
+            self.placements(limb, sample_angles(limb, *own))
+            for limb in LIMBS
+            if limb.name not in decided and limb.parent in decided
+        ]
+
+    def placements(self, limb: Limb, angles_rad: np.ndarray) -> LimbPlacements:
+        """Placements of a limb at angles (K, D), with the voxels they cover and what they cost."""
+        placed = self.body_volume.placements(limb, self.pose, angles_rad)
+        bits, empty, inside = self.voxel_set.cover(self.body_volume.points[limb.name], *placed)
+        cost = self.settings.empty_cost * empty + self.settings.taken_cost * inside
+        return LimbPlacements(limb, angles_rad, bits, cost)
+
+    def decide(
+        self, group: list[LimbPlacements], choice: Sequence[int], before_rad: np.ndarray
+    ) -> None:
+        """Places the limbs of a group.
+
+        Args:
+            group: n limbs.
+            choice: the chosen placement of each.
+            before_rad: (D,) the angles around which the placements were sampled; what other groups
+                have changed since then is kept.
+        """
+        chosen = list(zip(group, choice, strict=True))
+        angles = self.pose.angles_rad.copy()
+        for placements, k in chosen:
+            changed = placements.angles_rad[k] != before_rad
+            angles[changed] = placements.angles_rad[k][changed]
+        union = np.bitwise_or.reduce([placements.bits[k] for placements, k in chosen])
+        # Without interference two groups of one level may claim the same voxel; it counts once.
+        explained = int(np.bitwise_count(union & ~self.taken).sum())
+        self.score += explained - sum(float(placements.cost[k]) for placements, k in chosen)
+        self.taken |= union
+        self.voxel_set.take(union)
+        self.pose = Pose(self.pose.root_m, self.pose.root_rotation, angles)
+        self.groups.append(tuple(placements.limb.name for placements in group))
 
 
-def interference_groups(candidates: list[LimbPlacements]) -> list[list[LimbPlacements]]:
-    """Groups the limbs whose movable areas share voxels, directly or through others.
-
-    Source: Iiyama, Kameda and Minoh, section 3.
-    """
-    areas = [candidate.movable_area for candidate in candidates]
-    group = list(range(len(candidates)))
-    for i in range(len(candidates)):
-        for j in range(i):
-            if count_common(areas[i], areas[j]):
-                old, new = group[i], group[j]
-                group = [new if g == old else g for g in group]
-    return [
-        [c for c, g in zip(candidates, group, strict=True) if g == label]
-        for label in sorted(set(group))
-    ]
-
-
-def _cover(state: _State, limb: Limb, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bits (K, words) and cost (K,) of a limb's placements."""
-    placements = state.body_volume.placements(limb, state.pose, angles)
-    bits, empty, inside = state.voxel_set.cover(state.body_volume.points[limb.name], *placements)
-    return bits, state.settings.empty_cost * empty + state.settings.taken_cost * inside
-
-
-def _decide(
-    state: _State, limbs: list[Limb], bits: list[np.ndarray], angles: np.ndarray, cost: float
-) -> None:
-    union = np.bitwise_or.reduce(bits)
-    # Without interference two groups of one level may claim the same voxel; it counts once.
-    explained = int(np.bitwise_count(union & ~state.taken).sum())
-    state.taken |= union
-    state.pose = Pose(state.pose.root_m, state.pose.root_rotation, angles)
-    state.voxel_set.take(union)
-    state.score += explained - cost
-    state.covered += explained
-    state.groups.append(tuple(limb.name for limb in limbs))
+def _interfering(candidates: list[LimbPlacements]) -> list[list[LimbPlacements]]:
+    groups = interference_groups([candidate.movable_area for candidate in candidates])
+    return [[candidates[i] for i in group] for group in groups]

@@ -1,27 +1,25 @@
-"""What a frame's raw silhouettes show of one body: its hull, and the silhouettes without what does
-not belong to it.
-"""
+"""One body's hull and silhouettes from the raw silhouettes of one frame."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
-from scipy import ndimage
 
+from calib.components import MaskComponents, label_components
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
-_EXPLAINED = (
-    0.04  # a camera is explained by the hull where less than this share of its silhouette is not
-)
+_EXPLAINED = 0.04  # largest unexplained fraction of a silhouette that the hull counts as explaining
 _SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
-_CRUMB = 0.03  # of the largest piece
+_CRUMB = 0.03  # of the largest component
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
+_NEAR_M = 1.0  # distance from the last position at which a component's weight falls to 1/e
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,19 +27,68 @@ class FrameObservation:
     """One frame ready for fitting: the silhouettes of one body, and its hull.
 
     Attributes:
-        observation: silhouettes, cleared of what does not belong to the hull.
+        views: the C cameras.
+        masks: C arrays (h, w) bool, silhouettes without what does not belong to the hull.
         grid: a window of voxels around the body.
-        occupancy: (nx, ny, nz) bool, the hull's largest piece in it.
+        occupancy: (nx, ny, nz) bool, the hull's largest component in it.
     """
 
-    observation: Observation
+    views: PinholeViews
+    masks: list[np.ndarray]
     grid: VoxelGrid
     occupancy: np.ndarray
 
+    @cached_property
+    def observation(self) -> Observation:
+        """The silhouettes with contours and distances, for refinement; prepared when first used."""
+        middle = self.grid.occupied_points(self.occupancy).mean(0)
+        distance = float(np.median(np.linalg.norm(self.views.center_m - middle, axis=1)))
+        return Observation.from_masks(self.views, self.masks, distance)
+
+
+@dataclass(frozen=True, eq=False)
+class HullComponents:
+    """The n connected components of a hull.
+
+    Attributes:
+        volume_m3: (n,) float64, volumes.
+        center_m: (n, 3) float64, centres of mass in the world.
+        bounds_m: (n, 2, 3) float64, lower and upper corner of each component's box.
+    """
+
+    volume_m3: np.ndarray
+    center_m: np.ndarray
+    bounds_m: np.ndarray
+
+    @classmethod
+    def from_voxels(cls, voxels: MaskComponents, grid: VoxelGrid) -> HullComponents:
+        """Measures the components of a grid's voxels."""
+        return cls(
+            voxels.sizes[1:] * grid.voxel_size_m**3,
+            grid.origin_m + (voxels.centroids + 0.5) * grid.voxel_size_m,
+            grid.origin_m + voxels.bounds * grid.voxel_size_m,
+        )
+
+    def body(self, near_m: np.ndarray | None) -> int | None:
+        """Index of the body's component, or None where none is large enough.
+
+        Args:
+            near_m: (3,) where the body was last: near components are preferred. None: the largest.
+        """
+        weight = self.volume_m3
+        if not len(weight):
+            return None
+        if near_m is not None and len(weight) > 1:
+            distance = np.linalg.norm(self.center_m - near_m, axis=1)
+            weight = weight * np.exp(-((distance / _NEAR_M) ** 2))
+        best = int(weight.argmax())
+        return best if self.volume_m3[best] >= _SMALLEST_M3 else None
+
 
 def body_rule(cameras: int, tolerance: int) -> CarveRule:
-    """Returns when a voxel may be a body's: one that too few cameras see is no evidence, or what
-    only a wall hides would pass for one.
+    """Rule by which a voxel may belong to a body.
+
+    A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
     """
     return CarveRule(tolerance, least_agreeing=max(2, 3 * cameras // 4) - tolerance)
 
@@ -70,72 +117,91 @@ class HullObserver:
         low = volume.origin_m
         self._coarse = VoxelGrid.from_bounds(low, low + volume.size_m, max(_COARSE_M, voxel_size_m))
 
-    def look(
+    def observe(
         self, masks: list[np.ndarray], near_m: np.ndarray | None = None
     ) -> FrameObservation | None:
-        """Finds the body in one frame.
+        """One body of a frame, or None where no hull of a body's size is left.
 
-        Args: masks: a silhouette (h, w) bool per camera. near_m: (3,) where the body was last; of
-            several hulls the one there is taken. None: the largest.
-
-        Returns:
-            What is seen of it, or None where no hull of a body's size is left.
+        Args:
+            masks: a silhouette (h, w) bool per camera.
+            near_m: (3,) where the body was last; of several hulls the one there is used. None: the
+                largest.
         """
-        coarse = carve(self.views.rig, masks, self._coarse, self.rule)
-        piece = _piece(coarse, self._coarse, near_m)
-        if piece is None:
+        components = self.components(masks)
+        body = components.body(near_m)
+        if body is None:
             return None
-        inside = np.argwhere(piece)
-        low = self._coarse.origin_m + inside.min(0) * self._coarse.voxel_size_m - _MARGIN_M
-        high = self._coarse.origin_m + (inside.max(0) + 1) * self._coarse.voxel_size_m + _MARGIN_M
-        grid = VoxelGrid.from_bounds(low, high, self.voxel_size_m)
-        masks = self._belonging(masks, grid)
-        occupancy = carve(self.views.rig, self._widened(masks, grid), grid, self.rule)
-        fine = _piece(occupancy, grid, near_m)
-        if fine is None:
-            return None
-        middle = grid.occupied_points(fine).mean(0)
-        distance = float(np.median(np.linalg.norm(self.views.center_m - middle, axis=1)))
-        return FrameObservation(Observation.of(self.views, masks, distance), grid, fine)
+        grid = self.window(components, body)
+        return self.select(*self.carve(masks, grid), grid, near_m)
 
-    def _widened(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
-        """Widens silhouettes by half a voxel: a voxel then stays where it touches the body, so that
-        thin limbs are not lost between.
+    def components(self, masks: list[np.ndarray]) -> HullComponents:
+        """Components of the coarse hull of the whole volume."""
+        hull = carve(self.views.rig, masks, self._coarse, self.rule)
+        return HullComponents.from_voxels(label_components(hull), self._coarse)
+
+    def window(self, components: HullComponents, body: int) -> VoxelGrid:
+        """Fine grid around one component of the coarse hull."""
+        low, high = components.bounds_m[body]
+        return VoxelGrid.from_bounds(low - _MARGIN_M, high + _MARGIN_M, self.voxel_size_m)
+
+    def carve(
+        self, masks: list[np.ndarray], grid: VoxelGrid
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """Silhouettes confirmed by the other cameras, and their hull (nx, ny, nz) bool in a window.
+
+        Args:
+            masks: a raw silhouette (h, w) bool per camera.
+            grid: the window.
+        """
+        masks = self._confirmed_by_others(masks, grid)
+        return masks, carve(self.views.rig, self._dilated(masks, grid), grid, self.rule)
+
+    def select(
+        self,
+        masks: list[np.ndarray],
+        occupancy: np.ndarray,
+        grid: VoxelGrid,
+        near_m: np.ndarray | None,
+    ) -> FrameObservation | None:
+        """The body's component of a carved window, or None where it is too small for a body."""
+        voxels = label_components(occupancy)
+        body = HullComponents.from_voxels(voxels, grid).body(near_m)
+        if body is None:
+            return None
+        return FrameObservation(self.views, masks, grid, voxels.labels == body + 1)
+
+    def _dilated(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+        """Silhouettes widened by half a voxel.
+
+        A voxel then stays where it touches the body, so that thin limbs do not vanish between voxel
+        centres.
         """
         middle = grid.origin_m + 0.5 * grid.size_m
-        wide = []
+        dilated = []
         for c, mask in enumerate(masks):
             depth = float(self.views.rotation[c, 2] @ middle + self.views.translation_m[c, 2])
             reach = max(
                 round(0.5 * grid.voxel_size_m * self.views.intrinsics[c, 0] / max(depth, 0.1)), 0
             )
-            wide.append(
-                cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8)).astype(
-                    bool
-                )
-            )
-        return wide
+            dilated.append(_dilate(mask, 2 * reach + 1))
+        return dilated
 
-    def _belonging(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
-        """Keeps of each silhouette what the other cameras confirm: pixels into which a voxel near
-        the body projects.
+    def _confirmed_by_others(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+        """Pixels of each silhouette into which a voxel near the body projects.
 
         A limb that one camera misses leaves the hull, and all other cameras then show something
         that the hull does not explain. So where at least two cameras are explained, large pieces
         that only some of the others show are false foreground. Small ones stay,
-        if most cameras agree: hands and feet are soon lost to a hull.
+        if most cameras agree: hands and feet are easily lost from a hull.
         """
-        if len(masks) < 4:
-            return self._confirmed(masks, grid, self.rule)
-        tolerance = self.rule.tolerance + max(1, len(masks) // 4)
-        loose = self._confirmed(
-            masks,
-            grid,
-            replace(
-                self.rule, tolerance=tolerance, least_agreeing=3 * len(masks) // 4 - tolerance + 1
-            ),
-        )
         strict = self._confirmed(masks, grid, self.rule)
+        if len(masks) < 4:
+            return strict
+        tolerance = self.rule.tolerance + max(1, len(masks) // 4)
+        least = 3 * len(masks) // 4 - tolerance + 1
+        loose = self._confirmed(
+            masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=least)
+        )
         missing = sorted(
             1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
             for a, b in zip(strict, loose, strict=True)
@@ -143,17 +209,16 @@ class HullObserver:
         if missing[1] >= _EXPLAINED:
             return loose
         return [
-            sure | _small_pieces(likely & ~sure, _SMALL * np.count_nonzero(sure))
+            sure | _small_components(likely & ~sure, _SMALL * np.count_nonzero(sure))
             for sure, likely in zip(strict, loose, strict=True)
         ]
 
     def _confirmed(
         self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
-        points = grid.occupied_points(
-            _large_pieces(carve(self.views.rig, self._widened(masks, grid), grid, rule))
-        )
-        kept = []
+        hull = carve(self.views.rig, self._dilated(masks, grid), grid, rule)
+        points = grid.occupied_points(_without_crumbs(hull))
+        confirmed = []
         for c, mask in enumerate(masks):
             pixels, depth = self.views.rig.cameras[c].project(points)
             size_px = (
@@ -164,45 +229,25 @@ class HullObserver:
             pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
             height, width = mask.shape
             pixels = pixels[((pixels >= 0) & (pixels < (width, height))).all(1)]
-            footprint = np.zeros(mask.shape, np.uint8)
-            footprint[pixels[:, 1], pixels[:, 0]] = 1
+            footprint = np.zeros(mask.shape, np.bool_)
+            footprint[pixels[:, 1], pixels[:, 0]] = True
             # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
             # misses at the edge.
-            reach = int(np.ceil(2 * size_px)) | 1
-            kept.append(
-                mask & cv2.dilate(footprint, np.ones((reach, reach), np.uint8)).astype(bool)
-            )
-        return kept
+            confirmed.append(mask & _dilate(footprint, int(np.ceil(2 * size_px)) | 1))
+        return confirmed
 
 
-def _piece(occupancy: np.ndarray, grid: VoxelGrid, near_m: np.ndarray | None) -> np.ndarray | None:
-    """Returns the connected piece of a hull that is the body's, or None."""
-    labels, count = ndimage.label(occupancy, np.ones((3, 3, 3)))  # type: ignore[misc]
-    if not count:
-        return None
-    sizes = np.bincount(labels.ravel())[1:] * grid.voxel_size_m**3
-    worth = sizes.copy()
-    if near_m is not None and count > 1:
-        centres = np.array(ndimage.center_of_mass(occupancy, labels, np.arange(1, count + 1)))
-        places = grid.origin_m + (centres + 0.5) * grid.voxel_size_m
-        worth *= np.exp(-((np.linalg.norm(places - near_m, axis=1) / 1.0) ** 2))
-    best = int(worth.argmax())
-    return labels == best + 1 if sizes[best] >= _SMALLEST_M3 else None
+def _dilate(mask: np.ndarray, side_px: int) -> np.ndarray:
+    return cv2.dilate(mask.astype(np.uint8), np.ones((side_px, side_px), np.uint8)).astype(bool)
 
 
-def _large_pieces(occupancy: np.ndarray) -> np.ndarray:
-    """Returns the connected pieces of a hull that are no crumbs: a gap in one silhouette may cut a
-    limb off, noise is smaller.
-    """
-    labels, _ = ndimage.label(occupancy, np.ones((3, 3, 3)))  # type: ignore[misc]
-    sizes = np.bincount(labels.ravel())
-    sizes[0] = 0
-    return (sizes >= _CRUMB * sizes.max(initial=1))[labels]
+def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
+    """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
+    components = label_components(occupancy)
+    return (components.sizes >= _CRUMB * components.sizes.max(initial=1))[components.labels]
 
 
-def _small_pieces(mask: np.ndarray, most_px: float) -> np.ndarray:
-    """Returns the connected pieces of a mask of at most `most_px` pixels."""
-    _, labels, stats, _ = map(np.asarray, cv2.connectedComponentsWithStats(mask.astype(np.uint8)))
-    kept = stats[:, cv2.CC_STAT_AREA] <= most_px
-    kept[0] = False
-    return kept[labels]
+def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:
+    """Connected components of a mask of at most `most_px` pixels."""
+    components = label_components(mask)
+    return mask & (components.sizes <= most_px)[components.labels]

@@ -1,4 +1,4 @@
-"""What a fitted pose explains of the hull, part by part."""
+"""Agreement of a fitted pose with the hull, part by part."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.voxel_set import VoxelSet
 
-_UNSUPPORTED = 0.2
+_UNSUPPORTED = 0.2  # overlap below which a part is unsupported
 
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """How one frame's pose and hull lie over each other.
+    """Agreement of one frame's pose with the hull.
 
-    Attributes: part_overlap: (27,) share of each part's volume inside the hull; NaN for one smaller
-        than a voxel. part_unsupported: (27,) bool, hardly any voxel speaks for the part.
-        unexplained: share of the hull's voxels that no part covers. A hull of few cameras is larger
-        than the body in it. unexplained_voxels: (n, 3) int64, those voxels' indices in the sight's
-        grid.
+    A hull of few cameras is larger than the body in it.
+
+    Attributes:
+        part_overlap: (27,) float64, fraction of each part's volume inside the hull; NaN for a part
+            smaller than a voxel.
+        part_unsupported: (27,) bool, parts that hardly overlap the hull.
+        unexplained: fraction of the hull's voxels that no part covers.
+        unexplained_voxels: (n, 3) int64, indices of those voxels in the frame's grid.
     """
 
     part_overlap: np.ndarray
@@ -32,9 +35,9 @@ class Quality:
     unexplained_voxels: np.ndarray
 
 
-def assess(body_volume: BodyVolume, pose: Pose, observed: FrameObservation) -> Quality:
-    """Lays a posed body over the hull."""
-    voxel_set = VoxelSet(observed.grid, observed.occupancy)
+def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Quality:
+    """Agreement of a posed body with a frame's hull."""
+    voxel_set = VoxelSet(frame.grid, frame.occupancy)
     rotation, origin = forward(
         body_volume.model,
         pose.root_m[None],

@@ -8,9 +8,10 @@ from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.silhouette_error import posed_mesh
 from tests.voxelpose.carving.carving_scenes import look_at
 from voxelpose.carving.carver import carve
@@ -38,7 +39,7 @@ def views(count: int = 6, size: tuple[int, int] = (320, 320)) -> PinholeViews:
     """Cameras all around at 3.5 m, alternately low and high."""
     angles = 2 * np.pi * (np.arange(count) + 0.3) / count
     places = [(3.5 * np.cos(a), 3.5 * np.sin(a), (1.0, 2.2)[k % 2]) for k, a in enumerate(angles)]
-    return PinholeViews.of(
+    return PinholeViews.from_rig(
         Rig(
             tuple(
                 look_at(f"cam_{k + 1}", place, (0, 0, 0.9), size, 0.9 * size[0])
@@ -74,7 +75,7 @@ def photograph(seen_by: PinholeViews, model: BodyModel, pose: Pose) -> list[np.n
 
 def observe(seen_by: PinholeViews, model: BodyModel, pose: Pose) -> Observation:
     """Returns what refinement is given of a frame."""
-    return Observation.of(seen_by, photograph(seen_by, model, pose), 3.5)
+    return Observation.from_masks(seen_by, photograph(seen_by, model, pose), 3.5)
 
 
 def hull(

@@ -1,14 +1,12 @@
-"""Paper B's matcher: sampling within limits, movable areas, their interference, and the posture
-found.
-"""
+"""Paper B's matcher: sampling within limits, movable areas, interference, the resulting posture."""
 
 import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, quaternions
-from silhouette_core.refinement.pose import RELAXED_RAD
 from tests.voxelpose.matching.matching_scenes import (
     fitting_model,
     hull,
@@ -18,15 +16,10 @@ from tests.voxelpose.matching.matching_scenes import (
     views,
 )
 from voxelpose.matching.body_volume import BodyVolume
+from voxelpose.matching.joint_search import interference_groups
 from voxelpose.matching.kernels.bits import count_common
 from voxelpose.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
-from voxelpose.matching.matcher import (
-    LimbPlacements,
-    MatchSettings,
-    interference_groups,
-    match,
-    movable_areas,
-)
+from voxelpose.matching.matcher import LimbPlacements, MatchSettings, match, movable_areas
 from voxelpose.matching.voxel_set import VoxelSet
 
 LIMB = {limb.name: limb for limb in LIMBS}
@@ -42,7 +35,7 @@ TURNS = {
 
 @pytest.fixture(scope="module")
 def body_volume():
-    return BodyVolume.of(fitting_model(), 0.025)
+    return BodyVolume.from_model(fitting_model(), 0.025)
 
 
 @pytest.fixture(scope="module")
@@ -119,18 +112,9 @@ def test_interference_is_passed_on_from_part_to_part():
     are tried at once.
     """
     areas = [[1, 1, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0], [0, 0, 1, 1, 0, 0], [0, 0, 0, 0, 1, 0]]
-    parts = [
-        candidates_of([row], name)
-        for row, name in zip(
-            areas, ("neck", "left_thigh", "right_thigh", "left_upper_arm"), strict=True
-        )
-    ]
-    groups = interference_groups(parts)
-    assert [[c.limb.name for c in group] for group in groups] == [
-        ["neck", "left_thigh", "right_thigh"],
-        ["left_upper_arm"],
-    ]
-    assert count_common(parts[0].movable_area, parts[1].movable_area) == 1
+    areas = [candidates_of([row]).movable_area for row in areas]
+    assert interference_groups(areas) == [[0, 1, 2], [3]]
+    assert count_common(areas[0], areas[1]) == 1
 
 
 def test_arms_apart_are_matched_singly_and_legs_together(body_volume, scene):
@@ -249,21 +233,19 @@ def test_an_empty_hull_leaves_the_pose_as_it_was(body_volume):
 def test_movable_areas_of_a_posed_body(body_volume, scene):
     body, pose, grid, occupancy = scene
     found = {
-        reach.limb.name: reach
-        for reach in movable_areas(body_volume, grid, occupancy, stance(body_volume.model, TURNS))
+        area.limb.name: area
+        for area in movable_areas(body_volume, grid, occupancy, stance(body_volume.model, TURNS))
     }
     assert set(found) == {limb.name for limb in LIMBS if limb.parent}
-    for name, reach in found.items():
-        assert occupancy[tuple(reach.voxels.T)].all()
-        assert all(name in found[other].interferes for other in reach.interferes)
-        disputed, voxels = (
-            set(map(tuple, some.tolist())) for some in (reach.disputed, reach.voxels)
+    for name, area in found.items():
+        assert occupancy[tuple(area.voxels.T)].all()
+        assert all(name in found[other].interferes for other in area.interferes)
+        shared, voxels = (
+            set(map(tuple, voxels.tolist())) for voxels in (area.disputed, area.voxels)
         )
-        assert disputed <= voxels and bool(disputed) == (len(reach.interferes) > 1)
-    assert (
-        "right_thigh" in found["left_thigh"].interferes
-        and "left_thigh" not in found["left_shin"].interferes
-    )
+        assert shared <= voxels and bool(shared) == (len(area.interferes) > 1)
+    assert "right_thigh" in found["left_thigh"].interferes
+    assert "left_thigh" not in found["left_shin"].interferes
     hand = forward(
         body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
     )[1][0]

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.smoothing import smooth, smooth_quaternions
-from silhouette_core.refinement.pose import RELAXED_RAD, Pose
+from silhouette_core.refinement.pose import Pose
 from tests.voxelpose.matching.matching_scenes import (
     fitting_model,
     other_body,
@@ -66,7 +67,7 @@ def test_scratch_files_vanish(tmp_path, monkeypatch):
 
 
 def test_the_hull_holds_the_body(observer, masks):
-    observed = observer.look(masks)
+    observed = observer.observe(masks)
     assert observed is not None and observed.occupancy.shape == observed.grid.shape
     body, pose = body_at(0.0)
     points = observed.grid.indices(np.concatenate([p @ r.T + o for p, r, o in _placed(body, pose)]))
@@ -91,10 +92,10 @@ def test_of_two_bodies_the_one_nearby_is_taken(observer):
     alone = photograph(observer.views, *here)
     both = [a | b for a, b in zip(alone, photograph(observer.views, *there), strict=True)]
     for x in (-0.9, 0.9):
-        observed = observer.look(both, np.array([x, 0.0, 0.9]))
+        observed = observer.observe(both, np.array([x, 0.0, 0.9]))
         middle = observed.grid.occupied_points(observed.occupancy).mean(0)
         assert np.linalg.norm(middle[:2] - (x, 0)) < 0.15
-    observed = observer.look(both, np.array([-0.9, 0.0, 0.9]))
+    observed = observer.observe(both, np.array([-0.9, 0.0, 0.9]))
     for kept, mask, joined in zip(observed.observation.masks, alone, both, strict=True):
         assert kept[mask].mean() > 0.95
         # Where the other one stands beside, and not behind, it is gone.
@@ -106,25 +107,25 @@ def test_stray_pieces_of_one_camera_are_dropped(observer, masks):
     stray = [mask.copy() for mask in masks]
     stray[1][5:40, 5:40] = True
     assert not masks[1][5:40, 5:40].any()
-    observed = observer.look(stray)
+    observed = observer.observe(stray)
     assert not observed.observation.masks[1][5:40, 5:40].any()
     for kept, mask in zip(observed.observation.masks, masks, strict=True):
         assert np.count_nonzero(kept ^ mask) < 0.02 * np.count_nonzero(mask)
 
 
 def test_nothing_and_specks_are_no_body(observer, masks):
-    assert observer.look([np.zeros_like(mask) for mask in masks]) is None
+    assert observer.observe([np.zeros_like(mask) for mask in masks]) is None
     specks = [np.zeros_like(mask) for mask in masks]
     for c, camera in enumerate(observer.views.rig):
         ((x, y),) = np.rint(camera.project(np.array([[0.0, 0.0, 1.0]]))[0]).astype(int)
         specks[c][y - 3 : y + 4, x - 3 : x + 4] = True
-    assert observer.look(specks) is None
+    assert observer.observe(specks) is None
 
 
 def test_quality_says_which_parts_the_voxels_support(observer, masks):
-    observed = observer.look(masks)
+    observed = observer.observe(masks)
     model = fitting_model()
-    body_volume = BodyVolume.of(model, 0.04)
+    body_volume = BodyVolume.from_model(model, 0.04)
     pose = stance(model, {"left_upper_arm.abduction": 20.0})
     right = assess(body_volume, pose, observed)
     assert (

@@ -1,0 +1,60 @@
+"""Observations of a recording's frames: each hull is carved once and kept on disk."""
+
+from __future__ import annotations
+
+import tempfile
+import zlib
+
+import numpy as np
+
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.observe import FrameObservation, HullComponents, HullObserver
+
+
+class ObservationStore:
+    """Observations of all frames of a recording by number, every hull carved once.
+
+    Hulls and their silhouettes are kept as compressed bits in a scratch file; memory holds only
+    where each begins, and the boxes of the hull's components.
+
+    Args:
+        observer: finds the body in a frame.
+        masks: the raw silhouettes.
+    """
+
+    def __init__(self, observer: HullObserver, masks: MaskStore):
+        """Starts empty; the scratch file vanishes with this object."""
+        self.observer = observer
+        self._masks = masks
+        self._components: dict[int, HullComponents] = {}
+        self._hulls: dict[tuple[int, int], tuple[VoxelGrid, int, int]] = {}
+        self._file = tempfile.TemporaryFile(prefix="voxelpose-")  # noqa: SIM115
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._masks)
+
+    def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
+        """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
+        if t not in self._components:
+            self._components[t] = self.observer.components(self._masks[t])
+        body = self._components[t].body(near_m)
+        if body is None:
+            return None
+        if (t, body) not in self._hulls:
+            self._hulls[t, body] = self._carve(t, self.observer.window(self._components[t], body))
+        grid, start, size = self._hulls[t, body]
+        self._file.seek(start)
+        bits = np.frombuffer(zlib.decompress(self._file.read(size)), np.uint8)
+        shapes = [*(camera.size[::-1] for camera in self.observer.views.rig), grid.shape]
+        ends = np.cumsum([np.prod(shape) for shape in shapes])
+        arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
+        *masks, occupancy = (a.reshape(shape) for a, shape in zip(arrays, shapes, strict=True))
+        return self.observer.select(masks, occupancy, grid, near_m)
+
+    def _carve(self, t: int, grid: VoxelGrid) -> tuple[VoxelGrid, int, int]:
+        masks, occupancy = self.observer.carve(self._masks[t], grid)
+        bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
+        start = self._file.seek(0, 2)
+        return grid, start, self._file.write(zlib.compress(bits.tobytes(), 1))
