@@ -114,10 +114,11 @@ class CpuBackend:
         """See `Backend.voxel_overlap`."""
         check_array("occupancy", occupancy, ("nx", "ny", "nz"), np.bool_)
         check_array("weights", weights, (len(points),))
-        points, *placed = checked_placements(points, rotations, translations_m)
+        points, rotations, translations_m = checked_placements(points, rotations, translations_m)
         inside, outside = np.empty(len(rotations)), np.empty(len(rotations))
         cells = np.ascontiguousarray(occupancy), grid.origin_m, 1.0 / grid.voxel_size_m
-        voxels.voxel_overlap(*cells, points, weights, *placed, inside, outside)
+        placed = points, np.ascontiguousarray(weights, np.float64), rotations, translations_m
+        voxels.voxel_overlap(*cells, *placed, inside, outside)
         return inside, outside
 
     def voxel_cover(

@@ -52,7 +52,7 @@ class VoxelGrid:
 
     @classmethod
     def from_bounds(cls, low_m: ArrayLike, high_m: ArrayLike, voxel_size_m: float) -> "VoxelGrid":
-        """Makes the smallest grid that holds the box from `low_m` (3,) to `high_m` (3,), world, m."""
+        """Smallest grid that holds the box from `low_m` (3,) to `high_m` (3,), world, m."""
         low = np.floor(np.asarray(low_m, dtype=np.float64) / voxel_size_m + 1e-9)
         high = np.ceil(np.asarray(high_m, dtype=np.float64) / voxel_size_m - 1e-9)
         nx, ny, nz = (int(n) for n in np.maximum(high - low, 1))

@@ -14,6 +14,7 @@ from silhouette_core.progress import Reporter
 from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.silhouette_error import silhouette_error
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import Backend, load_backend
 from voxelpose.matching.adaptation import Stature, adapt_shape
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
@@ -79,16 +80,16 @@ def choose_body(
         )
     reporter.stage("first poses", len(frames) + 1)
     sex = "male" if settings.sex == "unknown" else settings.sex
-    voxel_size_m = observations.observer.voxel_size_m
+    voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
     if settings.stature_m is not None:
         stature = Stature(settings.stature_m, _GIVEN_SIGMA_M)
     else:
-        stature = _stature_from_hull(frames, settings, matching, voxel_size_m)
+        stature = _stature_from_hull(frames, settings, matching, voxel_size_m, backend)
         reporter.note(
             f"no stature given: about {stature.metres:.2f} m by the hull (--stature makes every"
             " joint more accurate)"
         )
-    body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m)
+    body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
     fits: dict[int, PoseFit] = {}
     for t, frame in frames.items():
         found = find_pose(body, frame, matching)
@@ -100,7 +101,11 @@ def choose_body(
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
     starts = [
         _adapted(
-            BodySizes(stature.metres, settings.chest_m, name), frames, clear, stature, voxel_size_m
+            _body(BodySizes(stature.metres, settings.chest_m, name), voxel_size_m, backend),
+            frames,
+            clear,
+            stature,
+            voxel_size_m,
         )
         for name in templates
     ]
@@ -126,7 +131,8 @@ def refit(tracker: PoseTracker, start: Start) -> None:
         start.expected_shape,
     )
     voxel_size_m = tracker.observations.observer.voxel_size_m
-    tracker.body = BodyGeometry.from_surface(surface, voxel_size_m)
+    backend = tracker.body.body_volume.backend
+    tracker.body = BodyGeometry.from_surface(surface, voxel_size_m, backend)
 
 
 def _stature_from_hull(
@@ -134,6 +140,7 @@ def _stature_from_hull(
     settings: Settings,
     matching: MatchSettings,
     voxel_size_m: float,
+    backend: Backend,
 ) -> Stature:
     """Height of the hull, corrected by which of three bodies fits a typical frame best."""
     heights = {
@@ -145,7 +152,7 @@ def _stature_from_hull(
     errors = {}
     for scale in _SCALES:
         metres = float(np.clip(middle * scale, 0.6, 2.4))
-        body = _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m)
+        body = _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
         fits = find_pose(body, frames[typical], matching, count=5)
         errors[metres] = fits[0].error if fits else np.inf
     metres = min(errors, key=lambda key: errors[key])
@@ -153,30 +160,30 @@ def _stature_from_hull(
 
 
 def _adapted(
-    sizes: BodySizes,
+    body: BodyGeometry,
     frames: dict[int, FrameObservation],
     poses: dict[int, Pose],
     stature: Stature,
     voxel_size_m: float,
 ) -> Start:
-    """Start with a body of these sizes, its proportions adapted to posed frames."""
-    model = BodyModel.from_sizes(sizes)
+    """Start with a body whose proportions are adapted to posed frames."""
+    backend, expected = body.body_volume.backend, body.model.shape
     observations = [frames[t].observation for t in poses]
     surface, adapted = adapt_shape(
-        Surface(model), observations, list(poses.values()), stature, model.shape
+        body.surface, observations, list(poses.values()), stature, expected
     )
     errors = [
-        silhouette_error(surface.model, pose, observation)
+        silhouette_error(surface.model, pose, observation, backend)
         for pose, observation in zip(adapted, observations, strict=True)
     ]
     return Start(
-        BodyGeometry.from_surface(surface, voxel_size_m),
+        BodyGeometry.from_surface(surface, voxel_size_m, backend),
         dict(zip(poses, adapted, strict=True)),
         dict(zip(poses, errors, strict=True)),
         stature,
-        model.shape,
+        expected,
     )
 
 
-def _body(sizes: BodySizes, voxel_size_m: float) -> BodyGeometry:
-    return BodyGeometry.from_surface(Surface(BodyModel.from_sizes(sizes)), voxel_size_m)
+def _body(sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+    return BodyGeometry.from_surface(Surface(BodyModel.from_sizes(sizes)), voxel_size_m, backend)

@@ -204,7 +204,7 @@ class _Search:
     ):
         """Starts with no part placed."""
         self.body_volume = body_volume
-        self.voxel_set = VoxelSet(grid, occupancy)
+        self.voxel_set = VoxelSet(grid, occupancy, body_volume.backend)
         self.pose = pose
         self.settings = settings
         self.taken = np.zeros(self.voxel_set.words, np.uint64)

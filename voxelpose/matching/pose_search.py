@@ -10,6 +10,8 @@ from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
 from silhouette_core.refinement.silhouette_error import silhouette_error
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.limb_search import CHAINS, place_limb
 from voxelpose.matching.matcher import MatchSettings, match
@@ -35,9 +37,12 @@ class BodyGeometry:
     surface: Surface
 
     @classmethod
-    def from_surface(cls, surface: Surface, voxel_size_m: float) -> BodyGeometry:
+    def from_surface(
+        cls, surface: Surface, voxel_size_m: float, backend: Backend = CPU
+    ) -> BodyGeometry:
         """Samples the inside of a body for voxels of that size."""
-        return cls(surface.model, BodyVolume.from_model(surface.model, voxel_size_m), surface)
+        volume = BodyVolume.from_model(surface.model, voxel_size_m, backend)
+        return cls(surface.model, volume, surface)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +106,8 @@ def refine_fit(
 ) -> PoseFit:
     """Refines a pose on the silhouettes, and measures its error; arguments as of `refine`."""
     pose = refine(body.surface, observation, start, prior, settings).pose
-    return PoseFit(pose, silhouette_error(body.model, pose, observation))
+    error = silhouette_error(body.model, pose, observation, body.body_volume.backend)
+    return PoseFit(pose, error)
 
 
 def _match(

@@ -37,7 +37,7 @@ class Quality:
 
 def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Quality:
     """Agreement of a posed body with a frame's hull."""
-    voxel_set = VoxelSet(frame.grid, frame.occupancy)
+    voxel_set = VoxelSet(frame.grid, frame.occupancy, body_volume.backend)
     rotation, origin = forward(
         body_volume.model,
         pose.root_m[None],

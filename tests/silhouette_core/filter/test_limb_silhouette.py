@@ -74,7 +74,7 @@ def test_the_true_pose_has_next_to_no_distance(seen):
     raised = pose.angles_rad.copy()
     raised[MODEL.dof_names.index("left_thigh.flexion")] += 0.8
     assert picture.distances(MODEL, [Pose(pose.root_m, pose.root_rotation, raised)])[0] > 0.15
-    beside = Pose(pose.root_m + [0.1, 0, 0], pose.root_rotation, pose.angles_rad)
+    beside = Pose(pose.root_m + np.array([0.1, 0, 0]), pose.root_rotation, pose.angles_rad)
     assert picture.distances(MODEL, [beside])[0] > 0.15
 
 
