@@ -22,7 +22,7 @@ from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, 
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
 from voxelpose.results import Result
-from voxelpose.view.viewer.legend import spoken
+from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 REPORT = "report.html"
@@ -195,7 +195,7 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
             chart = TimeChart(title, "share", {"": (values, LEFT)}, (0.0, 1.0), below)
             quality.append(time_chart(chart, motion.time_s, name, (7.6, 2.0)))
     overlap = motion.quality.get("part_overlap")
-    labels = [spoken(name) for name in motion.model.names]
+    labels = [display_name(name) for name in motion.model.names]
     parts = (
         None
         if overlap is None
@@ -213,7 +213,7 @@ def _part_table(result: Result) -> list[tuple[str, float, float]]:
         return []
     values = np.asarray(overlap, float)
     rows = [
-        (spoken(name), float(np.nanmean(values[:, k])), float(np.mean(values[:, k] < COVERED)))
+        (display_name(name), float(np.nanmean(values[:, k])), float(np.mean(values[:, k] < COVERED)))
         for k, name in enumerate(result.motion.model.names)
         if np.isfinite(values[:, k]).any()
     ]

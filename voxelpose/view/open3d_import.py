@@ -1,4 +1,4 @@
-"""Importing open3d where a bare machine would not let it."""
+"""Import of open3d on machines without its system libraries."""
 
 import ctypes
 import os
@@ -11,28 +11,25 @@ from calib.errors import InputError
 def import_open3d(screen: bool = False) -> ModuleType:
     """Imports open3d, which takes a second or two and is therefore done only where it is used.
 
-    On Linux its library needs libusb, which bare machines lack; the libusb-package wheel carries
-    it.
+    On Linux its library needs libusb, which minimal machines lack; the libusb-package wheel
+    contains it.
 
     Args:
-        screen: Whether a window will be opened.
+        screen: whether a window will be opened.
 
     Returns:
         The module.
 
     Raises:
-        InputError: It is missing or broken, or there is no screen; the line names the remedy.
+        InputError: it is missing or broken, or there is no screen; the line names the remedy.
     """
-    if (
-        screen
-        and sys.platform.startswith("linux")
-        and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    ):
+    linux = sys.platform.startswith("linux")
+    if screen and linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError(
             "there is no screen to open a window on: say --png FILE for a picture instead"
         )
     try:
-        if sys.platform.startswith("linux"):
+        if linux:
             _load_libusb()
         import open3d
     except ImportError as error:
@@ -49,8 +46,9 @@ def import_open3d(screen: bool = False) -> ModuleType:
 
 
 def _load_libusb() -> None:
-    """Makes libusb's symbols visible to what is loaded next; where the wheel is missing the
-    system's own may do.
+    """Makes libusb's symbols visible to libraries loaded later.
+
+    Where the wheel is missing, the system's own library may be sufficient.
     """
     try:
         import libusb_package

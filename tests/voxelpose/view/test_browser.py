@@ -20,16 +20,16 @@ def served(desk):
     write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
     browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8391))
-    over = threading.Event()
+    stopped = threading.Event()
 
     def draw() -> None:
-        while not over.is_set():
+        while not stopped.is_set():
             browser.step(0.1)
 
     thread = threading.Thread(target=draw)
     thread.start()
     yield browser
-    over.set()
+    stopped.set()
     thread.join()
     browser.close()
 
@@ -60,7 +60,7 @@ def test_the_page(served, tmp_path):
     turquoise = (renderer[..., 0] - renderer[..., 2] > 40) & (
         renderer[..., 1] - renderer[..., 2] > 40
     )
-    assert np.count_nonzero(turquoise) > 50  # the movable area is on the stage
+    assert np.count_nonzero(turquoise) > 50  # the movable area is drawn
 
 
 def test_a_recording_alone_is_served_and_plays(desk, capsys):
@@ -71,14 +71,11 @@ def test_a_recording_alone_is_served_and_plays(desk, capsys):
     )
     assert first.url == "http://localhost:8395" and second.url != first.url  # the next free port
     assert first.step(1.0) and "**Frame 1**" in first._status.content
-    assert not first.step(0.01)  # nothing new is wanted
+    assert not first.step(0.01)  # no new choice
     first._play.value = True
     shown = []
-    for _ in range(
-        6
-        # the clip begins again at its end: where it stands afterwards is a matter of the machine's
-        # speed
-    ):
+    # The clip repeats: the row after six steps depends on the machine's speed.
+    for _ in range(6):
         first.step(0.1)
         shown.append(first.choice.row)
     assert len(set(shown)) > 1 and int(first._slider.value) == first.choice.row
@@ -87,9 +84,9 @@ def test_a_recording_alone_is_served_and_plays(desk, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_wishes_are_drawn_once(served):
-    """Without any browser: what the panel asks for arrives at the scene."""
-    served._wish(row=1, hull=False)
+def test_a_choice_is_drawn_once(served):
+    """Without any browser: the panel's choice reaches the scene."""
+    served._choose(row=1, hull=False)
     for _ in range(200):
         if served._drawn == served.choice:
             break

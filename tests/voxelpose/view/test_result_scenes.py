@@ -1,4 +1,4 @@
-"""What the viewer shows, before it is drawn."""
+"""Scenes of the viewer, before they are drawn."""
 
 import shutil
 
@@ -11,7 +11,7 @@ from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.export.hypotheses import read_hypotheses
-from voxelpose.view.viewer.legend import area_words, frame_words, legend_html, overlap_colours
+from voxelpose.view.viewer.legend import area_text, frame_text, legend_html, overlap_colours
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene_renderer import camera_picture
 
@@ -26,7 +26,7 @@ def fitted(desk):
     return desk
 
 
-def test_a_scene_holds_what_the_fit_saw(fitted):
+def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(fitted):
     scenes = ResultScenes("out", voxel_size_m=0.03)
     scene = scenes.scene(2)
     assert scene.frame == 2 and scene.time_s == pytest.approx(2 / 25) and not scene.notes
@@ -36,19 +36,16 @@ def test_a_scene_holds_what_the_fit_saw(fitted):
     for camera_frame in scene.camera_frames:
         pixels, _ = camera_frame.camera.project(scene.body.joints_m)
         columns, rows = np.rint(pixels).astype(int).T
-        assert (
-            camera_frame.mask[rows, columns].mean() > 0.85
-        )  # the pose lies in the silhouettes, so frames are not mixed up
-        assert (
-            camera_frame.picture[camera_frame.mask].mean(0)[0]
-            > camera_frame.picture[~camera_frame.mask].mean(0)[0] + 80
-        )  # red, the person's most in RGB
+        # The pose lies in the silhouettes, so frames are not mixed up.
+        assert camera_frame.mask[rows, columns].mean() > 0.85
+        red, mask = camera_frame.picture[..., 0], camera_frame.mask
+        assert red[mask].mean() > red[~mask].mean() + 80  # the person is red in RGB
     hull = scene.hull
-    held = hull.grid.indices(scene.body.joints_m)
-    assert hull.occupancy[tuple(held.T)].mean() > 0.85
-    assert len(hull.off_m) == len(hull.unexplained_m) < np.count_nonzero(hull.occupancy)
+    joints = hull.grid.indices(scene.body.joints_m)
+    assert hull.occupancy[tuple(joints.T)].mean() > 0.85
+    assert len(hull.distance_m) == len(hull.unexplained_m) < np.count_nonzero(hull.occupancy)
     assert (
-        hull.off_m.max() > 0.05
+        hull.distance_m.max() > 0.05
         and hull.occupancy[tuple(hull.grid.indices(hull.unexplained_m).T)].all()
     )
     assert scenes.scene(2) is scene
@@ -56,9 +53,9 @@ def test_a_scene_holds_what_the_fit_saw(fitted):
 
 
 def test_frames_in_any_order_are_the_same(fitted):
-    one, other = ResultScenes("out", voxel_size_m=0.04), ResultScenes("out", voxel_size_m=0.04)
-    forward = [one.scene(frame) for frame in (1, 2, 3)]
-    backward = [other.scene(frame) for frame in (3, 2, 1)][::-1]
+    first, second = ResultScenes("out", voxel_size_m=0.04), ResultScenes("out", voxel_size_m=0.04)
+    forward = [first.scene(frame) for frame in (1, 2, 3)]
+    backward = [second.scene(frame) for frame in (3, 2, 1)][::-1]
     for a, b in zip(forward, backward, strict=True):
         np.testing.assert_array_equal(a.camera_frames[0].picture, b.camera_frames[0].picture)
         np.testing.assert_array_equal(a.hull.occupancy, b.hull.occupancy)
@@ -73,8 +70,8 @@ def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
         and scene.hull.occupancy.any()
         and scene.notes == ("no pose was found in this frame",)
     )
-    assert "no pose" in frame_words(scene) and scenes.areas(0) == {}
-    assert "no pose" in area_words("neck", {})
+    assert "no pose" in frame_text(scene) and scenes.areas(0) == {}
+    assert "no pose" in area_text("neck", {})
 
 
 def test_movable_areas(fitted):
@@ -82,20 +79,20 @@ def test_movable_areas(fitted):
     areas = scenes.areas(2)
     assert {"left_thigh", "right_forearm", "neck"} <= set(areas)
     thigh = areas["left_thigh"]
-    assert 0 < len(thigh.disputed_m) < len(thigh.points_m) and "right_thigh" in thigh.interferes
-    assert "right thigh" in area_words("left_thigh", areas)
+    assert 0 < len(thigh.disputed) < len(thigh.voxels) and "right_thigh" in thigh.interferes
+    assert "right thigh" in area_text("left_thigh", areas)
 
 
-def test_a_recording_that_is_gone(fitted):
+def test_a_missing_recording(fitted):
     shutil.rmtree("walk")
     scenes = ResultScenes("out")
     scene = scenes.scene(1)
     assert scene.hull is None and scene.body is not None and scene.camera_frames[0].picture is None
-    assert "say where with --recording" in frame_words(scene)
+    assert "say where with --recording" in frame_text(scene)
     assert scenes.areas(1) == {} and camera_picture(scene.camera_frames[0], "both") is None
 
 
-def test_a_fit_knows_its_unit(fitted):
+def test_the_unit_of_a_fit_is_known(fitted):
     calibration = fitted / "walk" / "calibration.toml"
     calibration.write_text(
         "".join(
@@ -174,11 +171,11 @@ def test_hypotheses(fitted, tmp_path):
     hypotheses = scenes.scene(3).hypotheses
     assert (
         scenes.has_hypotheses
-        and [guess.rank for guess in hypotheses] == [1, 2]
+        and [hypothesis.rank for hypothesis in hypotheses] == [1, 2]
         and hypotheses[0].probability == 0.7
     )
     assert np.nansum(hypotheses[1].joints_m) == 3 + 2 + 1.5 and scenes.scene(2).hypotheses == ()
-    assert "Pose 2: 20 %" in frame_words(scenes.scene(3)) and "other poses" in legend_html(True)
+    assert "Pose 2: 20 %" in frame_text(scenes.scene(3)) and "other poses" in legend_html(True)
     (tmp_path / "out" / "hypotheses.csv").write_text(
         "frame,rank,probability,joint,x_m,y_m,z_m\n1,1,0.5,tail,0,0,0\n"
     )

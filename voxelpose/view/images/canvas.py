@@ -1,4 +1,4 @@
-"""Colours, text and antialiased strokes for all pictures."""
+"""Colours, text and antialiased lines for all pictures."""
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ _SHIFT = 4  # OpenCV draws with 1/16 pixel
 
 
 def colour_of(part: str) -> Colour:
-    """Returns the colour of a body part's side."""
+    """Colour of a body part's side."""
     return LEFT if part.startswith("left_") else RIGHT if part.startswith("right_") else MIDDLE
 
 
@@ -33,27 +33,27 @@ def write_text(
     colour: Colour = INK,
     bold: bool = False,
 ) -> None:
-    """Writes one line in place; (x, y) is the left end of its base line, `size` its height in
-    pixels.
+    """Writes one line in place.
+
+    Args:
+        image: (h, w, 3) uint8 BGR.
+        text: the line.
+        x: left end of its base line, pixels.
+        y: height of its base line, pixels.
+        size: its height, pixels.
+        colour: BGR.
+        bold: whether the strokes are thicker.
     """
     if hasattr(cv2, "FontFace"):
         cv2.putText(image, text, (x, y), colour, cv2.FontFace("sans"), size, 600 if bold else 400)
-    else:  # OpenCV 4 knows only its own stroke font, without letters beyond ASCII
+    else:  # OpenCV 4 has only its own stroke font, without letters beyond ASCII
         plain = text.replace("·", "-").replace("–", "-").encode("ascii", "replace").decode()
-        cv2.putText(
-            image,
-            plain,
-            (x, y),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            size / 32,
-            colour,
-            2 if bold else 1,
-            cv2.LINE_AA,
-        )
+        font, thickness = cv2.FONT_HERSHEY_SIMPLEX, 2 if bold else 1
+        cv2.putText(image, plain, (x, y), font, size / 32, colour, thickness, cv2.LINE_AA)
 
 
 def text_width(text: str, size: int, bold: bool = False) -> int:
-    """Returns how wide `write_text` makes a line, in pixels."""
+    """Width of a line that `write_text` writes, in pixels."""
     if hasattr(cv2, "FontFace"):
         return cv2.getTextSize(
             (4096, 4096), text, (0, 0), cv2.FontFace("sans"), size, 600 if bold else 400
@@ -64,7 +64,7 @@ def text_width(text: str, size: int, bold: bool = False) -> int:
 def stroke(
     image: Image, points: NDArray[np.float64], colour: Colour, width: int = 1, closed: bool = False
 ) -> None:
-    """Draws a line through (N, 2) pixels in place; points that are not finite are left out."""
+    """Draws a line through (N, 2) pixels in place, without points that are not finite."""
     fixed = _fixed(points)
     if len(fixed) > 1:
         cv2.polylines(image, [fixed], closed, colour, width, cv2.LINE_AA, _SHIFT)
@@ -88,8 +88,16 @@ def dot(image: Image, point: NDArray[np.float64], radius: float, colour: Colour)
 def tint(
     image: Image, outlines: list[NDArray[np.float64]], colour: Colour, strength: float
 ) -> Image:
-    """Returns the image with the inside of closed outlines (N, 2), holes by even-odd, mixed with a
-    colour.
+    """Mixes the inside of closed outlines with a colour, in place.
+
+    Args:
+        image: (h, w, 3) uint8 BGR.
+        outlines: arrays (N, 2), pixels; holes by the even-odd rule.
+        colour: BGR.
+        strength: fraction of the colour.
+
+    Returns:
+        The image.
     """
     fixed = [_fixed(outline) for outline in outlines]
     fixed = [outline for outline in fixed if len(outline) > 2]
@@ -108,7 +116,14 @@ def tint(
     return image
 
 
+def reduced(image: NDArray[np.uint8], scale: float) -> Image:
+    """Copy of an image (h, w, 3), scaled where `scale` is below 1."""
+    scale = min(1.0, scale)
+    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def _fixed(points: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Returns (N, 1, 2) int32 in OpenCV's fixed point."""
+    """Finite points (N, 1, 2) int32 in OpenCV's fixed point."""
     good = points[np.isfinite(points).all(axis=1) & (np.abs(points) < 1e5).all(axis=1)]
     return np.round(good * 2**_SHIFT).astype(np.int32)[:, None]

@@ -32,7 +32,7 @@ _WIDEST, _HIGHEST = 1900, 2000
 
 
 class ContactSheet:
-    """Gathers tiles while frames go by; each camera is cropped to where the body moves."""
+    """Collects tiles while frames are read; each camera is cropped to where the body moves."""
 
     def __init__(
         self,
@@ -46,25 +46,18 @@ class ContactSheet:
 
         Args:
             motion: the poses.
-            rotation: (T, P, 3, 3) world from part, as `motion.parts()` gives.
-            origin: (T, P, 3), likewise.
+            rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
+            origin: (T, P, 3) metres, likewise.
             cameras: one row each.
-            moments: how many columns, at most.
+            moments: largest number of columns.
         """
         self.motion = motion
         self.rotation, self.origin = rotation, origin
-        self.rows = list(
-            dict.fromkeys(
-                np.linspace(0, len(motion) - 1, min(moments, len(motion)))
-                .round()
-                .astype(int)
-                .tolist()
-            )
-        )
+        rows = np.linspace(0, len(motion) - 1, min(moments, len(motion))).round().astype(int)
+        self.rows = list(dict.fromkeys(rows.tolist()))
         boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
-        aspect = float(
-            np.clip(np.median([width / height for _, _, width, height in boxes]), 0.55, 1.4)
-        )
+        aspects = [width / height for _, _, width, height in boxes]
+        aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
         width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
         height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
         self.tile = round(height * aspect), round(height)
@@ -75,34 +68,30 @@ class ContactSheet:
         self.tiles: dict[tuple[int, int], Image] = {}
 
     def add(self, row: int, images: Mapping[str, Image]) -> None:
-        """Keeps the tiles of one time step, if it is one of the moments."""
+        """Keeps the tiles of one row of the motion, if it is one of the moments."""
         if row in self.rows:
+            column, pose = self.rows.index(row), (self.rotation[row], self.origin[row])
             for line, view in enumerate(self.views):
-                pose = self.rotation[row], self.origin[row]
-                self.tiles[line, self.rows.index(row)] = view.crop(
-                    images[view.painter.camera.name], *pose
-                )
+                self.tiles[line, column] = view.crop(images[view.painter.camera.name], *pose)
 
     def image(self, title: str) -> Image:
-        """Returns the finished sheet, (h, w, 3) uint8 BGR."""
+        """The finished sheet, (h, w, 3) uint8 BGR."""
         width, height = self.tile
-        across = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
-        across = max(across, 2 * _MARGIN + text_width(title, 24, True) + _LEGEND)
-        sheet = np.full(
-            (_HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN, across, 3), PAPER, np.uint8
-        )
+        sheet_width = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
+        sheet_width = max(sheet_width, 2 * _MARGIN + text_width(title, 24, True) + _LEGEND)
+        sheet_height = _HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN
+        sheet = np.full((sheet_height, sheet_width, 3), PAPER, np.uint8)
         write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
-        x = across - _MARGIN
-        for words, colour in (("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)):
-            x -= text_width(words, 14)
-            write_text(sheet, words, x, 42, 14, FAINT)
+        x = sheet_width - _MARGIN
+        for label, colour in (("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)):
+            x -= text_width(label, 14)
+            write_text(sheet, label, x, 42, 14, FAINT)
             dot(sheet, np.array([x - 12.0, 37.0]), 5, colour)
             x -= 36
         for line, view in enumerate(self.views):
             top = _HEAD + line * (height + _GAP)
-            write_text(
-                sheet, view.painter.camera.name, _MARGIN, top + height // 2, 16, INK, bold=True
-            )
+            name = view.painter.camera.name
+            write_text(sheet, name, _MARGIN, top + height // 2, 16, INK, bold=True)
             for column, row in enumerate(self.rows):
                 left = _MARGIN + _LABEL + column * (width + _GAP)
                 if line == 0:
@@ -125,12 +114,12 @@ class _View:
     ) -> None:
         left, top, width, height = box
         self.tile = tile
-        # A distant figure is enlarged threefold at most: beyond that there is nothing more to see.
+        # A distant figure is enlarged threefold at most: beyond that no more detail appears.
         scale = min(3.0, tile[0] / width, tile[1] / height)
         self.painter = FigurePainter(motion.model, camera, scale)
         middle = (np.array([left + width / 2, top + height / 2]) + 0.5) * scale - 0.5
         self.shift = np.array(tile) / 2 - middle
-        # Where there is picture beyond the tile's edge, it is shown rather than an empty rim.
+        # Where the picture continues beyond the tile's edge, it is shown instead of an empty rim.
         slack = np.array(tile) - np.array(self.painter.size)
         self.shift = np.clip(self.shift, np.minimum(slack, slack / 2), np.maximum(0, slack / 2))
 
@@ -139,12 +128,9 @@ class _View:
     ) -> Image:
         image = self.painter.paint(self.painter.resized(frame), rotation, origin)
         move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
-        return np.asarray(
-            cv2.warpAffine(
-                image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=(48, 42, 38)
-            ),
-            np.uint8,
-        )
+        rim = (48, 42, 38)
+        tile = cv2.warpAffine(image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=rim)
+        return np.asarray(tile, np.uint8)
 
 
 def _box(
@@ -154,19 +140,18 @@ def _box(
     camera: Camera,
     rows: Sequence[int],
 ) -> tuple[float, float, float, float]:
-    """Returns left, top, width and height, recorded pixels, around the body in all the moments; the
-    whole picture where it is unseen.
+    """Left, top, width and height, recorded pixels, around the body in some rows of the motion.
+
+    The whole picture where the body is not visible.
     """
-    seen = []
+    visible = []
     for row in rows:
         pixels, _ = camera.project(kinematics.skin(motion.model, rotation[row], origin[row]))
-        seen.append(pixels[np.isfinite(pixels).all(axis=1)])
-    pixels = np.clip(np.concatenate(seen), 0, np.array(camera.size) - 1)
-    low, high = (
-        (pixels.min(0), pixels.max(0))
-        if len(pixels)
-        else (np.zeros(2), np.array(camera.size, float))
-    )
+        visible.append(pixels[np.isfinite(pixels).all(axis=1)])
+    pixels = np.clip(np.concatenate(visible), 0, np.array(camera.size) - 1)
+    low, high = np.zeros(2), np.array(camera.size, float)
+    if len(pixels):
+        low, high = pixels.min(0), pixels.max(0)
     width, height = np.maximum(high - low, 16)
     rim = 0.07 * max(width, height)
     return low[0] - rim, low[1] - rim, width + 2 * rim, height + 2 * rim

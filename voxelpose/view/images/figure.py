@@ -33,8 +33,11 @@ _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
 def skeleton_bones() -> list[tuple[int, int, Colour]]:
-    """Lists the lines of the skeleton: the joints at both ends (index of the part, 27 for the
-    vertex of the head), and the colour.
+    """Lines of the skeleton.
+
+    Returns:
+        For each line the joints at both ends (index of the part, 27 for the vertex of the head) and
+        the colour.
     """
     joints = (*PART_NAMES, "head_top")
     chains = ["pelvis lumbar upper_thorax neck head head_top".split()]
@@ -53,8 +56,15 @@ def skeleton_bones() -> list[tuple[int, int, Colour]]:
 def skeleton_joints(
     model: BodyModel, rotation: NDArray[np.float64], origin: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Returns the (28, 3) joints of the skeleton's lines in the world, metres, from one frame's
-    parts (27, 3, 3) and (27, 3).
+    """Joints of the skeleton's lines in the world.
+
+    Args:
+        model: the body.
+        rotation: (27, 3, 3) world from part.
+        origin: (27, 3) metres.
+
+    Returns:
+        (28, 3) metres.
     """
     top = kinematics.landmarks(model, rotation[None], origin[None])[
         0, LANDMARK_NAMES.index("head_top")
@@ -62,10 +72,36 @@ def skeleton_joints(
     return np.vstack([origin, top])
 
 
-class FigurePainter:
-    """Paints one body into the pictures of one camera.
+def body_parts(
+    model: BodyModel,
+    vertices_m: NDArray[np.float64],
+    camera: Camera,
+    cull_back: bool = False,
+) -> NDArray[np.integer]:
+    """Part numbers (h, w) of a body as a pinhole camera sees it: 0 beside it, else part + 1.
 
-    The picture stays as recorded: the body is drawn through the camera's lens, distortion included.
+    Args:
+        model: the body.
+        vertices_m: (V, 3) its skin in the world.
+        camera: without distortion.
+        cull_back: whether triangles that face away are left out.
+    """
+    in_camera = vertices_m @ camera.rotation.T + camera.translation
+    mesh = in_camera, model.faces, model.face_part
+    return render_parts(*mesh, camera.matrix, camera.size, cull_back=cull_back)[0]
+
+
+class FigurePainter:
+    """Draws one body into the pictures of one camera.
+
+    The picture stays as recorded: the body is drawn with the lens's distortion.
+
+    Attributes:
+        model: the body.
+        camera: as calibrated.
+        scale: size of the working picture over that of the recorded one.
+        ideal: the pinhole camera of the working picture.
+        size: width and height of the working picture.
     """
 
     def __init__(self, model: BodyModel, camera: Camera, scale: float = 1.0) -> None:
@@ -85,11 +121,11 @@ class FigurePainter:
         self._bones = skeleton_bones()
 
     def resized(self, frame: Image) -> Image:
-        """Returns a copy of a recorded frame at the working size."""
+        """Copy of a recorded frame at the working size."""
         if self.scale == 1.0:
             return frame.copy()
-        way = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_CUBIC
-        return np.asarray(cv2.resize(frame, self.size, interpolation=way), np.uint8)
+        method = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_CUBIC
+        return np.asarray(cv2.resize(frame, self.size, interpolation=method), np.uint8)
 
     def paint(
         self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
@@ -104,13 +140,7 @@ class FigurePainter:
         Returns:
             The image.
         """
-        surface = (
-            kinematics.skin(self.model, rotation, origin) @ self.ideal.rotation.T
-            + self.ideal.translation
-        )
-        parts, _ = render_parts(
-            surface, self.model.faces, self.model.face_part, self.ideal.matrix, self.size
-        )
+        parts = body_parts(self.model, kinematics.skin(self.model, rotation, origin), self.ideal)
         rows = np.flatnonzero(parts.any(axis=1))
         if not len(rows):
             return image
@@ -126,9 +156,7 @@ class FigurePainter:
         return image
 
     def pixels(self, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns where (N, 3) world points, metres, are in the working picture: (N, 2), NaN where
-        unseen.
-        """
+        """Pixels (N, 2) of points (N, 3), metres, in the working picture; NaN where not visible."""
         recorded, _ = self.camera.project(points_world)
         return (recorded + 0.5) * self.scale - 0.5
 
@@ -145,15 +173,10 @@ class FigurePainter:
             dot(image, joints[joint], line + 0.3, INK)
 
     def _outlines(self, mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
-        """Returns the closed borders of a mask in the pinhole picture as (N, 2) pixels of the
-        working picture.
-        """
-        found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-        outlines = [np.asarray(outline, float)[:, 0] for outline in found if len(outline) > 4]
+        """Closed borders (N, 2) of a mask of the pinhole picture, in pixels of the working one."""
+        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        outlines = [np.asarray(outline, float)[:, 0] for outline in contours if len(outline) > 4]
         if self.camera.is_pinhole:
             return outlines
-        bent = []
-        for outline in outlines:
-            origin, directions = self.ideal.rays(outline)
-            bent.append(self.pixels(origin + directions))
-        return bent
+        rays = (self.ideal.rays(outline) for outline in outlines)
+        return [self.pixels(origin + directions) for origin, directions in rays]

@@ -1,4 +1,4 @@
-"""Pictures and windows of a carved body, with a skeleton if there is one."""
+"""Pictures and windows of a carved body and its skeleton."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ _BACKGROUND = (247, 244, 240)  # BGR
 _SKIN = np.array([168.0, 190.0, 208.0])
 _BONE = (40, 60, 200)
 _FOCAL = 4.0  # in image heights: nearly parallel
-_FILLS = 0.9  # of the picture's height or width
+_FILLED = 0.9  # fraction of the picture's height or width
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +39,16 @@ def hull_picture(
     size: tuple[int, int] = (480, 720),
     box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
-    """Draws the hull's surface from several sides, beside each other, without a screen.
+    """Pictures of the hull's surface from several sides, side by side; needs no screen.
 
-    Args: grid: The voxels' places. occupancy: (nx, ny, nz) bool, something of it occupied.
-        skeleton: Drawn over the surface. azimuths_deg: Where the viewer stands, one picture each: 0
-        is along +x, 90 along +y; -90 sees the face of who looks along -y. size: Width and height of
-        each, px. box_m: Low and high corner (3,) of what fills the picture; None: of the hull.
+    Args:
+        grid: position and size of the voxels.
+        occupancy: (nx, ny, nz) bool, not empty.
+        skeleton: drawn over the surface.
+        azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
+            before a person that faces -y.
+        size: width and height of each, pixels.
+        box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.
 
     Returns:
         (height, width * number of sides, 3) uint8, BGR.
@@ -66,10 +70,10 @@ def show_hull(
     """Opens a window with the hull's surface and the skeleton; returns when it is closed.
 
     Args:
-        grid: The voxels' places.
-        occupancy: (nx, ny, nz) bool, something of it occupied.
-        skeleton: Drawn as lines inside the surface.
-        title: Of the window.
+        grid: position and size of the voxels.
+        occupancy: (nx, ny, nz) bool, not empty.
+        skeleton: drawn as lines inside the surface.
+        title: of the window.
 
     Raises:
         InputError: open3d cannot be imported, or there is no screen.
@@ -84,7 +88,7 @@ def show_hull(
         mesh.paint_uniform_color(_SKIN[::-1] / 255)
         shown = [mesh]
     else:
-        # Lines inside a closed surface are hidden: the surface becomes a net.
+        # A closed surface would occlude the lines: it is drawn as a net.
         lines = open3d.geometry.LineSet(
             open3d.utility.Vector3dVector(np.nan_to_num(skeleton.joints_m)),
             open3d.utility.Vector2iVector(_drawn(skeleton)),
@@ -97,7 +101,7 @@ def show_hull(
 
 
 def _drawn(skeleton: Skeleton) -> NDArray[np.integer]:
-    """Returns the bones (B, 2) both of whose ends are known."""
+    """Bones (B, 2) both of whose ends are known."""
     known = np.isfinite(skeleton.joints_m.sum(axis=1))
     return skeleton.bones[np.logical_and(known[skeleton.bones[:, 0]], known[skeleton.bones[:, 1]])]
 
@@ -109,7 +113,7 @@ def _one_side(
     azimuth_deg: float,
     size: tuple[int, int],
 ) -> NDArray[np.uint8]:
-    """Draws the surface from one side, lit from above the viewer's shoulder."""
+    """Picture of the surface from one side, lit from above the viewer's shoulder."""
     (vertices, faces), (low, high), (width, height) = skin, box_m, size
     angle = np.radians(azimuth_deg)
     forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -117,20 +121,17 @@ def _one_side(
     middle, diagonal = 0.5 * (low + high), float(np.linalg.norm((high - low)[:2]))
     # Far enough for the nearest corner to fit, for any azimuth.
     focal = _FOCAL * height
-    distance = 0.5 * diagonal + focal / _FILLS * max(
-        float(high[2] - low[2]) / height, diagonal / width
-    )
+    span = max(float(high[2] - low[2]) / height, diagonal / width)
+    distance = 0.5 * diagonal + focal / _FILLED * span
     matrix = np.array([[focal, 0, 0.5 * (width - 1)], [0, focal, 0.5 * (height - 1)], [0, 0, 1]])
-    seen = (vertices - middle) @ camera_from_world.T + np.array([0, 0, distance])
-    parts, depth = render_parts(seen, faces, np.zeros(len(faces), dtype=np.int32), matrix, size)
+    in_camera = (vertices - middle) @ camera_from_world.T + np.array([0, 0, distance])
+    labels = np.zeros(len(faces), dtype=np.int32)
+    parts, depth = render_parts(in_camera, faces, labels, matrix, size)
     picture = _shade(depth, parts > 0, focal)
     if skeleton is not None:
         joints = (skeleton.joints_m - middle) @ camera_from_world.T + np.array([0, 0, distance])
-        pixels = (
-            np.rint(np.nan_to_num(joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]))
-            .astype(int)
-            .tolist()
-        )
+        pixels = joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]
+        pixels = np.rint(np.nan_to_num(pixels)).astype(int).tolist()
         for a, b in _drawn(skeleton):
             cv2.line(picture, pixels[a], pixels[b], _BONE, 2, cv2.LINE_AA)
     return picture
@@ -139,9 +140,9 @@ def _one_side(
 def _shade(
     depth_m: NDArray[np.float32], body: NDArray[np.bool_], focal: float
 ) -> NDArray[np.uint8]:
-    """Lights a depth image (h, w) where `body` is; returns (h, w, 3) uint8, BGR."""
+    """Shaded image (h, w, 3) uint8 BGR of a depth image (h, w), where `body` is."""
     depth = np.where(body, depth_m, 0.0).astype(np.float64)
-    # Smoothed only over the body, or its rim would turn away.
+    # Smoothed only over the body: depths beside it would tilt the normals at its rim.
     weight = cv2.GaussianBlur(body.astype(np.float64), (0, 0), 1.2)
     smooth = np.where(body, cv2.GaussianBlur(depth, (0, 0), 1.2) / np.maximum(weight, 1e-9), 0.0)
     slope_y, slope_x = (
@@ -151,6 +152,5 @@ def _shade(
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     light = np.array([-0.4, -0.6, -0.7])
     bright = 0.35 + 0.65 * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1)
-    return np.where(body[..., None], bright[..., None] * _SKIN, np.array(_BACKGROUND)).astype(
-        np.uint8
-    )
+    shaded = np.where(body[..., None], bright[..., None] * _SKIN, np.array(_BACKGROUND))
+    return shaded.astype(np.uint8)

@@ -1,11 +1,13 @@
-"""overlay_CAMERA.mp4 and contact_sheet.png: the fitted body over the pictures it was fitted to."""
+"""Overlays and contact sheet: the fitted body over the pictures it was fitted to."""
 
 from __future__ import annotations
 
 import errno
 import os
 import shutil
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from pathlib import Path
 
 import cv2
@@ -21,24 +23,23 @@ from voxelpose.view.images.contact_sheet import ContactSheet
 from voxelpose.view.images.figure import FigurePainter
 
 _LONGEST_PX = 960
-# MPEG-4 part 2: the one codec that every OpenCV wheel writes. Slow VP9 would take longer than the
-# fit.
+# MPEG-4 part 2: the only codec that every OpenCV wheel writes. VP9 would take longer than the fit.
 _CODEC = "mp4v"
 
 
 def draw_pictures(
     source: FrameSource, motion: Motion, folder: Path, title: str, reporter: Reporter
 ) -> None:
-    """Reads the frames once more and writes an overlay video per camera and a contact sheet.
+    """Writes `overlay_CAMERA.mp4` for every camera and `contact_sheet.png`.
 
-    One time step is held at a time.
+    Reads the frames again; one time step is held in memory at a time.
 
     Args:
         source: the frames that the motion was estimated from.
-        motion: the poses; frames without one are shown as they are and marked.
-        folder: where `overlay_CAMERA.mp4` and `contact_sheet.png` go.
+        motion: the poses; frames without one are shown unchanged and marked.
+        folder: where the files go.
         title: first line of the contact sheet.
-        reporter: told of every time step.
+        reporter: notified of every time step.
 
     Raises:
         OSError: a video could not be written, for example because the disk is full.
@@ -54,11 +55,8 @@ def draw_pictures(
                 row = rows.get(frame)
                 pose = None if row is None else (rotation[row], origin[row])
                 caption = f"frame {frame} · {time_s:.2f} s"
-                list(
-                    pool.map(
-                        lambda video: video.add(images[video.camera.name], pose, caption), videos
-                    )
-                )  # noqa: B023 (used at once)
+                own = [images[video.camera.name] for video in videos]
+                list(pool.map(_Video.add, videos, own, repeat(pose), repeat(caption)))
                 if row is not None:
                     sheet.add(row, images)
                 reporter.advance()
@@ -67,23 +65,21 @@ def draw_pictures(
                 video.writer.release()
     for video in videos:
         video.check()
-    _write_image(sheet.image(title), folder / "contact_sheet.png")
+    write_png(sheet.image(title), folder / "contact_sheet.png")
 
 
 class _Video:
-    """One camera's overlay on its way to the disk."""
+    """Writer of one camera's overlay."""
 
     def __init__(self, folder: Path, camera: Camera, motion: Motion, fps: float) -> None:
         self.camera = camera
-        # Small pictures are enlarged a little, so that lines stay finer than limbs.
+        # Small pictures are enlarged, so that lines stay thinner than limbs.
         self.painter = FigurePainter(motion.model, camera, min(1.5, _LONGEST_PX / max(camera.size)))
         self.path = folder / f"overlay_{camera.name}.mp4"
         self.frames = 0
         width, height = self.painter.size
-        self.size = (width - width % 2, height - height % 2)  # the codec wants even sides
-        self.writer = cv2.VideoWriter(
-            str(self.path), cv2.VideoWriter.fourcc(*_CODEC), fps, self.size
-        )
+        self.size = (width - width % 2, height - height % 2)  # the codec requires even sides
+        self.writer = open_video(self.path, fps, self.size)
         if not self.writer.isOpened():
             raise OSError(
                 errno.EIO,
@@ -100,7 +96,8 @@ class _Video:
         image = self.painter.resized(frame)
         if pose is not None:
             self.painter.paint(image, *pose)
-        _mark(image, f"{self.camera.name} · {caption}", "" if pose is not None else "no pose found")
+        warning = "" if pose is not None else "no pose found"
+        _mark(image, f"{self.camera.name} · {caption}", warning)
         self.writer.write(image[: self.size[1], : self.size[0]])
         self.frames += 1
 
@@ -108,8 +105,13 @@ class _Video:
         check_video(self.path, self.frames)
 
 
+def open_video(path: Path, fps: float, size: Sequence[int]) -> cv2.VideoWriter:
+    """Writer of an MPEG-4 video of a width and height."""
+    return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*_CODEC), fps, tuple(size))
+
+
 def check_video(path: Path, frames: int) -> None:
-    """Reads the number of frames back: OpenCV does not say when writing fails.
+    """Checks the number of frames in a file: OpenCV does not report failures of writing.
 
     Raises:
         OSError: there are fewer.
@@ -135,7 +137,12 @@ def _mark(image: Image, caption: str, warning: str) -> None:
         write_text(image, warning, x, y - 2 * size, size, WARNING, bold=True)
 
 
-def _write_image(image: Image, path: Path) -> None:
+def write_png(image: Image, path: Path) -> None:
+    """Writes an image as PNG.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     good, data = cv2.imencode(".png", image)
     if not good:
         raise OSError(errno.EIO, "the image could not be encoded", str(path))

@@ -1,5 +1,6 @@
-"""The viewer in the browser: viser's panel over an `ResultScenes`. Callbacks only note what is
-wanted; one thread draws it.
+"""The viewer in the browser: viser's panel over `ResultScenes`.
+
+Callbacks only record the choice; one thread draws it.
 """
 
 from __future__ import annotations
@@ -15,30 +16,30 @@ import viser
 
 from calib.errors import InputError
 from voxelpose.matching.limbs import LIMBS, TORSO
-from voxelpose.view.viewer.legend import area_words, frame_words, legend_html, spoken
+from voxelpose.view.viewer.legend import area_text, display_name, frame_text, legend_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene_renderer import PICTURES, Choice, SceneRenderer
 
 _NO_PART = "none"
-_PARTS = {spoken(limb.name): limb.name for limb in LIMBS if limb is not TORSO}
+_PARTS = {display_name(limb.name): limb.name for limb in LIMBS if limb is not TORSO}
 _LAYERS = {
     "cameras": "Cameras",
     "hull": "Voxels",
     "unexplained": "Unexplained voxels",
     "body": "Body",
     "skeleton": "Skeleton",
-    "guesses": "Other likely poses",
+    "hypotheses": "Other likely poses",
 }
 _HIP_HEIGHT = 0.54  # of the stature
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where the viewer answers.
+    """Network address of the viewer.
 
     Attributes:
         host: "localhost" for this machine only.
-        port: the first that is free from here on is taken.
+        port: the first free one from this number on is used.
     """
 
     host: str = "localhost"
@@ -46,7 +47,13 @@ class Address:
 
 
 class Browser:
-    """Serves an exhibit to browsers."""
+    """Serves scenes to browsers.
+
+    Attributes:
+        scenes: what is shown.
+        choice: the user's choice.
+        server: viser's server.
+    """
 
     def __init__(
         self, scenes: ResultScenes, address: Address | None = None, frame: int | None = None
@@ -55,15 +62,14 @@ class Browser:
 
         Args:
             scenes: what is shown.
-            address: where.
+            address: network address; None: the default.
             frame: number of the frame shown first; None: the middle one.
         """
         address = address or Address()
         self.scenes = scenes
+        middle = len(scenes.frames) // 2
         self.choice = Choice(
-            len(scenes.frames) // 2
-            if frame is None
-            else int(np.flatnonzero(scenes.frames == frame)[0])
+            middle if frame is None else int(np.flatnonzero(scenes.frames == frame)[0])
         )
         self._drawn: Choice | None = None
         self._wake = threading.Event()
@@ -77,30 +83,28 @@ class Browser:
             control_width="large", show_logo=False, show_share_button=False
         )
         self.server.gui.main_panel.dock_right()
-        self._stage = SceneRenderer(
-            self.server.scene,
-            scenes.voxel_size_m,
-            None if scenes.motion is None else scenes.motion.model,
-        )
+        model = None if scenes.motion is None else scenes.motion.model
+        self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, model)
         self._make_panel()
-        self._look_around()
+        self._set_up_view()
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
+        """Address for the browser."""
         host = self.server.get_host()
-        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
+        name = "localhost" if host in ("0.0.0.0", "127.0.0.1") else host
+        return f"http://{name}:{self.server.get_port()}"
 
     def run(self) -> None:
-        """Draws what is wanted until the process is interrupted."""
+        """Draws what is chosen until the process is interrupted."""
         while True:
             self.step(0.5)
 
     def step(self, timeout_s: float) -> bool:
-        """Waits for a wish, or for the next frame while playing, and draws it.
+        """Waits for a new choice, or for the next frame while playing, and draws it.
 
         Args:
-            timeout_s: how long to wait at most.
+            timeout_s: longest wait for a new choice, seconds.
 
         Returns:
             Whether anything was drawn.
@@ -117,13 +121,13 @@ class Browser:
         try:
             scene = self.scenes.scene(frame)
             areas = self.scenes.areas(frame) if choice.part else {}
-        except InputError as error:  # a video that ends too early, say: other frames may do
+        except InputError as error:  # for example a truncated video: other frames may be readable
             self._status.content, self._drawn = f"**Frame {frame}**\n\n⚠ {error}", choice
             return True
         with self.server.atomic():
-            self._stage.draw(scene, areas, choice)
-            self._status.content = frame_words(scene)
-            self._area.content = area_words(choice.part, areas)
+            self._renderer.draw(scene, areas, choice)
+            self._status.content = frame_text(scene)
+            self._area.content = area_text(choice.part, areas)
         self._drawn = choice
         return True
 
@@ -133,21 +137,19 @@ class Browser:
             self.server.stop()
         self.scenes.close()
 
-    def _wish(self, **changes: object) -> None:
+    def _choose(self, **changes: object) -> None:
         self.choice = replace(self.choice, **changes)  # type: ignore[arg-type]
         self._wake.set()
 
     def _advance(self) -> None:
-        """Moves on by as many frames as the time since the last one asks for: slow drawing leaves
-        frames out.
-        """
+        """Advances by the time since the last frame: slow drawing skips frames."""
         period = 1 / (self.scenes.fps * float(self._speed.value))
         time.sleep(max(0.0, self._played_s + period - time.monotonic()))
         due = max(1, int((time.monotonic() - self._played_s) / period))
         self._played_s = time.monotonic()
         row = (self.choice.row + due) % len(self.scenes.frames)
         self._slider.value = int(self.scenes.frames[row])
-        self._wish(row=row)
+        self._choose(row=row)
 
     def _start(self) -> None:
         self._played_s = time.monotonic()
@@ -156,62 +158,57 @@ class Browser:
     def _make_panel(self) -> None:
         gui, frames, fitted = self.server.gui, self.scenes.frames, self.scenes.motion is not None
         first, last = int(frames[0]), int(frames[-1])
+        shown, single = int(frames[self.choice.row]), last == first
         with gui.add_folder("Time"):
             self._slider = gui.add_slider(
-                "Frame",
-                first,
-                max(last, first + 1),
-                1,
-                int(frames[self.choice.row]),
-                disabled=last == first,
+                "Frame", first, max(last, first + 1), 1, shown, disabled=single
             )
-            self._play = gui.add_checkbox("Play", False, disabled=last == first)
+            self._play = gui.add_checkbox("Play", False, disabled=single)
             self._speed = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0)
-        self._slider.on_update(lambda _: self._wish(row=min(int(self._slider.value), last) - first))
+        self._slider.on_update(
+            lambda _: self._choose(row=min(int(self._slider.value), last) - first)
+        )
         self._play.on_update(lambda _: self._start())
         with gui.add_folder("This frame"):
             self._status = gui.add_markdown("Reading the recording …")
         with gui.add_folder("Show"):
             pictures = gui.add_dropdown("Cameras show", PICTURES)
-            pictures.on_update(lambda _: self._wish(pictures=pictures.value))
+            pictures.on_update(lambda _: self._choose(pictures=pictures.value))
             for name, label in _LAYERS.items():
-                there = (
-                    self.scenes.has_hypotheses
-                    if name == "guesses"
-                    else fitted or name in ("cameras", "hull")
-                )
-                self._add_layer(name, label, there)
+                available = fitted or name in ("cameras", "hull")
+                if name == "hypotheses":
+                    available = self.scenes.has_hypotheses
+                self._add_layer(name, label, available)
         with gui.add_folder("Where could a part be?", visible=fitted):
             part = gui.add_dropdown("Part", (_NO_PART, *_PARTS))
-            part.on_update(lambda _: self._wish(part=_PARTS.get(part.value)))
-            self._area = gui.add_markdown(area_words(None, {}))
+            part.on_update(lambda _: self._choose(part=_PARTS.get(part.value)))
+            self._area = gui.add_markdown(area_text(None, {}))
         with gui.add_folder("Colours"):
             gui.add_html(legend_html(self.scenes.has_hypotheses))
 
-    def _add_layer(self, name: str, label: str, there: bool) -> None:
-        box = self.server.gui.add_checkbox(label, getattr(self.choice, name), visible=there)
-        box.on_update(lambda _: self._wish(**{name: box.value}))
+    def _add_layer(self, name: str, label: str, available: bool) -> None:
+        box = self.server.gui.add_checkbox(label, getattr(self.choice, name), visible=available)
+        box.on_update(lambda _: self._choose(**{name: box.value}))
 
-    def _look_around(self) -> None:
-        """Lays a floor, and stands beside the first camera."""
+    def _set_up_view(self) -> None:
+        """Adds lights and a floor, and puts the viewpoint beside the first camera."""
         motion = self.scenes.motion
-        places = np.array([camera.center_m for camera in self.scenes.rig])
+        centers = np.array([camera.center_m for camera in self.scenes.rig])
         if motion is None:
-            middle, floor = places.mean(0) * (1, 1, 0) + (0, 0, 1), 0.0
+            middle, floor = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 0.0
         else:
             middle = np.median(motion.root_m, axis=0)
             floor = float(middle[2] - _HIP_HEIGHT * motion.model.sizes.stature_m)
         self.server.scene.set_up_direction("+z")
-        # An environment to mirror and shadows cost more than they show.
+        # Reflections and shadows cost more than they show.
         self.server.scene.configure_default_lights(cast_shadow=False)
         self.server.scene.configure_environment_map(None)
         self.server.scene.add_light_ambient("/light", intensity=1.5)
         self.server.scene.add_grid(
             "/floor", 8.0, 8.0, position=(float(middle[0]), float(middle[1]), floor), cell_size=0.5
         )
-        aside = places[0] - middle
-        turned = np.array([aside[0] - 0.4 * aside[1], aside[1] + 0.4 * aside[0], 0.0])
+        toward = centers[0] - middle
+        beside = np.array([toward[0] - 0.4 * toward[1], toward[1] + 0.4 * toward[0], 0.0])
+        beside *= 3.2 / max(float(np.linalg.norm(beside)), 1e-9)
         self.server.initial_camera.look_at = middle
-        self.server.initial_camera.position = (
-            middle + 3.2 * turned / max(float(np.linalg.norm(turned)), 1e-9) + (0, 0, 0.9)
-        )
+        self.server.initial_camera.position = middle + beside + (0, 0, 0.9)

@@ -1,6 +1,4 @@
-"""What colours mean in the viewer, and what it says about a frame. Plain text and numbers: nothing
-is drawn here.
-"""
+"""Colours and texts of the viewer."""
 
 from __future__ import annotations
 
@@ -8,59 +6,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import PART_NAMES
-from voxelpose.view.viewer.result_scenes import Area, Scene
+from voxelpose.matching.matcher import LimbArea
+from voxelpose.view.viewer.scene import Scene
 
 Colour = tuple[int, int, int]
 
-# RGB. From vermilion over yellow to blue: no kind of colour vision confuses the ends.
+# RGB, vermilion over yellow to blue: no kind of colour vision confuses the ends.
 _RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]], float)
 UNKNOWN: Colour = (150, 150, 150)
 HULL: Colour = (140, 150, 160)
 UNEXPLAINED: Colour = (214, 40, 150)
 AREA: Colour = (120, 196, 190)
 DISPUTED: Colour = (122, 62, 178)
-GUESS: Colour = (60, 60, 60)
+HYPOTHESIS: Colour = (60, 60, 60)
 PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
-# a hull of few cameras is larger than the body in it; farther away a voxel means something
-OFF_M = 0.05
-_WEAK = 0.5
+# A hull of few cameras is larger than the body; voxels farther away than this are significant.
+OUTLYING_M = 0.05
+_WEAK = 0.5  # fraction of a part inside the hull
 
 
-def overlap_colours(share: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Returns the colours (n, 3) uint8 RGB of parts' shares (n,) inside the hull; grey where NaN."""
-    place = np.clip(np.nan_to_num(share), 0, 1) * (len(_RAMP) - 1)
-    low = np.minimum(place.astype(int), len(_RAMP) - 2)
-    mixed = _RAMP[low] + (place - low)[:, None] * (_RAMP[low + 1] - _RAMP[low])
-    return np.where(np.isfinite(share)[:, None], mixed, UNKNOWN).round().astype(np.uint8)
+def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Colours (n, 3) uint8 RGB of fractions (n,) of parts inside the hull; grey where NaN."""
+    position = np.clip(np.nan_to_num(overlap), 0, 1) * (len(_RAMP) - 1)
+    low = np.minimum(position.astype(int), len(_RAMP) - 2)
+    mixed = _RAMP[low] + (position - low)[:, None] * (_RAMP[low + 1] - _RAMP[low])
+    return np.where(np.isfinite(overlap)[:, None], mixed, UNKNOWN).round().astype(np.uint8)
 
 
-def spoken(name: str) -> str:
-    """Returns a part's name as people say it."""
-    return name.replace("_", " ")
+def display_name(part: str) -> str:
+    """Name of a part with spaces."""
+    return part.replace("_", " ")
 
 
 def legend_html(with_hypotheses: bool) -> str:
-    """Returns the legend."""
+    """Legend of the colours, as HTML."""
     ramp = ", ".join(_css(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
     rows = [
         (HULL, "carved voxels: where all silhouettes allow a body"),
         (
             UNEXPLAINED,
-            f"voxels that no part explains, more than {100 * OFF_M:.0f} cm from the body",
+            f"voxels that no part explains, more than {100 * OUTLYING_M:.0f} cm from the body",
         ),
         (AREA, "where the chosen part could be (its movable area)"),
-        (DISPUTED, "there another part could be, too: they are matched together"),
+        (DISPUTED, "where another part could be, too: they are matched together"),
         (UNKNOWN, "part too small to be measured"),
         *(
-            [(GUESS, "other poses that the camera leaves open; the fainter, the less likely")]
+            [(HYPOTHESIS, "other poses that the camera leaves open; the fainter, the less likely")]
             if with_hypotheses
             else []
         ),
     ]
     swatch = (
-        "<span"
-        ' style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;background:{};margin-right:0.5em"></span>'
+        '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;'
+        'background:{};margin-right:0.5em"></span>'
     )
     lines = "".join(f"<div>{swatch.format(_css(colour))}{words}</div>" for colour, words in rows)
     bar = (
@@ -68,8 +67,8 @@ def legend_html(with_hypotheses: bool) -> str:
         f' {ramp})"></div>'
     )
     ends = (
-        '<div style="display:flex;justify-content:space-between"><span>0'
-        " %</span><span>50</span><span>100 %</span></div>"
+        '<div style="display:flex;justify-content:space-between">'
+        "<span>0 %</span><span>50</span><span>100 %</span></div>"
     )
     return (
         '<div style="padding:0 0.8em 0.6em;font-size:0.8em;line-height:1.6"><b>Part inside the'
@@ -77,8 +76,8 @@ def legend_html(with_hypotheses: bool) -> str:
     )
 
 
-def frame_words(scene: Scene) -> str:
-    """Returns what there is to say about a frame, as Markdown."""
+def frame_text(scene: Scene) -> str:
+    """Description of a frame, as Markdown."""
     lines = [f"**Frame {scene.frame}**, {scene.time_s:.2f} s"]
     if scene.body is not None:
         if scene.body.confidence is not None and np.isfinite(scene.body.confidence):
@@ -87,19 +86,18 @@ def frame_words(scene: Scene) -> str:
                 " covers the silhouettes."
             )
         weak = [
-            spoken(name)
-            for name, share in zip(PART_NAMES, scene.body.overlap, strict=True)
-            if share < _WEAK
+            display_name(name)
+            for name, overlap in zip(PART_NAMES, scene.body.overlap, strict=True)
+            if overlap < _WEAK
         ]
         if weak:
             lines.append(f"Little inside the hull: {', '.join(weak)}.")
     if scene.hull is not None:
-        voxel_l = 1000 * scene.hull.grid.voxel_size_m**3
-        lines.append(f"Hull {voxel_l * np.count_nonzero(scene.hull.occupancy):.0f} litres.")
+        lines.append(f"Hull {scene.hull.volume_l:.0f} litres.")
         if scene.body is not None:
-            far = voxel_l * np.count_nonzero(scene.hull.off_m > OFF_M)
+            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_M)
             lines.append(
-                f"{far:.0f} litres of it are more than {100 * OFF_M:.0f} cm from the body."
+                f"{far:.0f} litres of it are more than {100 * OUTLYING_M:.0f} cm from the body."
             )
     lines += [f"⚠ {note}" for note in scene.notes]
     lines += [
@@ -109,8 +107,8 @@ def frame_words(scene: Scene) -> str:
     return "\n\n".join(lines)
 
 
-def area_words(part: str | None, areas: dict[str, Area]) -> str:
-    """Returns what there is to say about the chosen part's movable area, as Markdown."""
+def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:
+    """Description of the chosen part's movable area, as Markdown."""
     if part is None:
         return (
             "Choose a part to see where it could be, and with which others it is matched together."
@@ -118,18 +116,15 @@ def area_words(part: str | None, areas: dict[str, Area]) -> str:
     if part not in areas:
         return "There is no pose or no hull in this frame."
     area = areas[part]
-    others = [spoken(name) for name in area.interferes if name != part]
+    others = [display_name(name) for name in area.interferes if name != part]
+    reach = f"The {display_name(part)} could be in {len(area.voxels)} voxels"
     if not others:
-        return (
-            f"The {spoken(part)} could be in {len(area.points_m)} voxels; no other part claims any"
-            " of them."
-        )
-    share = len(area.disputed_m) / max(len(area.points_m), 1)
-    where = (
-        f"The {spoken(part)} could be in {len(area.points_m)} voxels, {100 * share:.0f} % of them"
-        " disputed."
+        return f"{reach}; no other part claims any of them."
+    disputed = 100 * len(area.disputed) / max(len(area.voxels), 1)
+    return (
+        f"{reach}, {disputed:.0f} % of them disputed. Matched with, directly or through others:"
+        f" {', '.join(others)}."
     )
-    return f"{where} Matched with, directly or through others: {', '.join(others)}."
 
 
 def _css(colour: Colour | NDArray[np.uint8]) -> str:

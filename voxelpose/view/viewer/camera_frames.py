@@ -1,0 +1,90 @@
+"""Pictures and silhouettes of single frames of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from voxelpose.multiview import LONG_SIDE_PX
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.frame_reader import Frame, read_together
+from voxelpose.view.viewer.scene import CameraFrame
+
+_MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start
+
+
+class CameraFrames:
+    """Reads frames in any order.
+
+    A frame shortly after the last one is reached by reading on: videos are decoded from their
+    start.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        method: Literal["paper", "refined"],
+        views: Mapping[str, UndistortedView],
+    ) -> None:
+        """Prepares; nothing is read before the first frame.
+
+        Args:
+            recording: the frames.
+            method: of finding silhouettes.
+            views: undistorted view of every camera by name.
+        """
+        self._recording = recording
+        self._method: Literal["paper", "refined"] = method
+        self._views = views
+        self._next, self._frames = 0, None
+
+    @cached_property
+    def _silhouettes(self) -> Silhouettes:
+        return Silhouettes(self._recording, self._method, LONG_SIDE_PX)
+
+    def read(self, frame: int) -> tuple[CameraFrame, ...]:
+        """Undistorted pictures and silhouettes of a frame, one per camera."""
+        pictures = self._read(frame)
+        masks = self._silhouettes.of(pictures)
+        given = self._recording.silhouettes_given
+        return tuple(
+            CameraFrame(
+                view.pinhole,
+                None if given else _undistorted(pictures[name], view),
+                view.undistort(masks[name]),
+            )
+            for name, view in self._views.items()
+        )
+
+    def _read(self, frame: int) -> dict[str, Frame]:
+        if self._frames is None or not 0 <= frame - self._next <= _MOST_SKIPPED:
+            self.close()
+            stop = self._recording.first + self._recording.frame_count
+            self._next, self._frames = frame, read_together(self._recording.readers, frame, stop)
+        pictures: dict[str, Frame] = {}
+        while self._next <= frame:
+            pictures = next(self._frames)
+            self._next += 1
+        return pictures
+
+    def close(self) -> None:
+        """Stops reading."""
+        if self._frames is not None:
+            self._frames.close()  # type: ignore[attr-defined]
+        self._frames = None
+
+
+def _undistorted(picture: Frame, view: UndistortedView) -> NDArray[np.uint8]:
+    """Picture (H, W, 3) BGR as the view's pinhole camera sees it, RGB."""
+    image = picture
+    if picture.shape[1::-1] != view.pinhole.size:
+        image = cv2.resize(picture, view.pinhole.size, interpolation=cv2.INTER_AREA)
+    if view.maps is not None:
+        image = cv2.remap(image, *view.maps, cv2.INTER_LINEAR)
+    return np.ascontiguousarray(image[..., ::-1], np.uint8)

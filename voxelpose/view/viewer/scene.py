@@ -1,0 +1,100 @@
+"""Contents of one frame of a result, before they are drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.export.hypotheses import Hypothesis
+
+
+@dataclass(frozen=True, eq=False)
+class CameraFrame:
+    """Picture and silhouette of one camera.
+
+    Attributes:
+        camera: without distortion, of the picture's size.
+        picture: (h, w, 3) uint8 RGB, undistorted; None where the recording is missing or holds
+            silhouettes only.
+        mask: (h, w) bool, the silhouette; None where the recording is missing.
+    """
+
+    camera: Camera
+    picture: NDArray[np.uint8] | None = None
+    mask: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CarvedHull:
+    """Hull of the body.
+
+    Attributes:
+        grid: of the voxels.
+        occupancy: (nx, ny, nz) bool.
+        vertices_m: (V, 3) float64, vertices of its surface in the world.
+        faces: (F, 3) int64, triangles of its surface.
+        unexplained_m: (n, 3) float64, centres of the voxels that no part of the fitted body covers.
+        distance_m: (n,) float64, distance of each of those from the inside of the body.
+    """
+
+    grid: VoxelGrid
+    occupancy: NDArray[np.bool_]
+    vertices_m: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    unexplained_m: NDArray[np.float64]
+    distance_m: NDArray[np.float64]
+
+    @property
+    def volume_l(self) -> float:
+        """Volume, litres."""
+        return self.litres(self.occupancy)
+
+    def litres(self, voxels: NDArray[np.bool_]) -> float:
+        """Volume of the true ones of some voxels, litres."""
+        return 1000 * float(np.count_nonzero(voxels)) * self.grid.voxel_size_m**3
+
+
+@dataclass(frozen=True, eq=False)
+class BodyState:
+    """The fitted body.
+
+    Attributes:
+        vertices_m: (V, 3) float64, its skin in the world.
+        joints_m: (28, 3) float64, the ends of `skeleton_bones`.
+        overlap: (27,) float64, fraction of each part inside the hull; NaN where unknown.
+        confidence: of the frame, from 0 to 1; None where the estimator gave none.
+        unexplained: fraction of the hull that no part covers; None where the estimator gave none.
+    """
+
+    vertices_m: NDArray[np.float64]
+    joints_m: NDArray[np.float64]
+    overlap: NDArray[np.float64]
+    confidence: float | None
+    unexplained: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that one frame shows.
+
+    Attributes:
+        frame: its number.
+        time_s: its time, seconds.
+        camera_frames: one per camera.
+        hull: None without silhouettes of two cameras.
+        body: None where no pose was found.
+        hypotheses: other poses that one camera leaves open, the likeliest first.
+        notes: what is missing, in words.
+    """
+
+    frame: int
+    time_s: float
+    camera_frames: tuple[CameraFrame, ...]
+    hull: CarvedHull | None
+    body: BodyState | None
+    hypotheses: tuple[Hypothesis, ...]
+    notes: tuple[str, ...]
