@@ -1,1 +1,1 @@
-"""From a picture to a silhouette, and from a posed body to its picture."""
+"""Silhouettes from images, and part-number images from posed bodies."""

@@ -1,4 +1,4 @@
-"""The empty scene of one fixed camera, and what differs from it."""
+"""Background model of one fixed camera, and silhouettes by background subtraction."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -11,22 +11,21 @@ from calib.checks import check_array
 from silhouette_core.image.foreground import Background, RefinedSettings, refined_mask
 from silhouette_core.image.kernels import background as kernels
 
-_PRIOR_FRAMES = 10  # how many frames the assumed noise is worth against the measured one
+_PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
 
 @dataclass(frozen=True)
 class BackgroundSettings:
-    """What decides between person and background; one set serves all cameras.
+    """Thresholds of background subtraction, the same for all cameras.
 
-    Attributes: method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up;
-        "refined" is what
-            `silhouette_core.image.foreground` makes of it.
-        noise: least standard deviation of a colour channel (of 255); also what is assumed for a
-            still.
+    Attributes:
+        method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up;
+            "refined" extends it, see `silhouette_core.image.foreground`.
+        noise: least standard deviation of a colour channel (of 255); also that assumed for a still.
         log_likelihood: the paper's threshold, as the logarithm of the density of the normalised
             colour.
-        raw_difference: the paper's clear difference: length of the difference of raw colours (of
-            255).
+        raw_difference: the paper's clear difference: length of the difference of the un-normalised
+            colours (of 255).
         refined: thresholds of the refined method.
     """
 
@@ -38,9 +37,14 @@ class BackgroundSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class _Learnt:
-    """Per pixel and channel (H, W, 3): mean and variance of the colour, mean and variance of the
-    colour over its length.
+class _ColourStatistics:
+    """Statistics of each pixel's colour and of its colour divided by its length.
+
+    Attributes:
+        mean: (H, W, 3) float64, of the colour, BGR of 255.
+        variance: (H, W, 3) float64, of the colour.
+        unit_mean: (H, W, 3) float64, of the normalised colour.
+        unit_variance: (H, W, 3) float64, of the normalised colour.
     """
 
     mean: NDArray[np.float64]
@@ -50,24 +54,23 @@ class _Learnt:
 
 
 class BackgroundModel:
-    """Background of one camera. Make it with `from_frames`, `from_still` or `from_median`.
+    """Background of one camera. Construct it with `from_frames`, `from_still` or `from_median`.
 
-    Source: Okada and Stenger, section 5.1, for the Gaussian over a colour divided by its length,
-    and the clear difference of colours.
-    Beyond the paper: `from_still`, `from_median`, the least noise, and all of the refined method.
+    Source: Okada and Stenger, section 5.1. `from_still`, `from_median`, the lower bound of the
+    noise and the refined method are ours.
     """
 
-    def __init__(self, learnt: _Learnt, settings: BackgroundSettings | None = None):
-        """Keeps what was learnt; see the constructors `from_...`."""
+    def __init__(self, statistics: _ColourStatistics, settings: BackgroundSettings | None = None):
+        """Prepares the model; use the constructors `from_...`."""
         self.settings = settings or BackgroundSettings()
-        self.mean: NDArray[np.float32] = np.ascontiguousarray(learnt.mean, np.float32)
-        noise = np.maximum(np.sqrt(learnt.variance.mean(axis=2)), self.settings.noise)
+        self.mean: NDArray[np.float32] = np.ascontiguousarray(statistics.mean, np.float32)
+        noise = np.maximum(np.sqrt(statistics.variance.mean(axis=2)), self.settings.noise)
         self._background = Background.from_noise(self.mean, noise)
-        # Noise of the raw channels turns a colour of length L by noise / L: dark pixels have no
-        # sure direction.
-        length = np.maximum(np.linalg.norm(learnt.mean, axis=2, keepdims=True), 1.0)
-        variance = np.maximum(learnt.unit_variance, (self.settings.noise / length) ** 2)
-        self._unit_mean = np.ascontiguousarray(learnt.unit_mean, np.float32)
+        # Noise of the channels turns a colour of length L by noise / L: the direction of dark
+        # pixels is uncertain.
+        length = np.maximum(np.linalg.norm(statistics.mean, axis=2, keepdims=True), 1.0)
+        variance = np.maximum(statistics.unit_variance, (self.settings.noise / length) ** 2)
+        self._unit_mean = np.ascontiguousarray(statistics.unit_mean, np.float32)
         self._half_precision = np.ascontiguousarray(0.5 / variance, np.float32)
         self._log_peak = np.ascontiguousarray(
             -0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32
@@ -82,7 +85,7 @@ class BackgroundModel:
     def from_frames(
         cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
     ) -> "BackgroundModel":
-        """Learns from pictures of the empty scene, one after the other.
+        """Background from frames of the empty scene, read one after the other.
 
         Args:
             frames: each (H, W, 3) uint8, BGR; at least one.
@@ -108,15 +111,16 @@ class BackgroundModel:
             count + _PRIOR_FRAMES
         )
         return cls(
-            _Learnt(mean, variance, unit_mean, np.maximum(unit_square - unit_mean**2, 0)), settings
+            _ColourStatistics(mean, variance, unit_mean, np.maximum(unit_square - unit_mean**2, 0)),
+            settings,
         )
 
     @classmethod
     def from_still(
         cls, frame: np.ndarray, settings: BackgroundSettings | None = None
     ) -> "BackgroundModel":
-        """Learns from one picture of the empty scene, (H, W, 3) uint8, BGR; the noise is assumed
-        (`settings.noise`).
+        """Background from one frame of the empty scene, (H, W, 3) uint8, BGR; the noise is assumed
+        to be `settings.noise`.
         """
         return cls.from_frames([frame], settings)
 
@@ -124,14 +128,15 @@ class BackgroundModel:
     def from_median(
         cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
     ) -> "BackgroundModel":
-        """Learns from pictures in which the person moves about: the median over time of every
-        pixel.
+        """Background from frames in which a person moves: the median over time of every pixel.
 
-        Right where each place is empty more than half of the time; who stands still becomes
-        background.
+        Correct for pixels that show the background more than half of the time; a person who does
+        not move becomes background.
 
-        Args: frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample (some 50
-            over the recording). settings: thresholds; None for the defaults.
+        Args:
+            frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
+                50 over the recording.
+            settings: thresholds; None for the defaults.
 
         Raises:
             ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
@@ -143,20 +148,30 @@ class BackgroundModel:
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
-        median, deviation = (
-            np.empty(stack[0].shape, np.float32),
-            np.empty(stack[0].shape, np.float32),
-        )
+        median, deviation = (np.empty(stack[0].shape, np.float32) for _ in range(2))
         kernels.median_and_deviation(np.stack(stack), median, deviation)
         mean = median.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
-        variance = np.square(
-            1.4826 * deviation, dtype=np.float64
-        )  # a Gaussian's median distance is 0.6745 standard deviations
-        return cls(_Learnt(mean, variance, mean / length, variance / length**2), settings)
+        # The median distance from a Gaussian's mean is 1 / 1.4826 standard deviations.
+        variance = np.square(1.4826 * deviation, dtype=np.float64)
+        return cls(_ColourStatistics(mean, variance, mean / length, variance / length**2), settings)
 
     def silhouette(self, frame: np.ndarray, region: np.ndarray | None = None) -> np.ndarray:
-        """Returns what does not belong to the background.
+        r"""Silhouette of the foreground in a frame.
+
+        With the method "paper", a pixel of colour :math:`c` (3,) is foreground where the density of
+        its normalised colour is low or its un-normalised colour differs clearly:
+
+        .. math::
+
+            \prod_{k=1}^{3} \frac{1}{\sqrt{2 \pi}\, \sigma_k}
+            \exp\left(-\frac{(u_k - \mu_k)^2}{2 \sigma_k^2}\right) < \theta
+            \quad \text{or} \quad \lVert c - \bar c \rVert > \tau,
+            \qquad u = \frac{c}{\lVert c \rVert}
+
+        with mean :math:`\mu` and diagonal variance :math:`\sigma^2` of :math:`u` at that pixel (no
+        unit), mean colour :math:`\bar c` (of 255), :math:`\log \theta` = `log_likelihood` and
+        :math:`\tau` = `raw_difference` of the settings.
 
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.

@@ -14,18 +14,20 @@ def clean(
     max_hole_px: int = 0,
     region: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Removes small components, fills small holes and keeps to a region.
+    """Silhouette without small components, small holes and what lies outside a region.
 
     A hole is a background component that does not touch the image's edge. Large ones stay: the gap
     between an arm and the trunk is background too.
 
-    Args: mask: silhouette, (H, W) bool. min_area_px: components (8-connected) with fewer pixels are
-        removed. min_share: components with a smaller share of the largest one's pixels are removed.
-        max_hole_px: holes (4-connected) with at most so many pixels are filled. region: region of
-        interest, (H, W) bool; nothing outside it is kept. None means the whole image.
+    Args:
+        mask: (H, W) bool, silhouette.
+        min_area_px: components (8-connected) with fewer pixels are removed.
+        min_share: components with a smaller fraction of the largest one's pixels are removed.
+        max_hole_px: holes (4-connected) with at most this many pixels are filled.
+        region: (H, W) bool, region of interest; None means the whole image.
 
     Returns:
-        A new mask, (H, W) bool.
+        (H, W) bool, a new mask.
 
     Raises:
         TypeError: mask or region is not bool.
@@ -43,6 +45,7 @@ def clean(
 
 
 def _large_components(mask: np.ndarray, min_area_px: int, min_share: float) -> np.ndarray:
+    """Mask (H, W) of the components that are large enough."""
     components = label_components(mask)
     sizes = components.sizes
     large = sizes >= max(1, min_area_px, min_share * sizes.max())
@@ -50,6 +53,7 @@ def _large_components(mask: np.ndarray, min_area_px: int, min_share: float) -> n
 
 
 def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
+    """Fills small holes in place."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return

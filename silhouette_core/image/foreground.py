@@ -1,17 +1,17 @@
-"""The refined silhouette: what this project adds to Okada and Stenger's section 5.1.
+"""Refined background subtraction: this project's extension of Okada and Stenger's section 5.1.
 
-The paper's two tests stay (direction of colour, clear difference), with these additions:
+The paper's two tests (direction of colour, clear difference) are extended as follows:
 
 1. Exposure: each channel's gain between background and frame is the median ratio over the image.
-2. The direction test is made on the part of a colour that no change of brightness explains, over
-   the noise, averaged over a small window before it is compared: a cast shadow keeps its tint, a
-   grey shirt before a tinted wall does not. The noise is rescaled for every frame by what most of
-   the image shows, since a still knows nothing of it and lossy video adds its own.
+2. The direction test uses the chromatic residual, the part of a colour that no change of brightness
+   explains, divided by the noise and averaged over a small window: a cast shadow keeps its tint, a
+   grey shirt before a tinted wall does not. The noise is rescaled for every frame by the median
+   residual of the image, since a still does not show it and lossy video adds to it.
 3. The clear difference is a brightness that neither shadow nor highlight explains.
-4. Where the background alone does not tell (clothes that look like its shadow or itself, narrow
-   gaps), the colours of the person found so far are weighed against the colours around.
-5. Edges are put where half of a pixel's colour is the person's and half the (shadowed)
-   background's, which undoes the averaging and the coarse colour of video.
+4. Where the background alone does not decide (clothes that resemble its shadow or itself, narrow
+   gaps), the colours of the silhouette so far are compared with the colours around it.
+5. Edges are placed where half of a pixel's colour is the person's and half the (shadowed)
+   background's, which compensates for the averaging and for the subsampled colour of video.
 """
 
 from dataclasses import dataclass, replace
@@ -26,23 +26,28 @@ from silhouette_core.image.kernels import foreground as kernels
 _GRID = 16  # px between the pixels from which gain and noise are estimated
 _COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
 _UNIT = 1000  # integer steps of the pooled evidence in one noise
-_USUAL_CHROMA = 0.7  # pooled chromatic rest of an empty scene whose noise is known
+_USUAL_CHROMA = 0.7  # pooled chromatic residual of an empty scene whose noise is known
 
 
 @dataclass(frozen=True)
 class RefinedSettings:
-    """What decides in the refined method; "noise" is a channel's standard deviation at the pixel,
-    as rescaled for the frame.
+    """Thresholds of the refined method.
 
-    Attributes: chroma: limit of the pooled chromatic rest, in noise. chroma_pixel: the same of a
-        single pixel. brightness: how far in noise a brightness must lie beyond shadow and
-        highlight. shadow: darkest cast shadow, as a share of the background's brightness.
-        highlight: brightest reflection, likewise. colours: least mean logarithm of the odds that a
-        colour is the person's (or is not), where the background does not tell. colours_gap: the
-        same in narrow gaps of the silhouette. contrast: edges between colours closer than this (of
-        255) stay where they are. min_area_share: components smaller than this share of the image
-        are dropped. min_body_share: components smaller than this share of the largest one are
-        dropped. max_hole_share: holes up to this share of the image are filled.
+    "Noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
+
+    Attributes:
+        chroma: limit of the pooled chromatic residual, in noise.
+        chroma_pixel: limit of a single pixel's chromatic residual, in noise.
+        brightness: distance of a foreground brightness from shadow and highlight, in noise.
+        shadow: darkest cast shadow, as a fraction of the background's brightness.
+        highlight: brightest reflection, as a fraction of the background's brightness.
+        colours: least mean log odds that a colour is the person's (or is not), where the background
+            does not decide.
+        colours_gap: the same in narrow gaps of the silhouette.
+        contrast: edges between colours closer than this (of 255) are not moved.
+        min_area_share: components smaller than this fraction of the image are removed.
+        min_body_share: components smaller than this fraction of the largest one are removed.
+        max_hole_share: holes up to this fraction of the image are filled.
     """
 
     chroma: float = 3.0
@@ -60,33 +65,31 @@ class RefinedSettings:
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """The empty scene.
+    """Colours of the empty scene, and the scales of differences from them.
 
     Attributes:
         mean: (H, W, 3) float32, BGR of 255.
-        tools: (H, W, 3) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
+        scales: (H, W, 3) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
     """
 
     mean: NDArray[np.float32]
-    tools: NDArray[np.float32]
+    scales: NDArray[np.float32]
 
     @classmethod
     def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":
-        """Prepares what every frame needs from the mean and each pixel's standard deviation, (H,
-        W), of 255.
-        """
+        """Background from the mean and each pixel's standard deviation (H, W), of 255."""
         square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
-        tools = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise], axis=2)
-        return cls(mean, np.ascontiguousarray(tools, np.float32))
+        scales = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise], axis=2)
+        return cls(mean, np.ascontiguousarray(scales, np.float32))
 
     def part(self, window: tuple[slice, slice]) -> "Background":
-        """Returns the part in a window of rows and columns."""
-        return Background(self.mean[window], self.tools[window])
+        """Background in a window of rows and columns."""
+        return Background(self.mean[window], self.scales[window])
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A frame, or a window of it, with what its silhouette depends on."""
+    """A frame, or a window of it, with its background, gain (3,), radius (px) and thresholds."""
 
     frame: NDArray[np.uint8]
     background: Background
@@ -98,11 +101,11 @@ class _View:
     def arrays(
         self,
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """What every kernel takes first: the gain is undone on the frame's side."""
+        """First arguments of the kernels; the gain is that from frame to background."""
         return (
             self.frame,
             self.background.mean,
-            self.background.tools,
+            self.background.scales,
             np.asarray(1 / self.gain, np.float32),
         )
 
@@ -116,39 +119,42 @@ def refined_mask(
     settings: RefinedSettings,
     region: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
-    """Returns the silhouette (H, W) bool of a frame (H, W, 3) uint8; see the module's text."""
+    """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above."""
     radius = max(1, round(min(frame.shape[:2]) / 240))
     view = _View(frame, background, _gain(frame, background.mean), radius, settings)
-    found, pooled, scale = _detect(view)
-    found = _tidy(found, settings, region, found.size)
-    if not found.any():
-        return found
-    window = _window(found, margin=8 * radius)
-    view, mask = view.part(window), found[window]
+    silhouette, pooled, scale = _detect(view)
+    silhouette = _clean(silhouette, settings, region, silhouette.size)
+    if not silhouette.any():
+        return silhouette
+    window = _window(silhouette, margin=8 * radius)
+    view, mask = view.part(window), silhouette[window]
     mask = _sharpen(view, mask)
-    mask = _settle_by_colours(view, mask, pooled[window], scale)
+    mask = _decide_by_colours(view, mask, pooled[window], scale)
     mask = _sharpen(view, mask)
-    found[:] = False
-    found[window] = _tidy(mask, settings, None if region is None else region[window], found.size)
-    return found
+    region = None if region is None else region[window]
+    cleaned = _clean(mask, settings, region, silhouette.size)
+    silhouette[:] = False
+    silhouette[window] = cleaned
+    return silhouette
 
 
 def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.float32]:
     """Each channel's median ratio of frame to background, (3,) float32, over pixels neither black
     nor saturated.
     """
-    seen, empty = frame[::_GRID, ::_GRID].reshape(-1, 3), mean[::_GRID, ::_GRID].reshape(-1, 3)
+    observed, empty = (image[::_GRID, ::_GRID].reshape(-1, 3) for image in (frame, mean))
     gain = np.ones(3, np.float32)
     for channel in range(3):
-        sound = (empty[:, channel] > 16) & (empty[:, channel] < 235) & (seen[:, channel] < 250)
-        if sound.sum() >= 16:
-            gain[channel] = np.median(seen[sound, channel] / empty[sound, channel])
+        before, after = empty[:, channel], observed[:, channel]
+        valid = (before > 16) & (before < 235) & (after < 250)
+        if valid.sum() >= 16:
+            gain[channel] = np.median(after[valid] / before[valid])
     return np.clip(gain, 0.5, 2.0)
 
 
 def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
-    """Returns mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and that
-    noise over the model's, at least 1.
+    """Mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and the ratio of
+    that noise to the model's, at least 1.
     """
     settings, radius = view.settings, view.radius
     height, width = view.frame.shape[:2]
@@ -178,27 +184,25 @@ def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
     return mask, pooled, scale
 
 
-def _settle_by_colours(
+def _decide_by_colours(
     view: _View, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float
 ) -> NDArray[np.bool_]:
-    """Settles doubtful pixels by whether their colours are commoner in the silhouette or around it;
-    returns the new mask.
-    """
+    """Mask in which the colours inside and around the silhouette decide the doubtful pixels."""
     settings, radius = view.settings, view.radius
     near = _grown(mask, 7 * radius, cv2.MORPH_RECT)
-    odds = _log_shares(view.frame, ~_grown(~mask, 1)) - _log_shares(
+    odds = _log_fractions(view.frame, ~_grown(~mask, 1)) - _log_fractions(
         view.frame, near & ~_grown(mask, 2)
     )
     score, bright = np.empty(mask.shape, np.float32), np.empty(mask.shape, np.float32)
     kernels.look_up(view.frame, np.clip(odds, -4, 4), _COLOUR_SHIFT, score)
     kernels.brightness(*view.arrays, bright)
-    # Background of the usual brightness, taken in because coarse colour had spread over it.
-    spread = (cv2.blur(score, (3, 3)) < -settings.colours) & (
+    # Background of the usual brightness that was included because of subsampled colour.
+    surplus = (cv2.blur(score, (3, 3)) < -settings.colours) & (
         np.abs(cv2.blur(bright, (3, 3))) < 3 * scale
     )
     window = (2 * radius + 1, 2 * radius + 1)
     score, bright = cv2.blur(score, window), cv2.blur(bright, window)
-    # The person where there is little difference, as a shadow would make ...
+    # The person where the difference is as small as a shadow's ...
     doubtful = np.empty(mask.shape, np.bool_)
     kernels.doubt(
         pooled, bright, round(0.5 * settings.chroma * _UNIT), np.float32(3 * scale), doubtful
@@ -208,62 +212,50 @@ def _settle_by_colours(
     added = near & (
         (doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap))
     )
-    return (mask & ~spread) | added
+    return (mask & ~surplus) | added
 
 
-def _log_shares(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Logarithm of each colour's share among the pixels of a mask, (16, 16, 16)."""
+def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Logarithm of each colour's fraction of the pixels of a mask, (16, 16, 16)."""
     bins = 256 >> _COLOUR_SHIFT
-    counts, shares = (
-        np.zeros((bins, bins, bins), np.float32),
-        np.empty((bins, bins, bins), np.float32),
-    )
+    counts, fractions = (np.zeros((bins, bins, bins), np.float32) for _ in range(2))
     kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
-    kernels.log_fractions(counts, shares)
-    return shares
+    kernels.log_fractions(counts, fractions)
+    return fractions
 
 
 def _sharpen(view: _View, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Moves the edges, at most `radius` pixels, to where person and background share a pixel half
-    and half.
+    """Mask with edges moved by at most `radius` pixels, to where person and background each make up
+    half of a pixel.
     """
     radius = view.radius
     grown, shrunk = _grown(mask, radius), ~_grown(~mask, radius)
-    gap = max(1, radius // 2)  # pixels at the edge that are mixed and teach neither colour
+    gap = max(1, radius // 2)  # pixels at the edge are mixed: they show neither colour
     inside, outside = ~_grown(~mask, gap), ~_grown(mask, gap)
     moved = mask.copy()
-    light = (
-        0.2 * view.gain,
-        2 * view.gain,
-    )  # what shadows and reflections may make of the background, at most
+    light = 0.2 * view.gain, 2 * view.gain  # largest effect of shadows and reflections
+    images = view.frame, view.background.mean
+    regions = grown & ~shrunk, inside, outside
     contrast = np.float32(view.settings.contrast)
-    kernels.sharpen(
-        view.frame,
-        view.background.mean,
-        *light,
-        grown & ~shrunk,
-        inside,
-        outside,
-        2 * radius,
-        contrast,
-        moved,
-    )
+    kernels.sharpen(*images, *light, *regions, 2 * radius, contrast, moved)
     return moved
 
 
 def _grown(
     mask: NDArray[np.bool_], pixels: int, shape: int = cv2.MORPH_ELLIPSE
 ) -> NDArray[np.bool_]:
+    """Mask (H, W) dilated by a number of pixels."""
     disc = cv2.getStructuringElement(shape, (2 * pixels + 1, 2 * pixels + 1))
     return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
 
 
-def _tidy(
+def _clean(
     mask: NDArray[np.bool_],
     settings: RefinedSettings,
     region: NDArray[np.bool_] | None,
     pixels: int,
 ) -> NDArray[np.bool_]:
+    """Mask (H, W) without the components and holes that are small for an image of `pixels`."""
     area, hole = round(settings.min_area_share * pixels), round(settings.max_hole_share * pixels)
     return clean(
         mask, min_area_px=area, min_share=settings.min_body_share, max_hole_px=hole, region=region
@@ -271,7 +263,7 @@ def _tidy(
 
 
 def _window(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """The rows and columns that hold the mask and a margin."""
+    """Rows and columns of the mask's bounding box and a margin."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return (
         slice(max(int(rows[0]) - margin, 0), min(int(rows[-1]) + margin + 1, mask.shape[0])),

@@ -1,14 +1,14 @@
-"""Part-number raster: which body part does each pixel see?
+"""Part-number images: the body part that is visible in each pixel.
 
 The posed mesh is projected with hidden surfaces removed and every pixel holds its part's number
-(Okada and Stenger, 3.1). What counts:
+(Okada and Stenger, 3.1). Conventions:
 
 - A pixel is sampled at its centre, and pixel centres are at integer coordinates.
 - A centre that lies exactly on an edge belongs to the triangle that has it as a left or a flat top
-  edge, so that triangles sharing an edge neither both draw it nor both leave it out. Projected
+  edge, so that of two triangles with a common edge exactly one draws the centre. Projected
   corners are first rounded to 1/256 pixel.
 - Triangles that cross the near plane (`NEAR_M` in front of the camera) are clipped there; those
-  behind it, and those with a corner that is not finite, are left out.
+  behind it, and those with a corner that is not finite, are omitted.
 - Back faces are drawn like front faces unless `cull_back` is set. For a closed mesh, oriented
   outwards and seen from outside, both give the same image; culling is faster.
 - Of several surfaces in one pixel the nearest is kept, of equally near ones that of the first face.
@@ -39,10 +39,11 @@ def render_parts(
         face_part: (F,) part index of each face, 0 to 254.
         matrix: (3, 3) pinhole matrix in pixels.
         size: width and height in pixels.
-        cull_back: leaves out faces seen from behind.
+        cull_back: whether faces seen from behind are omitted.
 
-    Returns: The part image (h, w) uint8, 0 for background and part index + 1 elsewhere, and the
-        depth (h, w) float32 in metres along the optical axis, infinite for background.
+    Returns:
+        The part image (h, w) uint8, 0 for background and part index + 1 elsewhere, and the depth
+        (h, w) float32 in metres along the optical axis, infinite for background.
 
     Raises:
         ValueError: a wrong shape, an index out of range, a size below 1.
@@ -84,7 +85,7 @@ def render_many(
         face_part: as for `render_parts`.
         matrix: as for `render_parts`.
         size: as for `render_parts`.
-        cull_back: as for `render_parts`, but set unless told otherwise.
+        cull_back: as for `render_parts`, but set by default.
 
     Returns:
         (N, h, w) uint8, the part images.
@@ -112,10 +113,10 @@ def _checked(
     size: tuple[int, int],
     vertices: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], tuple[int, int]]:
-    """Checks what both renderers share and brings it into the kernels' types."""
+    """Checks the arguments of both renderers and converts them to the kernels' types."""
     check_array("faces", faces, ("F", 3), np.integer)
     check_array("face_part", face_part, (len(faces),), np.integer)
-    wide = np.ascontiguousarray(float_array("matrix", matrix, (3, 3)))
+    pinhole = np.ascontiguousarray(float_array("matrix", matrix, (3, 3)))
     if len(faces) and (faces.min() < 0 or faces.max() >= vertices):
         raise ValueError(
             f"faces must index {vertices} vertices, got {faces.min()} to {faces.max()}"
@@ -125,6 +126,6 @@ def _checked(
     return (
         np.ascontiguousarray(faces, np.int32),
         np.ascontiguousarray(face_part, np.int32),
-        wide,
+        pinhole,
         image_size("size", size),
     )

@@ -1,8 +1,8 @@
-"""Silhouettes of a recording's frames."""
+"""Silhouettes of a recording's frames, and their undistortion."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import Literal
@@ -20,10 +20,11 @@ _MEDIAN_FRAMES = 40
 
 
 class Silhouettes:
-    """What differs from the background, camera by camera.
+    """Background subtraction for all cameras of a recording.
 
-    Attributes: without_background: Cameras whose background is the temporal median of the
-        recording, for want of an empty view.
+    Attributes:
+        without_background: Cameras without frames of the empty scene; their background is the
+            temporal median of the recording.
     """
 
     def __init__(
@@ -32,10 +33,13 @@ class Silhouettes:
         method: Literal["paper", "refined"] = "refined",
         long_side_px: int | None = None,
     ) -> None:
-        """Learns the backgrounds of a recording.
+        """Builds the background models of a recording.
 
-        Args: source: The recording. method: See `BackgroundSettings`. long_side_px: Larger pictures
-            are scaled down to this before anything else, and their silhouettes are of that size.
+        Args:
+            source: The recording.
+            method: See `BackgroundSettings`.
+            long_side_px: Size of the longer side to which larger frames, and with them their
+                silhouettes, are scaled down; None keeps all sizes.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image.
@@ -57,17 +61,18 @@ class Silhouettes:
         )
         for name, frames in backgrounds.items():
             self._models[name] = BackgroundModel.from_frames(
-                self._all_scaled(name, islice(frames, _BACKGROUND_FRAMES)), settings
+                (self._scaled(name, frame) for frame in islice(frames, _BACKGROUND_FRAMES)),
+                settings,
             )
         if self.without_background:
             for name, frames in self._samples(source).items():
                 self._models[name] = BackgroundModel.from_median(frames, settings)
 
     def of(self, frames: Mapping[str, Frame]) -> dict[str, NDArray[np.bool_]]:
-        """Returns the silhouette (H, W) bool of every camera's frame (H, W, 3) uint8, BGR."""
-        return {name: self._one(name, frame) for name, frame in frames.items()}
+        """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name."""
+        return {name: self._silhouette(name, frame) for name, frame in frames.items()}
 
-    def _one(self, name: str, frame: Frame) -> NDArray[np.bool_]:
+    def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
         region = self._regions.get(name)
         frame = self._scaled(name, frame)
         if not self._given:
@@ -75,51 +80,48 @@ class Silhouettes:
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
-    def _scaled(self, name: str, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        if picture.shape[1::-1] == self._sizes[name]:
-            return picture
-        return cv2.resize(picture, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
-
-    def _all_scaled(self, name: str, pictures: Iterable[Frame]) -> Iterator[Frame]:
-        return (self._scaled(name, picture) for picture in pictures)
+    def _scaled(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        if image.shape[1::-1] == self._sizes[name]:
+            return image
+        return cv2.resize(image, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
     def _samples(self, source: FrameSource) -> dict[str, list[Frame]]:
-        """Takes frames evenly from the whole recording, few enough for memory."""
+        """Frames sampled evenly over the recording, few enough for memory."""
         step = max(1, source.frame_count // _MEDIAN_FRAMES)
-        found: dict[str, list[Frame]] = {name: [] for name in self.without_background}
+        samples: dict[str, list[Frame]] = {name: [] for name in self.without_background}
         for k, (_, _, frames) in enumerate(source):
             if k % step == 0:
-                for name in found:
-                    found[name].append(self._scaled(name, frames[name]))
-        return found
+                for name in samples:
+                    samples[name].append(self._scaled(name, frames[name]))
+        return samples
 
 
 def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:
-    """Returns the (width, height) in px of a camera's pictures once they are at most `long_side_px`
-    long.
-    """
+    """(width, height) in px of a camera's images, scaled down to at most `long_side_px`."""
     return camera.pinhole(working_scale(camera, long_side_px)).size
 
 
 def working_scale(camera: Camera, long_side_px: int | None) -> float:
-    """Returns the factor, at most 1, by which a camera's pictures are scaled."""
+    """Factor, at most 1, by which a camera's images are scaled."""
     return 1.0 if long_side_px is None else min(1.0, long_side_px / max(camera.size))
 
 
 @dataclass(frozen=True, eq=False)
 class UndistortedView:
-    """From a camera's silhouette to that of the ideal camera that is fitted.
+    """Undistortion of a camera's silhouettes.
 
-    Attributes: pinhole: camera without distortion, of the size that `Silhouettes` gives. maps: for
-        cv2.remap, from the silhouette at that size; None where that is the pinhole's already.
+    Attributes:
+        pinhole: Camera without distortion, of the size of the silhouettes.
+        maps: Two (h, w) float32 for cv2.remap, from pinhole to silhouette, px; None if the camera
+            has no distortion.
     """
 
     pinhole: Camera
     maps: tuple[np.ndarray, np.ndarray] | None
 
     @classmethod
-    def of(cls, camera: Camera, long_side_px: int | None) -> UndistortedView:
-        """Prepares a camera whose silhouettes are at most `long_side_px` long."""
+    def from_camera(cls, camera: Camera, long_side_px: int | None) -> UndistortedView:
+        """Undistortion for silhouettes whose longer side is at most `long_side_px`."""
         scale = working_scale(camera, long_side_px)
         if camera.is_pinhole:
             return cls(camera.pinhole(scale), None)
@@ -130,7 +132,7 @@ class UndistortedView:
         return cls(camera.pinhole(scale), (map_x, map_y))
 
     def undistort(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Returns the silhouette (h, w) bool as the pinhole sees it."""
+        """Silhouette (h, w) bool as the pinhole camera sees it."""
         if self.maps is None:
             return mask
         return cv2.remap(mask.astype(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127

@@ -1,1 +1,1 @@
-"""A posed body drawn onto silhouettes, of one camera or several."""
+"""Continuous refinement of a pose on the silhouettes of one camera or several."""

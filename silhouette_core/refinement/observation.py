@@ -1,5 +1,5 @@
-"""What the cameras say about one frame, prepared for fitting: silhouettes, their contours as planes
-in space, distances to them.
+"""Silhouettes of one frame prepared for refinement: distance images, and contour points with the
+planes that touch the body there.
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ import numpy as np
 
 from calib.camera import Rig
 
-_BORDER_PX = (
-    2  # contour points this near the image border are where the view ends, not where the body does
-)
+_BORDER_PX = 2  # contour points this near the image border bound the view, not the body
 _TANGENT_PX = 4  # half length of the contour piece whose direction is taken as the tangent
 
 
@@ -24,8 +22,9 @@ class PinholeViews:
     Attributes:
         rig: the cameras themselves.
         intrinsics: (C, 4) float64, fx, fy, cx, cy in px.
-        rotation: (C, 3, 3), translation_m: (C, 3), camera from world.
-        center_m: (C, 3) world positions of the cameras.
+        rotation: (C, 3, 3) float64, camera from world.
+        translation_m: (C, 3) float64, camera from world.
+        center_m: (C, 3) float64, world positions of the cameras.
     """
 
     rig: Rig
@@ -35,8 +34,8 @@ class PinholeViews:
     center_m: np.ndarray
 
     @classmethod
-    def of(cls, rig: Rig) -> PinholeViews:
-        """Takes the pinhole cameras of a rig (`Camera.pinhole`)."""
+    def from_rig(cls, rig: Rig) -> PinholeViews:
+        """Packs the pinhole cameras of a rig (`Camera.pinhole`)."""
         matrices = np.stack([camera.matrix for camera in rig])
         return cls(
             rig,
@@ -72,20 +71,20 @@ class Observation:
     normal: np.ndarray
 
     @classmethod
-    def of(
+    def from_masks(
         cls,
         views: PinholeViews,
         masks: list[np.ndarray],
         distance_m: float = 4.0,
         spacing_m: float = 0.025,
     ) -> Observation:
-        """Prepares one frame.
+        """Prepares the silhouettes of one frame.
 
         Args:
             views: C pinhole cameras.
             masks: C silhouettes (h, w) bool, as the cameras' images.
             distance_m: typical distance of the body from the cameras, to space the contour points.
-            spacing_m: distance between contour points on the body, about.
+            spacing_m: approximate distance between contour points on the body.
         """
         cameras, rays, normals, outside = [], [], [], []
         for c, mask in enumerate(masks):
@@ -109,19 +108,20 @@ class Observation:
 
 
 def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Finds points on a silhouette's edge, with the direction that leads out of it.
+    """Points on a silhouette's edge, with the direction that leads out of it.
 
     Args:
         mask: (h, w) bool.
         step: pixels of contour between points.
 
-    Returns: positions (N, 2) float64 px on the edge between inside and outside, and unit outward
-        directions (N, 2). Where the silhouette is cut by the image border there are none.
+    Returns:
+        Positions (N, 2) float64, px, on the edge between inside and outside, and unit outward
+        directions (N, 2) float64. There are none where the image border cuts the silhouette.
     """
     height, width = mask.shape
-    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     positions, outward = [np.empty((0, 2))], [np.empty((0, 2))]
-    for contour in found:
+    for contour in contours:
         points = contour[:, 0].astype(float)
         if len(points) < 4 * _TANGENT_PX:
             continue
@@ -129,15 +129,14 @@ def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]
         keep = np.arange(0, len(points), step)
         tangent, points = tangent[keep], points[keep]
         length = np.linalg.norm(tangent, axis=1, keepdims=True)
-        # OpenCV walks outer contours and holes so that the inside lies on one and the same hand.
+        # OpenCV orders outer contours and holes so that the inside is always on the same side.
         normal = np.stack([tangent[:, 1], -tangent[:, 0]], 1) / np.maximum(length, 1e-9)
         inner = np.all(
             (points >= _BORDER_PX) & (points < (width - _BORDER_PX, height - _BORDER_PX)), axis=1
         ) & (length[:, 0] > 1e-9)
-        sides = _on_mask(mask, points - 1.5 * normal) & ~_on_mask(mask, points + 1.5 * normal)
-        flipped = _on_mask(mask, points + 1.5 * normal) & ~_on_mask(mask, points - 1.5 * normal)
-        normal[flipped] *= -1
-        good = inner & (sides | flipped)
+        before, after = (_on_mask(mask, points + side * normal) for side in (-1.5, 1.5))
+        normal[after & ~before] *= -1
+        good = inner & (before ^ after)
         # A contour pixel belongs to the inside; the edge is half a pixel farther out.
         positions.append((points + 0.5 * normal)[good])
         outward.append(normal[good])
@@ -145,6 +144,7 @@ def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def _on_mask(mask: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether the pixels nearest to points (N, 2) belong to the mask."""
     column = np.clip(np.rint(points[:, 0]).astype(int), 0, mask.shape[1] - 1)
     row = np.clip(np.rint(points[:, 1]).astype(int), 0, mask.shape[0] - 1)
     return mask[row, column]
@@ -153,6 +153,7 @@ def _on_mask(mask: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _tangent_planes(
     views: PinholeViews, c: int, pixels: np.ndarray, outward: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Viewing rays and plane normals (N, 3), unit, world, of contour points (N, 2) of camera c."""
     fx, fy, cx, cy = views.intrinsics[c]
     ray = np.stack([(pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy, np.ones(len(pixels))], 1)
     tangent = np.stack([-outward[:, 1] / fx, outward[:, 0] / fy, np.zeros(len(pixels))], 1)

@@ -1,11 +1,10 @@
-"""Continuous refinement: the body's surface drawn onto every silhouette by robust Gauss-Newton
-steps.
+"""Continuous refinement: the body's surface fitted to silhouettes by robust Gauss-Newton steps.
 
-Beyond paper B, which ends with the best sampled angles. Two kinds of residual, both in metres: a
-contour point's tangent plane should be touched by the surface point nearest to its viewing ray
-(articulated iterative closest points on contours), and no surface point
+Beyond Iiyama, Kameda and Minoh, whose method ends with the best sampled angles. There are two kinds
+of residual, both in metres: a contour point's tangent plane should be touched by the surface point
+nearest to its viewing ray (articulated iterative closest points on contours), and no surface point
 should project outside a silhouette. Correspondences change with every step, which is why the loop
-is written out here: a general least-squares solver would evaluate each step on stale ones.
+is written out here: a general least-squares solver would evaluate each step on outdated ones.
 """
 
 from __future__ import annotations
@@ -16,48 +15,38 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
 from silhouette_core.refinement.kernels.refine import (
     add_normal_equations,
     match_contours,
     measure_outside,
 )
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import RELAXED_RAD, USUAL_RAD, Pose
+from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.surface import PosedSurface, Surface
 
 _LIMIT_RAD = np.radians(3.0)
-_TRUST_M, _TRUST_RAD = (
-    0.10,
-    0.35,
-)  # farthest that one step goes: beyond it the correspondences are other ones
+_OUTSIDE_M = 0.15  # scale of the robust weight of points outside a silhouette
+_TRUST_M, _TRUST_RAD = 0.10, 0.35  # largest step: beyond it the correspondences change
 
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """How the refinement weighs what it sees.
+    """Steps and weights of the refinement.
 
     Attributes:
-        reaches_m: farthest accepted distance between contour and surface, one entry per step.
-        contour_m: standard deviation of a contour residual that is right.
-        independence: share of contour points that count as independent of their neighbours.
+        reaches_m: largest accepted distance between contour and surface, one entry per step, m.
+        contour_m: standard deviation of a contour residual with the right correspondence, m.
+        independence: fraction of contour points that count as independent of their neighbours.
         outside_weight: weight of a surface point outside a silhouette, relative to a contour point.
         usual: weight of the prior around the resting stance.
     """
 
+    # fmt: off
     reaches_m: tuple[float, ...] = (
-        0.30,
-        0.25,
-        0.20,
-        0.17,
-        0.14,
-        0.12,
-        0.10,
-        0.08,
-        0.07,
-        0.06,
-        0.06,
-        0.06,
+        0.30, 0.25, 0.20, 0.17, 0.14, 0.12, 0.10, 0.08, 0.07, 0.06, 0.06, 0.06,
     )
+    # fmt: on
     contour_m: float = 0.012
     independence: float = 0.25
     outside_weight: float = 0.5
@@ -66,11 +55,12 @@ class RefineSettings:
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
-    """A Gaussian belief about the pose: where it should be and how sure that is.
+    """Gaussian prior of the pose.
 
     Attributes:
-        pose: the expected pose.
-        sigma: (6 + D,) standard deviations; infinite where nothing is expected.
+        pose: the mean.
+        sigma: (6 + D,) float64, standard deviations in the order of `Pose.moved`, m and rad;
+            infinite where nothing is known.
     """
 
     pose: Pose
@@ -79,11 +69,14 @@ class PosePrior:
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """What still separates a posed surface from the silhouettes. N rows.
+    """Residuals between a posed surface and the silhouettes, N of them.
 
-    Attributes: index: (N,) surface points, direction: (N, 3) world directions in which each is off,
-        gap_m: (N,) by how much, weight: (N,). explained: share of contour points that found a
-        surface point within reach.
+    Attributes:
+        index: (N,) int64, surface point of each residual.
+        direction: (N, 3) float64, world direction along which the residual is measured.
+        gap_m: (N,) float64, the residual.
+        weight: (N,) float64, its robust weight, 1/m².
+        explained: fraction of contour points with a surface point within reach.
     """
 
     index: np.ndarray
@@ -94,9 +87,14 @@ class Residuals:
 
 
 @dataclass(frozen=True)
-class Refined:
-    """A refined pose with the root mean square of its contour gaps (m, robustly weighted) and the
-    share of contour explained.
+class RefinedPose:
+    """Result of a refinement.
+
+    Attributes:
+        pose: the refined pose.
+        rms_m: root mean square of the residuals, robustly weighted, m.
+        explained: fraction of contour points with a surface point within reach.
+        normal_matrix: (6 + D, 6 + D) float64, of the last step's normal equations.
     """
 
     pose: Pose
@@ -111,15 +109,25 @@ def refine(
     start: Pose,
     prior: PosePrior | None = None,
     settings: RefineSettings | None = None,
-) -> Refined:
-    """Draws the body onto one frame's silhouettes.
+) -> RefinedPose:
+    r"""Fits the pose of a body to one frame's silhouettes.
+
+    Each of the steps :math:`\delta` (6 + D,) solves the Gauss-Newton normal equations
+
+    .. math:: (J^T W J + \Lambda)\, \delta = -(J^T W r + \Lambda\, (x - \mu))
+
+    within bounds, with the residuals :math:`r` (N,) in metres and their weights :math:`W` from
+    `residuals`, :math:`J` (N, 6 + D) their derivatives by root position, root rotation and joint
+    angles, and :math:`\Lambda, \mu` from the priors.
 
     Args:
         surface: the body's sampled surface.
         observation: the frame.
-        start: first guess, right to within about 0.3 m at every joint.
-        prior: what else is believed about the pose, for example from the frame before.
+        start: initial pose, right to within about 0.3 m at every joint.
+        prior: prior of the pose, for example from the previous frame.
         settings: weights and reaches.
+
+    Source: textbook Gauss-Newton with iteratively reweighted least squares; own correspondences.
     """
     settings = settings or RefineSettings()
     model = surface.model
@@ -131,55 +139,55 @@ def refine(
         posed = surface.posed(pose)
         rows = residuals(surface, posed, observation, reach, settings)
         jacobian = surface.jacobian(posed, rows.index, rows.direction)
-        matrix, gradient = (
-            np.zeros((6 + model.dof_count, 6 + model.dof_count)),
-            np.zeros(6 + model.dof_count),
-        )
+        matrix, gradient = np.zeros_like(matrix), np.zeros(len(matrix))
         add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
         add_pose_priors(matrix, gradient, pose, model, prior, settings.usual)
         pose = pose.moved(bounded_step(matrix, gradient, free, pose.angles_rad, model)).clipped()
     contour = np.average(rows.gap_m**2, weights=rows.weight) if len(rows.gap_m) else np.inf
-    return Refined(pose, float(np.sqrt(contour)), rows.explained, matrix)
+    return RefinedPose(pose, float(np.sqrt(contour)), rows.explained, matrix)
 
 
 def bounded_step(
     matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, angles: np.ndarray, model: BodyModel
 ) -> np.ndarray:
-    """Minimises the quadratic of the normal equations within joint limits and a trust region.
+    r"""Step that minimises the normal equations' quadratic in joint limits and a trust region.
 
-    Clipping a free step instead would tear apart turns that only balance each other together, as
-    pelvis and lumbar do.
+    .. math:: \min_\delta \tfrac{1}{2} \delta^T H \delta + g^T \delta
+        \quad \text{subject to} \quad l \le \delta \le u
+
+    solved by fixing unknowns at the bounds that they violate, until none does. Clipping the
+    unbounded step instead would separate rotations that compensate each other, such as those of
+    pelvis and lumbar spine.
 
     Args:
-        matrix: (n, n) and gradient (n,), n = 6 + D or more: positive definite on the free unknowns.
-        free: unknowns that may move.
-        angles: (D,) the present joint angles.
+        matrix: (n, n) float64, H, positive definite on the free unknowns; n = 6 + D or more.
+        gradient: (n,) float64, g.
+        free: indices of the unknowns that may change.
+        angles: (D,) float64, current joint angles, rad.
         model: for the limits.
 
     Returns:
-        (n,) the step; zero where not free.
+        (n,) float64, the step; zero where not free.
     """
     count = len(gradient)
     low, high = np.full(count, -np.inf), np.full(count, np.inf)
     low[:3], high[:3] = -_TRUST_M, _TRUST_M
     low[3:6], high[3:6] = -_TRUST_RAD, _TRUST_RAD
     dofs = slice(6, 6 + len(angles))
-    # An angle beyond its limit (a start from elsewhere) may return at the pace of the trust region.
+    # An angle that starts beyond its limit may return by as much as the trust region allows.
     low[dofs] = np.minimum(np.maximum(model.dof_limits_rad[:, 0] - angles, -_TRUST_RAD), 0.0)
     high[dofs] = np.maximum(np.minimum(model.dof_limits_rad[:, 1] - angles, _TRUST_RAD), 0.0)
     step, moving = np.zeros(count), free
     while len(moving):
-        rest = gradient[moving] + matrix[moving] @ step
-        solved = -cho_solve(
-            cho_factor(matrix[np.ix_(moving, moving)] + 1e-6 * np.eye(len(moving))), rest
-        )
+        factor = cho_factor(matrix[np.ix_(moving, moving)] + 1e-6 * np.eye(len(moving)))
+        solved = -cho_solve(factor, gradient[moving] + matrix[moving] @ step)
         bounded = np.clip(solved, low[moving], high[moving])
-        stopped = bounded != solved
-        if not stopped.any():
+        violated = bounded != solved
+        if not violated.any():
             step[moving] = solved
             break
-        step[moving[stopped]] = bounded[stopped]
-        moving = moving[~stopped]
+        step[moving[violated]] = bounded[violated]
+        moving = moving[~violated]
     return step
 
 
@@ -190,8 +198,25 @@ def residuals(
     reach_m: float,
     settings: RefineSettings,
 ) -> Residuals:
-    """Collects the contour and outside residuals of a posed surface, with robust (Geman-McClure)
-    weights.
+    r"""Contour and outside residuals of a posed surface, with robust weights.
+
+    .. math::
+
+        r_i = n_i \cdot (p_i - c_i), \qquad
+        w_i = \frac{\rho}{\sigma^2} \left(1 + r_i^2 / s^2\right)^{-2}
+
+    for a contour point with tangent plane normal :math:`n_i`, camera centre :math:`c_i` and matched
+    surface point :math:`p_i` (m); :math:`\sigma` is `contour_m`, :math:`\rho` `independence`. For a
+    surface point outside a silhouette, r is its distance from the silhouette at its depth.
+
+    Args:
+        surface: the body's sampled surface.
+        posed: the same in its current pose.
+        observation: the frame.
+        reach_m: largest accepted distance between contour and surface.
+        settings: weights.
+
+    Source: weights of Geman and McClure (1987); correspondences own.
     """
     count = len(observation.camera)
     matched, gap = np.empty(count, np.int64), np.empty(count)
@@ -207,11 +232,11 @@ def residuals(
         matched,
         gap,
     )
-    found = np.flatnonzero(matched >= 0)
+    hits = np.flatnonzero(matched >= 0)
     scale = max(0.5 * reach_m, 2 * settings.contour_m)
     base = settings.independence / settings.contour_m**2
-    index, direction, gaps = [matched[found]], [observation.normal[found]], [gap[found]]
-    weight = [base / (1 + (gap[found] / scale) ** 2) ** 2]
+    index, direction, gaps = [matched[hits]], [observation.normal[hits]], [gap[hits]]
+    weight = [base / (1 + (gap[hits] / scale) ** 2) ** 2]
     away, toward = np.empty(len(posed.points)), np.empty((len(posed.points), 3))
     for c, outside in enumerate(observation.outside_px):
         measure_outside(
@@ -227,8 +252,8 @@ def residuals(
         index.append(out)
         direction.append(toward[out])
         gaps.append(away[out])
-        weight.append(settings.outside_weight * base / (1 + (away[out] / 0.15) ** 2) ** 2)
-    explained = len(found) / max(count, 1)
+        weight.append(settings.outside_weight * base / (1 + (away[out] / _OUTSIDE_M) ** 2) ** 2)
+    explained = len(hits) / max(count, 1)
     return Residuals(
         np.concatenate(index),
         np.concatenate(direction),
@@ -246,19 +271,26 @@ def add_pose_priors(
     prior: PosePrior | None,
     usual: float,
 ) -> None:
-    """Adds to the normal equations what is believed without looking: stance, joint limits, and the
-    given prior. In place.
+    """Adds the priors to the normal equations, in place: resting stance, joint limits, given prior.
+
+    Args:
+        matrix: (6 + D, 6 + D) float64.
+        gradient: (6 + D,) float64.
+        pose: the current pose.
+        model: for the limits.
+        prior: prior of the pose.
+        usual: weight of the resting stance.
     """
     diagonal = np.zeros(len(gradient))
     angles = pose.angles_rad
-    stance = usual / USUAL_RAD**2
-    diagonal[6:] += stance
-    gradient[6:] += stance * (angles - RELAXED_RAD)
+    precision = usual / USUAL_RAD**2
+    diagonal[6:] += precision
+    gradient[6:] += precision * (angles - RELAXED_RAD)
     low, high = model.dof_limits_rad.T
     beyond = np.where(angles < low, angles - low, np.where(angles > high, angles - high, 0.0))
-    stiff = np.where(beyond != 0, 1 / _LIMIT_RAD**2, 0.0)
-    diagonal[6:] += stiff
-    gradient[6:] += stiff * beyond
+    precision = np.where(beyond != 0, 1 / _LIMIT_RAD**2, 0.0)
+    diagonal[6:] += precision
+    gradient[6:] += precision * beyond
     if prior is not None:
         precision = 1 / prior.sigma**2
         diagonal += precision

@@ -1,4 +1,4 @@
-"""The body's surface as the points that the continuous refinement moves."""
+"""Sampled points of the body's surface, and their derivatives by pose and shape."""
 
 from __future__ import annotations
 
@@ -22,17 +22,19 @@ def _descends() -> np.ndarray:
 
 
 DESCENDS = _descends()
-"""(27, 27) bool: whether the second part hangs on the first, or is it."""
+"""(27, 27) bool: whether the second part is the first or a descendant of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class PosedSurface:
-    """A pose's parts, axes and surface points.
+    """Parts, rotation axes and surface points in one pose.
 
     Attributes:
-        part_rotation: (27, 3, 3), part_origin: (27, 3): world from body, as `kinematics.forward`.
-        world_axis: (D, 3): turning angle d moves x by world_axis[d] x (x - origin of its part).
-        points: (V, 3) m, normals: (V, 3) unit.
+        part_rotation: (27, 3, 3) float64, world from body, as `kinematics.forward`.
+        part_origin: (27, 3) float64, world positions of the joints, m.
+        world_axis: (D, 3) float64, angle d moves x at the rate world_axis[d] x (x - its origin).
+        points: (V, 3) float64, world, m.
+        normals: (V, 3) float64, unit, world.
     """
 
     part_rotation: np.ndarray
@@ -43,16 +45,19 @@ class PosedSurface:
 
 
 class Surface:
-    """Sampled vertices of a body with what is needed to pose and to differentiate them.
+    """Sampled vertices of a body, with their skinning.
 
-    Args:
+    Attributes:
         model: the body.
-        count: how many vertices to take, evenly over the surface.
-        taken: the vertices to take, instead of choosing some.
+        taken: (V,) int64, the sampled vertices.
+        rest: (V, 3) float64, their positions at rest, m.
+        normals: (V, 3) float64, their normals at rest.
+        skin_parts: (V, 4) parts that move each vertex.
+        skin_weights: (V, 4) float64, weights of those parts.
     """
 
     def __init__(self, model: BodyModel, count: int = 1200, taken: np.ndarray | None = None):
-        """Takes the vertices, or those of an earlier choice."""
+        """Samples `count` vertices evenly over the surface, or takes given ones."""
         self.model = model
         self.taken = _even_points(model, count) if taken is None else taken
         self.rest = np.ascontiguousarray(model.vertices_m[self.taken])
@@ -61,11 +66,11 @@ class Surface:
         self.skin_weights = np.ascontiguousarray(model.skin_weights[self.taken])
 
     def reshaped(self, shape: np.ndarray) -> Surface:
-        """Returns the same points on the body with other shape deviations (K,)."""
+        """Surface of the same vertices on the body with other shape deviations (K,)."""
         return Surface(self.model.reshaped(shape), taken=self.taken)
 
     def posed(self, pose: Pose) -> PosedSurface:
-        """Poses the sampled points."""
+        """Surface in a pose."""
         model = self.model
         rotation, origin = np.empty((len(model.names), 3, 3)), np.empty((len(model.names), 3))
         axis = np.empty((model.dof_count, 3))
@@ -96,9 +101,7 @@ class Surface:
         return PosedSurface(rotation, origin, axis, points, normals)
 
     def jacobian(self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Returns (N, 6 + D): how direction (N, 3) . points[index] changes with the pose (see
-        `Pose.moved`).
-        """
+        """Derivatives (N, 6 + D) of direction (N, 3) . points[index] by a step of `Pose.moved`."""
         rows = np.empty((len(index), 6 + self.model.dof_count))
         fill_jacobian(
             index,
@@ -119,9 +122,7 @@ class Surface:
     def shape_jacobian(
         self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray
     ) -> np.ndarray:
-        """Returns (N, K): how direction (N, 3) . points[index] changes with the body's shape
-        deviations, the pose held.
-        """
+        """Derivatives (N, K) of direction (N, 3) . points[index] by the body's shape deviations."""
         space = self.model.space
         joints = space.joints_change
         origin = np.zeros_like(joints)
@@ -144,7 +145,7 @@ class Surface:
 
 
 def _even_points(model: BodyModel, count: int) -> np.ndarray:
-    """Farthest-point sampling, started at vertex 0: even and deterministic."""
+    """Vertices (count,) by farthest-point sampling, started at vertex 0: even, deterministic."""
     vertices = model.vertices_m
     count = min(count, len(vertices))
     taken = np.zeros(count, np.int64)

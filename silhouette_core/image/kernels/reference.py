@@ -126,7 +126,7 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
             edge = dx * (y - p[1]) - dy * (x - p[0])
             inside &= (edge >= 0) if dy < 0 or (dy == 0 and dx > 0) else (edge > 0)
             edges.append(edge)
-        z = area / sum(edge * wi for edge, wi in zip(edges, w, strict=True)).clip(1e-9)
+        z = area / np.maximum(np.tensordot(w, edges, 1), 1e-9)
         nearer = inside & (z.astype(np.float32) < depth)
         parts[nearer], depth[nearer] = part + 1, z[nearer]
 

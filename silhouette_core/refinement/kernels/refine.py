@@ -13,11 +13,11 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 @parallel_kernel
 def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
-    """For each contour point, the surface point that should touch its tangent plane.
+    """Fills matched (N,): the surface point that should touch each contour point's tangent plane.
 
-    Among surface points whose normal looks out of the plane (the rim as seen from that camera), the
-    one nearest to the viewing ray, a turned normal counting as distance. Fills matched (N,) with
-    its index, or -1 beyond `reach` (m), and gap (N,) with the signed distance from plane to point,
+    That is, among surface points whose normal points out of the plane (the rim as seen from that
+    camera), the one nearest to the viewing ray, a deviating normal counting as distance; -1 if it
+    is farther than `reach` (m). Fills gap (N,) with the signed distance from plane to point,
     positive outside.
     """
     for i in prange(camera.shape[0]):
@@ -50,10 +50,9 @@ def match_contours(camera, center, ray, normal, points, point_normals, reach, ma
 
 @kernel
 def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
-    """How far each surface point lies outside one camera's silhouette.
-
-    Fills gap (V,) in metres at the point's depth (0 inside, or where the image does not reach) and
-    direction (V, 3), the world direction that leads farther out.
+    """Fills gap (V,): distance of each surface point outside one camera's silhouette, in metres at
+    the point's depth (0 inside the silhouette and outside the image), and direction (V, 3), the
+    world direction in which it grows.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     height, width = outside.shape
@@ -70,12 +69,8 @@ def measure_outside(points, intrinsics, rotation, translation, outside, gap, dir
             continue
         i, j = int(u), int(w)
         a, b = u - i, w - j
-        d00, d01, d10, d11 = (
-            outside[j, i],
-            outside[j, i + 1],
-            outside[j + 1, i],
-            outside[j + 1, i + 1],
-        )
+        d00, d01 = outside[j, i], outside[j, i + 1]
+        d10, d11 = outside[j + 1, i], outside[j + 1, i + 1]
         distance = (1 - b) * ((1 - a) * d00 + a * d01) + b * ((1 - a) * d10 + a * d11) - 0.5
         if distance <= 0.0:
             continue
@@ -110,12 +105,12 @@ def pose_surface(
                 continue
             p = skin_parts[v, k]
             for i in range(3):
-                moved, turned = part_origin[p, i], 0.0
+                position, normal = part_origin[p, i], 0.0
                 for j in range(3):
-                    moved += part_rotation[p, i, j] * (rest[v, j] - joints[p, j])
-                    turned += part_rotation[p, i, j] * rest_normals[v, j]
-                points[v, i] += w * moved
-                normals[v, i] += w * turned
+                    position += part_rotation[p, i, j] * (rest[v, j] - joints[p, j])
+                    normal += part_rotation[p, i, j] * rest_normals[v, j]
+                points[v, i] += w * position
+                normals[v, i] += w * normal
         length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
         if length > 0.0:
             for i in range(3):
@@ -137,14 +132,14 @@ def fill_jacobian(
     world_axis,
     rows,
 ):
-    """Fills rows (N, 6 + D): the derivative of direction . point along root position, root rotation
+    """Fills rows (N, 6 + D): derivatives of direction . point by root position, root rotation
     vector (world) and joint angles.
     """
-    place, whole = np.empty((4, 3)), np.empty(3)
+    placed, whole = np.empty((4, 3)), np.empty(3)
     for i in range(index.shape[0]):
         v = index[i]
         n = direction[i]
-        place[:] = 0.0
+        placed[:] = 0.0
         whole[:] = 0.0
         for k in range(4):
             w = skin_weights[v, k]
@@ -152,35 +147,32 @@ def fill_jacobian(
                 continue
             p = skin_parts[v, k]
             for a in range(3):
-                moved = part_origin[p, a]
+                position = part_origin[p, a]
                 for b in range(3):
-                    moved += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
-                place[k, a] = w * moved
-                whole[a] += w * moved
-        lx, ly, lz = (
-            whole[0] - part_origin[0, 0],
-            whole[1] - part_origin[0, 1],
-            whole[2] - part_origin[0, 2],
-        )
+                    position += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
+                placed[k, a] = w * position
+                whole[a] += w * position
+        lx, ly = whole[0] - part_origin[0, 0], whole[1] - part_origin[0, 1]
+        lz = whole[2] - part_origin[0, 2]
         rows[i, 0], rows[i, 1], rows[i, 2] = n[0], n[1], n[2]
         rows[i, 3] = ly * n[2] - lz * n[1]
         rows[i, 4] = lz * n[0] - lx * n[2]
         rows[i, 5] = lx * n[1] - ly * n[0]
         for d in range(dof_part.shape[0]):
             part = dof_part[d]
-            share, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
+            fraction, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
             for k in range(4):
                 if skin_weights[v, k] > 0.0 and descends[part, skin_parts[v, k]]:
-                    share += skin_weights[v, k]
-                    lx += place[k, 0]
-                    ly += place[k, 1]
-                    lz += place[k, 2]
-            if share == 0.0:
+                    fraction += skin_weights[v, k]
+                    lx += placed[k, 0]
+                    ly += placed[k, 1]
+                    lz += placed[k, 2]
+            if fraction == 0.0:
                 rows[i, 6 + d] = 0.0
                 continue
-            lx -= share * part_origin[part, 0]
-            ly -= share * part_origin[part, 1]
-            lz -= share * part_origin[part, 2]
+            lx -= fraction * part_origin[part, 0]
+            ly -= fraction * part_origin[part, 1]
+            lz -= fraction * part_origin[part, 2]
             a = world_axis[d]
             rows[i, 6 + d] = (
                 a[0] * (ly * n[2] - lz * n[1])
@@ -191,24 +183,25 @@ def fill_jacobian(
 
 @kernel
 def add_normal_equations(rows, weight, gap, matrix, gradient):
-    """Adds rows^T weight rows to matrix (n, n) and rows^T weight gap to gradient (n,).
+    """Adds J^T W J to matrix (n, n) and J^T W r to gradient (n,), with J the rows (N, n), W the
+    diagonal of weight (N,), and r the gap (N,).
 
-    Rows are mostly zeros (a point hangs on few joints), and small enough that threads would cost
-    more than they give.
+    Rows are mostly zeros, since few joints move a point, and so small that threads would cost more
+    than they save.
     """
-    taken = np.empty(rows.shape[1], np.int64)
+    nonzero = np.empty(rows.shape[1], np.int64)
     for i in range(rows.shape[0]):
         count = 0
         for j in range(rows.shape[1]):
             if rows[i, j] != 0.0:
-                taken[count] = j
+                nonzero[count] = j
                 count += 1
         for a in range(count):
-            first = taken[a]
+            first = nonzero[a]
             scaled = weight[i] * rows[i, first]
             gradient[first] += scaled * gap[i]
             for b in range(a + 1):
-                matrix[first, taken[b]] += scaled * rows[i, taken[b]]
+                matrix[first, nonzero[b]] += scaled * rows[i, nonzero[b]]
     for a in range(matrix.shape[0]):
         for b in range(a):
             matrix[b, a] = matrix[a, b]

@@ -35,7 +35,7 @@ def ball_masks(seen_by: PinholeViews, centre: np.ndarray, radius: float) -> list
 
 def test_every_tangent_plane_touches_a_ball():
     seen_by, centre, radius = views(4, (480, 360)), np.array([0.1, -0.2, 1.1]), 0.4
-    seen = Observation.of(seen_by, ball_masks(seen_by, centre, radius), 3.5)
+    seen = Observation.from_masks(seen_by, ball_masks(seen_by, centre, radius), 3.5)
     assert set(seen.camera) == {0, 1, 2, 3} and len(seen.ray) > 4 * 60
     np.testing.assert_allclose(np.linalg.norm(seen.ray, axis=1), 1)
     np.testing.assert_allclose((seen.ray * seen.normal).sum(1), 0, atol=1e-12)
@@ -50,7 +50,7 @@ def test_every_tangent_plane_touches_a_ball():
 def test_distance_outside_grows_from_the_edge():
     seen_by = views(2)
     masks = ball_masks(seen_by, np.array([0.0, 0, 0.9]), 0.3)
-    seen = Observation.of(seen_by, masks)
+    seen = Observation.from_masks(seen_by, masks)
     for outside, mask in zip(seen.outside_px, masks, strict=True):
         assert (
             outside.dtype == np.float32
@@ -102,13 +102,13 @@ def test_a_body_explains_its_own_silhouettes_and_no_other():
 
 def test_a_camera_that_sees_nothing_and_should_not_is_left_out():
     away = look_at("away", (3, 0, 1), (6, 0, 1), (320, 320), 288)
-    seen_by = PinholeViews.of(Rig((*views(2).rig.cameras, away)))
+    seen_by = PinholeViews.from_rig(Rig((*views(2).rig.cameras, away)))
     model = fitting_model()
     assert silhouette_error(model, stance(model), observe(seen_by, model, stance(model))) == 0
-    blind = PinholeViews.of(Rig((away,)))
+    blind = PinholeViews.from_rig(Rig((away,)))
     assert (
         silhouette_error(
-            model, stance(model), Observation.of(blind, photograph(blind, model, stance(model)))
+            model, stance(model), Observation.from_masks(blind, photograph(blind, model, stance(model)))
         )
         == 1
     )

@@ -152,7 +152,7 @@ def test_nothing_seen_leaves_the_place_and_says_so(surface):
     seen_by = views(2)
     from silhouette_core.refinement.observation import Observation
 
-    seen = Observation.of(seen_by, [np.ones((320, 320), bool)] * 2)
+    seen = Observation.from_masks(seen_by, [np.ones((320, 320), bool)] * 2)
     start = stance(surface.model)
     found = refine(surface, seen, start, settings=RefineSettings(reaches_m=(0.2, 0.1)))
     assert found.explained == 0 and found.rms_m == np.inf
@@ -220,7 +220,7 @@ def test_without_evidence_the_expected_proportions_stay(surface):
     from silhouette_core.refinement.observation import Observation
 
     expected = 0.5 * SHAPE_SIGMA
-    blind = Observation.of(views(2), [np.ones((320, 320), bool)] * 2)
+    blind = Observation.from_masks(views(2), [np.ones((320, 320), bool)] * 2)
     adapted, _ = adapt_shape(
         surface.reshaped(expected),
         [blind],
