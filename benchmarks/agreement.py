@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.accuracy import SHARED
 from calib.agreement import Agreement, agreement
 from calib.camera import Camera, Rig
-from calib.extrinsics import apart
+from calib.extrinsics import pose_difference
 from calib.repair import explain
 from calib.rotation import matrix_from_rodrigues
 from calib.synchronise import Synchronisation, synchronise
@@ -135,7 +135,7 @@ def whole() -> None:
         seconds = 1000 * (time.perf_counter() - started)
         print(
             f"{name:<12} {found.error_px:5.2f} px, worst camera {worst:5.2f} px, {seconds:3.0f} ms:"
-            f" {found.words}",
+            f" {found.summary}",
             flush=True,
         )
 
@@ -216,8 +216,8 @@ def breaks() -> None:
             line = (False, False, np.nan, np.nan, np.nan, np.nan)
             if len(repairs) == 1 and camera in (repairs[0].camera, repairs[0].with_camera):
                 one = repairs[0]
-                mm, deg = (np.nan, np.nan) if one.with_camera else apart(one.after, was)
-                frames = abs(one.late_s * fps - (way == "out of step") * round(0.1 * fps))
+                mm, deg = (np.nan, np.nan) if one.with_camera else pose_difference(one.after, was)
+                frames = abs(one.offset_s * fps - (way == "out of step") * round(0.1 * fps))
                 line = True, one.kind == way, mm, deg, frames, one.after_px
             told.setdefault(way, []).append(line)
         for way, lines in told.items():
@@ -275,7 +275,7 @@ def sync() -> None:
 
 
 def _worst(found: Synchronisation, frames: np.ndarray, fps: float) -> str:
-    errors = np.array([line.late_s * fps for line in found.offsets]) - frames
+    errors = np.array([line.offset_s * fps for line in found.offsets]) - frames
     stated = np.array([line.error_s * fps for line in found.offsets])
     mean, worst = np.abs(errors[1:]).mean(), np.abs(errors).max()
     return (
@@ -308,7 +308,9 @@ def fitted() -> None:
             (folder / name).mkdir()
             for number, frame in enumerate(frames):
                 cv2.imwrite(str(folder / name / f"{number:04d}.png"), frame)
-        offsets = sync_recording(folder, SyncSettings(most_s=1.0, rates=dict.fromkeys(cut, 30.0)))
+        offsets = sync_recording(
+            folder, SyncSettings(max_offset_s=1.0, rates=dict.fromkeys(cut, 30.0))
+        )
         for title, stamped in (("as filmed", False), ("in step", True)):
             if stamped:
                 offsets.write(folder / TIMESTAMPS)

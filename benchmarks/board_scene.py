@@ -23,7 +23,7 @@ _ROOM = 60  # px beyond the picture's edges, from where a lens may bend into it
 _FINER = 2  # rendered so many times finer, then averaged
 
 
-def waved_poses(
+def random_poses(
     count: int, seed: int = 0, centre=(0.0, 0.0, 1.2), sigma_m: float = 0.8
 ) -> list[Pose]:
     """Returns world-from-board rotations (3, 3) and places of a board's middle (3,), m."""
@@ -104,7 +104,7 @@ def board_views(
     """Waves a board about in the middle of the room; each camera sees those that face it."""
     rng = np.random.default_rng(seed)
     views = {}
-    for index, pose in enumerate(turned_to(rig, waved_poses(count, seed))):
+    for index, pose in enumerate(turned_to(rig, random_poses(count, seed))):
         found = {camera.name: seen(camera, board, pose, noise_px, rng) for camera in rig}
         views[f"moment_{index}"] = {name: view for name, view in found.items() if view is not None}
     return views
@@ -152,14 +152,14 @@ def room(
     return Rig(tuple(cameras))
 
 
-def lost(rig: Rig) -> Rig:
+def without_poses(rig: Rig) -> Rig:
     """Forgets where cameras stand."""
     return Rig(
         tuple(replace(camera, rotation=np.eye(3), translation=np.zeros(3)) for camera in rig)
     )
 
 
-class Film:
+class BoardCamera:
     """Pictures that a camera takes of a board."""
 
     def __init__(self, camera: Camera, board: Board, seed: int = 0) -> None:

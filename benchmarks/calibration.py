@@ -24,10 +24,10 @@ import platformdirs
 from numpy.typing import NDArray
 
 from benchmarks.accuracy import SHARED
-from benchmarks.board_scene import CHECKERBOARD, board_views, lens_views, lost, room
+from benchmarks.board_scene import CHECKERBOARD, board_views, lens_views, room, without_poses
 from calib.board import Board, BoardView
 from calib.camera import Camera, Rig
-from calib.extrinsics import apart, calibrate_extrinsics, same_world
+from calib.extrinsics import align_rigs, calibrate_extrinsics, pose_difference
 from calib.files import read_rig
 from calib.intrinsics import calibrate_intrinsics
 from calib.rotation import matrix_from_rodrigues
@@ -64,7 +64,7 @@ def by_us(task: Task) -> Rig:
             found.append(replace(camera, matrix=lens.matrix, distortion=lens.distortion))
         lenses = Rig(tuple(found))
     return calibrate_extrinsics(
-        task.board, lost(lenses), task.views, refine_lenses=not task.lenses_known
+        task.board, without_poses(lenses), task.views, refine_lenses=not task.lenses_known
     ).rig
 
 
@@ -208,11 +208,11 @@ def synthetic(methods: Mapping[str, Callable[[Task], Rig]], rooms: int) -> None:
                     lenses_known,
                 )
                 started = time.perf_counter()
-                found = same_world(method(task), truth)
+                found = align_rigs(method(task), truth)
                 seconds += time.perf_counter() - started
                 for camera in truth:
                     focal = abs(found[camera.name].matrix[0, 0] / camera.matrix[0, 0] - 1)
-                    lines.append((*apart(found[camera.name], camera), 100 * focal))
+                    lines.append((*pose_difference(found[camera.name], camera), 100 * focal))
             mean, worst = np.mean(lines, axis=0), np.max(lines, axis=0)
             focal = "" if lenses_known else f", focal length {mean[2]:.2f} ({worst[2]:.2f}) %"
             print(
@@ -291,10 +291,8 @@ def standing4(folder: Path, methods: Mapping[str, Callable[[Task], Rig]]) -> Non
     print(f"  {'its calibration.toml':<26} {_reprojection(known, board, seen):.3f}")
     for name, method in methods.items():
         try:
-            print(
-                f"  {name:<26}"
-                f" {_reprojection(method(Task(board, known, {'board': seen}, True)), board, seen):.3f}"
-            )
+            rig = method(Task(board, known, {"board": seen}, True))
+            print(f"  {name:<26} {_reprojection(rig, board, seen):.3f}")
         except (RuntimeError, cv2.error) as error:
             print(f"  {name:<26} cannot: {str(error).splitlines()[0]}")
 

@@ -1,9 +1,9 @@
-"""Do silhouettes and cameras agree? A check of a calibration without any board.
+"""Check of a calibration against silhouettes, without a board.
 
-Where two cameras are right, the planes through both centres that touch a body are the same for both
-(`calib.tangency`). The errors of all pairs of cameras are measured once; any group of cameras can
-then be asked whether it agrees within itself, and the culprits are the fewest cameras whose leaving
-brings agreement.
+For two correctly calibrated cameras, the planes through both centres that touch a body are the same
+(`calib.tangency`). The errors of all pairs of cameras are measured once; the error of any group of
+cameras follows from them. The culprits are the smallest set of cameras without which the others
+agree.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,23 +19,21 @@ from calib.tangency import Mask, OutlineTrack, PairErrors, all_tangencies
 
 FloatArray = NDArray[np.float64]
 
-_BETTER = (
-    0.8  # share of the errors that count: the rest is of shadows, lost limbs and grazing planes
-)
-_USUAL_DIAGONAL_PX = 600.0  # tolerances are for pictures of 480 x 360
+_KEPT = 0.8  # fraction of the errors in the trimmed mean: the rest are shadows and lost limbs
+_REFERENCE_DIAGONAL_PX = 600.0  # tolerances are for images of 480 x 360
 
 
 @dataclass(frozen=True)
 class CameraAgreement:
-    """One camera's line.
+    """Agreement of one camera with the others.
 
     Attributes:
-        camera: Its name.
-        error_px: Its error against the cameras that are not to blame.
+        camera: Name of the camera.
+        error_px: Its error against the cameras that are not culprits.
         others_px: Error of those among themselves, without it.
-        outward_px: By how much its outlines reach beyond theirs, median.
-        moments: Moments at which it saw somebody.
-        planes: Touching planes compared.
+        outward_px: Median distance by which its outlines exceed theirs.
+        moments: Number of moments at which it saw somebody.
+        planes: Number of tangent planes compared.
     """
 
     camera: str
@@ -48,11 +46,14 @@ class CameraAgreement:
 
 @dataclass(frozen=True)
 class Agreement:
-    """The check's result.
+    """Result of the check.
 
-    Attributes: error_px: Error of all cameras. table: A line per camera. culprits: The cameras
-        whose leaving brings agreement; empty where all agree, or where that brings none. agrees:
-        Whether all cameras agree.
+    Attributes:
+        error_px: Error of all cameras.
+        table: One row per camera.
+        culprits: The cameras without which the others agree; empty if all agree, or if no subset
+            does.
+        agrees: Whether all cameras agree.
     """
 
     error_px: float
@@ -61,11 +62,11 @@ class Agreement:
     agrees: bool
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """The result in one sentence."""
         if self.agrees:
-            all_of_them = "both" if len(self.table) == 2 else f"all {len(self.table)}"
-            return f"{all_of_them} cameras agree: their outlines meet within {self.error_px:.1f} px"
+            every = "both" if len(self.table) == 2 else f"all {len(self.table)}"
+            return f"{every} cameras agree: their outlines meet within {self.error_px:.1f} px"
         if len(self.table) == 2:
             return (
                 f"the two cameras do not agree ({self.error_px:.1f} px); which one is wrong, only a"
@@ -77,47 +78,46 @@ class Agreement:
                 " blame"
             )
         lines = [line for line in self.table if line.camera in self.culprits]
-        said = " and ".join(f"{line.camera} ({line.error_px:.1f} px)" for line in lines)
+        culprits = " and ".join(f"{line.camera} ({line.error_px:.1f} px)" for line in lines)
         verb = "does" if len(lines) == 1 else "do"
         return (
-            f"{said} {verb} not agree with the others, which agree among themselves within"
+            f"{culprits} {verb} not agree with the others, which agree among themselves within"
             f" {lines[0].others_px:.1f} px"
         )
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """When cameras count as agreeing; pixels are those of a picture of 480 x 360, and scale with
-    the picture.
+    """Limits of agreement, in px of an image of 480 x 360; they scale with the image.
 
-    Attributes: least_px: A camera whose error is smaller is never to blame. gain: One whose error
-        is larger is to blame if it is as many times the others' error among themselves. floor_px:
-        The others' error counts as at least this: what the edges of good silhouettes are worth.
-        most_px: Error above which something is wrong even if nobody is to blame.
+    Attributes:
+        min_px: A camera with a smaller error is never a culprit.
+        gain: A camera with a larger error is a culprit if its error is this many times the error of
+            the others among themselves.
+        floor_px: Lower limit of the others' error, the accuracy of good silhouettes.
+        max_px: Error above which the cameras disagree even if no culprit is identified.
     """
 
-    least_px: float = 0.7
+    min_px: float = 0.7
     gain: float = 2.5
     floor_px: float = 0.28
-    most_px: float = 2.5
+    max_px: float = 2.5
 
 
 def check_agreement(
     rig: Rig, moments: Sequence[Mapping[str, Mask]], tolerance: Tolerance | None = None
 ) -> Agreement:
-    """Checks whether a rig and silhouettes taken with it agree.
+    """Checks a rig against silhouettes recorded with it.
 
-    Args: rig: At least two cameras; three are needed to tell which one is wrong. moments:
-        Silhouettes (H, W) bool by camera name, as recorded (lenses are respected) or scaled down; a
-        dozen, spread over the
-            recording.
-        tolerance: When cameras count as agreeing.
-
-    Returns:
-        The result, with a line per camera.
+    Args:
+        rig: At least two cameras; three are needed to identify a wrong one.
+        moments: Silhouettes (H, W) bool by camera name, as recorded (with lens distortion) or
+            scaled down; a dozen, spread over the recording.
+        tolerance: Limits of agreement; None for the defaults.
 
     Raises:
         InputError: Only one camera, or one that never sees somebody together with another.
+        TypeError: A silhouette is not bool.
         ValueError: A silhouette does not have its camera's shape.
     """
     times = np.arange(len(moments), dtype=np.float64)
@@ -135,18 +135,15 @@ def agreement(
     tracks: Sequence[OutlineTrack],
     moments_s: FloatArray,
     tolerance: Tolerance | None = None,
-    late_s: Mapping[str, float] | None = None,
+    offset_s: Mapping[str, float] | None = None,
 ) -> Agreement:
-    """Checks whether cameras agree, as `check_agreement`, from their outlines.
+    """Checks cameras against their outlines, as `check_agreement`.
 
     Args:
         tracks: Each camera's outlines.
-        moments_s: (M,) float64, s: when to look.
-        tolerance: When cameras count as agreeing.
-        late_s: By how much a camera's clock is ahead, by its name, s.
-
-    Returns:
-        The result.
+        moments_s: (M,) float64, s: times at which outlines are compared.
+        tolerance: Limits of agreement; None for the defaults.
+        offset_s: Clock offset by camera name, s: by how much its clock is ahead.
 
     Raises:
         InputError: Only one camera, or one that never sees somebody together with another.
@@ -157,14 +154,14 @@ def agreement(
             "one camera alone cannot be checked: there is nothing that it could agree with"
         )
     tolerance = tolerance or Tolerance()
-    errors = all_tangencies(tracks, moments_s, late_s)
+    errors = all_tangencies(tracks, moments_s, offset_s)
     for name in names:
         if not any(np.isfinite(errors[pair]).any() for pair in errors if name in pair):
             raise InputError(
                 f"{name} never sees somebody whole together with another camera: leave it out, or"
                 " take other moments"
             )
-    scale = picture_scale(tracks)
+    scale = image_scale(tracks)
     whole = group_error(errors, names)
     culprits = _culprits(errors, names, tolerance, scale)
     good = [name for name in names if name not in culprits]
@@ -175,7 +172,7 @@ def agreement(
         own = signed_errors(errors, name, rest)
         line = CameraAgreement(
             name,
-            trimmed(own),
+            trimmed_mean(own),
             group_error(errors, rest),
             float(np.median(own)),
             int(track.seen.sum()),
@@ -183,62 +180,55 @@ def agreement(
         )
         lines.append(line)
     return Agreement(
-        whole, tuple(lines), culprits, not culprits and whole <= tolerance.most_px * scale
+        whole, tuple(lines), culprits, not culprits and whole <= tolerance.max_px * scale
     )
 
 
-def picture_scale(tracks: Sequence[OutlineTrack]) -> float:
-    """Returns how many px of these cameras' pictures one of a picture of 480 x 360 is; at least
-    one, for edges are pixels.
-    """
+def image_scale(tracks: Sequence[OutlineTrack]) -> float:
+    """Size of the cameras' images relative to 480 x 360, at least 1: edges are whole pixels."""
     return max(
-        1.0, float(np.mean([np.hypot(*track.camera.size) for track in tracks])) / _USUAL_DIAGONAL_PX
+        1.0,
+        float(np.mean([np.hypot(*track.camera.size) for track in tracks])) / _REFERENCE_DIAGONAL_PX,
     )
 
 
 def _culprits(
     errors: PairErrors, names: Sequence[str], tolerance: Tolerance, scale: float
 ) -> tuple[str, ...]:
-    """Returns the fewest cameras, a minority, each of which differs from the rest by more than the
-    rest allows.
-    """
-    most = min(max(1, (len(names) - 1) // 2), len(names) - 2)
+    """Smallest minority of cameras of which each differs too much from the remaining ones."""
+    max_count = min(max(1, (len(names) - 1) // 2), len(names) - 2)
     culprits: tuple[str, ...] = ()
-    while len(culprits) < most:
-        left = [name for name in names if name not in culprits]
-        more = _fewest(errors, left, most - len(culprits), tolerance, scale)
-        if not more:
+    while len(culprits) < max_count:
+        remaining = [name for name in names if name not in culprits]
+        further = _fewest(errors, remaining, max_count - len(culprits), tolerance, scale)
+        if not further:
             break
-        culprits += more  # without them, the next may stand out
+        culprits += further  # without these, further ones may be detectable
     return tuple(name for name in names if name in culprits)
 
 
 def _fewest(
-    errors: PairErrors, names: Sequence[str], most: int, tolerance: Tolerance, scale: float
+    errors: PairErrors, names: Sequence[str], max_count: int, tolerance: Tolerance, scale: float
 ) -> tuple[str, ...]:
-    """Returns the fewest cameras whose leaving brings agreement; of several choices, that which
-    stands out most.
-    """
-    for count in range(1, min(most, len(names) - 2) + 1):
-        found = []
+    """Smallest set of cameras without which the others agree; of several, the most distinct one."""
+    for count in range(1, min(max_count, len(names) - 2) + 1):
+        candidates = []
         for left_out in combinations(names, count):
             rest = [name for name in names if name not in left_out]
-            among = group_error(errors, rest)
+            rest_px = group_error(errors, rest)
             limit = max(
-                tolerance.least_px * scale, tolerance.gain * max(among, tolerance.floor_px * scale)
+                tolerance.min_px * scale, tolerance.gain * max(rest_px, tolerance.floor_px * scale)
             )
-            apart = min(trimmed(signed_errors(errors, name, rest)) for name in left_out)
-            if apart > limit and among <= tolerance.most_px * scale:
-                found.append((among / apart, left_out))
-        if found:
-            return min(found)[1]
+            distance_px = min(trimmed_mean(signed_errors(errors, name, rest)) for name in left_out)
+            if distance_px > limit and rest_px <= tolerance.max_px * scale:
+                candidates.append((rest_px / distance_px, left_out))
+        if candidates:
+            return min(candidates)[1]
     return ()
 
 
 def signed_errors(errors: PairErrors, name: str, others: Sequence[str]) -> FloatArray:
-    """Returns by how many px a camera's outlines reach beyond those of others, one number per
-    plane.
-    """
+    """Distances, px, by which a camera's outlines exceed those of others, one per plane."""
     listed = [
         values * (1 if first == name else -1)
         for (first, second), values in errors.items()
@@ -253,8 +243,8 @@ def _joins(name: str, first: str, second: str, others: Sequence[str]) -> bool:
 
 
 def group_error(errors: PairErrors, names: Sequence[str]) -> float:
-    """Returns the error, px, of a group of cameras among themselves; NaN for one alone."""
-    return trimmed(
+    """Error, px, of a group of cameras among themselves; NaN for a single camera."""
+    return trimmed_mean(
         np.concatenate(
             [
                 np.zeros(0),
@@ -264,7 +254,7 @@ def group_error(errors: PairErrors, names: Sequence[str]) -> float:
     )
 
 
-def trimmed(errors: FloatArray) -> float:
-    """Returns the mean size of the smaller errors; NaN where there are none."""
+def trimmed_mean(errors: FloatArray) -> float:
+    """Mean absolute value of the smaller errors; NaN if there are none."""
     sizes = np.sort(np.abs(errors[np.isfinite(errors)]))
-    return float(sizes[: max(1, int(_BETTER * len(sizes)))].mean()) if len(sizes) else np.nan
+    return float(sizes[: max(1, int(_KEPT * len(sizes)))].mean()) if len(sizes) else np.nan

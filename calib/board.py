@@ -1,5 +1,4 @@
-"""Calibration boards: what they look like, where their corners are, and why a picture does not
-serve.
+"""Calibration boards: description, and detection of their corners in images.
 
 A board's own frame lies in its plane: x along a row of corners, y down the columns, z into the
 board, so that a camera that sees its face has z pointing away. Corners are numbered row by row.
@@ -22,15 +21,19 @@ Effort = Literal["quick", "patient", "thorough"]
 
 _MIN_SQUARE_PX = 8.0
 _MAX_BLUR = 0.25  # width of an edge in squares
-_MAX_BEND = 0.12  # departure from a plane's picture in squares; lenses bend one by a few hundredths
+_MAX_BEND = 0.12  # deviation from a plane's image in squares; that of lenses is a few hundredths
 _MIN_CORNERS = 6
 _MAX_COARSE_PX = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """One board in one picture: corner numbers (N,) int64 and pixels (N, 2) float64, and the
-    picture's (width, height).
+    """A board detected in an image.
+
+    Attributes:
+        ids: (N,) int64, corner numbers.
+        pixels: (N, 2) float64, px, the corners.
+        size: Image (width, height), px.
     """
 
     ids: NDArray[np.int64]
@@ -40,14 +43,18 @@ class BoardView:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a picture gives no view, in words."""
+    """A failed detection.
+
+    Attributes:
+        reason: Why the image has no usable board.
+    """
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Board:
-    """A checkerboard, or a ChArUco board where `marker_m` is given.
+    """A checkerboard, or a ChArUco board if `marker_m` is given.
 
     Attributes:
         columns: Inner corners along a row (one fewer than squares).
@@ -104,21 +111,21 @@ class Board:
         )
 
     @property
-    def turns_into_itself(self) -> bool:
-        """Whether half a turn leaves the pattern as it was, so that a picture cannot say which end
-        is which.
-        """
+    def is_symmetric(self) -> bool:
+        """Whether half a turn maps the pattern onto itself, so that its two ends look alike."""
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
     def find(self, picture: Image, effort: Effort = "thorough") -> BoardView | Refusal:
-        """Finds the board.
+        """Detects the board in an image.
 
-        Args: picture: (H, W) or (H, W, 3) uint8. effort: "quick" gives up where no board is likely,
-            in a hundredth of a second; "patient" looks all the same, ten times as long;
-                "thorough" then tries another detector, a hundred times as long.
+        Args:
+            picture: (H, W) or (H, W, 3) uint8.
+            effort: "quick" gives up early where no board is likely (about 10 ms); "patient" always
+                runs the detector (ten times as long); "thorough" then tries a second detector (a
+                hundred times as long).
 
         Returns:
-            The view, or the reason why there is none.
+            The detected corners, or the reason why there are none.
         """
         check_array("picture", picture, ("H", "W", 3)[: max(picture.ndim, 2)], np.uint8)
         grey = (
@@ -132,9 +139,9 @@ class Board:
             else self._find_charuco(grey)
         )
 
-    def instead(self, picture: Image) -> str | None:
-        """Says what board is in a picture in which this one was not found: of other numbers, or
-        with other markers; None: no board.
+    def other_board(self, picture: Image) -> str | None:
+        """Describes another board in an image without this one: with other numbers of corners or
+        other markers. None: no board.
         """
         if self.marker_m is not None:
             return self._other_markers(picture)
@@ -143,28 +150,24 @@ class Board:
         found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags)
         if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
             return None
-        there, asked = (
+        detected, requested = (
             f"{max(numbers)} x {min(numbers)}"
             for numbers in (meta.shape[:2], (self.columns, self.rows))
         )
-        short = [
-            other - one
-            for one, other in zip(
-                sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True
-            )
-        ]
-        if min(short) >= 0 and short != [1, 1]:
+        wrong = zip(sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True)
+        missing = [expected - found for found, expected in wrong]
+        if min(missing) >= 0 and missing != [1, 1]:
             return (
-                f"only {there} of {asked} inner corners are to be made out: part of it hidden or in"
-                " bad light, or are the numbers wrong?"
+                f"only {detected} of {requested} inner corners are to be made out: part of it"
+                " hidden or in bad light, or are the numbers wrong?"
             )
         return (
-            f"a board with {there} inner corners is there, not {asked}: count where four squares"
-            " meet, not squares"
+            f"a board with {detected} inner corners is there, not {requested}: count where four"
+            " squares meet, not squares"
         )
 
     def _other_markers(self, picture: Image) -> str | None:
-        """Names the dictionary most of whose markers are in the picture."""
+        """Names the dictionary with most markers in the image."""
         counts: dict[str, tuple[int, int]] = {}
         for name in (
             name
@@ -184,7 +187,7 @@ class Board:
 
     @cached_property
     def charuco(self) -> cv2.aruco.CharucoBoard:
-        """OpenCV's own board of these numbers."""
+        """The board as OpenCV's object."""
         squares = (self.columns + 1, self.rows + 1)
         return cv2.aruco.CharucoBoard(
             squares, self.square_m, self.marker_m or self.square_m / 2, self._dictionary
@@ -192,11 +195,11 @@ class Board:
 
     @property
     def _dictionary(self) -> cv2.aruco.Dictionary:
-        """OpenCV's dictionary of that name."""
+        """The dictionary as OpenCV's object."""
         return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
     def _find_charuco(self, grey: Image) -> BoardView | Refusal:
-        """Finds marked corners, any subset of them."""
+        """Detects ChArUco corners, any subset of them."""
         pixels, ids = self._charuco_corners(grey)
         if len(ids) < _MIN_CORNERS:
             if len(self._charuco_corners(np.ascontiguousarray(grey[:, ::-1]))[1]) >= _MIN_CORNERS:
@@ -213,14 +216,14 @@ class Board:
         return BoardView(ids, pixels, (grey.shape[1], grey.shape[0]))
 
     def _charuco_corners(self, grey: Image) -> tuple[FloatArray, NDArray[np.int64]]:
-        """Returns pixels (N, 2) and numbers (N,) of the marked corners."""
+        """Pixels (N, 2) and numbers (N,) of the ChArUco corners."""
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self.charuco).detectBoard(grey)
         if corners is None or ids is None:
             return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
         return corners.reshape(-1, 2).astype(np.float64), ids.ravel().astype(np.int64)
 
     def _find_checkerboard(self, grey: Image, effort: Effort) -> BoardView | Refusal:
-        """Finds all corners of a plain board."""
+        """Detects all corners of a plain board."""
         refusal = Refusal(
             f"no board with {self.columns} x {self.rows} inner corners found: all of it in view,"
             " flat and evenly lit?"
@@ -245,8 +248,11 @@ class Board:
         return refusal
 
     def _fast_corners(self, grey: Image, give_up: bool) -> FloatArray | None:
-        """Finds corners in a small copy of the picture and refines them in the whole one; perhaps
-        gives up where no board is likely.
+        """Detects corners in a reduced image and refines them in the original one.
+
+        Args:
+            grey: (H, W) uint8.
+            give_up: Whether to stop early where no board is likely.
         """
         scale = min(1.0, _MAX_COARSE_PX / max(grey.shape))
         small = (
@@ -272,18 +278,18 @@ class Board:
         )
 
     def _slow_corners(self, grey: Image) -> FloatArray | None:
-        """Finds corners by OpenCV's sector-based detector."""
+        """Detects corners by OpenCV's sector-based detector."""
         flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
         found, corners = cv2.findChessboardCornersSB(grey, (self.columns, self.rows), flags=flags)
         return corners.reshape(-1, 2).astype(np.float64) if found else None
 
     def _spacing_px(self, pixels: NDArray[np.floating]) -> float:
-        """Returns the shortest distance between neighbouring corners, px."""
+        """Shortest distance between neighbouring corners, px."""
         grid = pixels.reshape(self.rows, self.columns, 2)
         return float(min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)))
 
     def _fault(self, grey: Image, corners: FloatArray) -> str | None:
-        """Says what is wrong with corners that a detector claims to have found."""
+        """Reason to reject detected corners, or None."""
         spacing = self._spacing_px(corners)
         if spacing < _MIN_SQUARE_PX:
             return (
@@ -303,24 +309,25 @@ class Board:
         statistics = cv2.estimateChessboardSharpness(
             grey, (self.columns, self.rows), corners.astype(np.float32).reshape(-1, 1, 2)
         )[0]
-        measured = float(np.asarray(statistics).ravel()[0])
-        blur = measured / spacing
-        if blur > _MAX_BLUR and measured > 4:
+        edge_px = float(np.asarray(statistics).ravel()[0])
+        blur = edge_px / spacing
+        if blur > _MAX_BLUR and edge_px > 4:
             return (
-                f"blurred (edges {measured:.0f} px wide on squares of {spacing:.0f} px): hold the"
+                f"blurred (edges {edge_px:.0f} px wide on squares of {spacing:.0f} px): hold the"
                 " board still, more light"
             )
         return None
 
     def _ordered(self, grey: Image, corners: FloatArray) -> FloatArray:
-        """Starts the count at one end, the same in every picture where the pattern allows it: where
-        the first inner square is dark.
+        """Corners numbered from the end where the first inner square is dark.
+
+        The order is then the same in every image, unless the board is symmetric.
         """
         grid = corners.reshape(self.rows, self.columns, 2)
         along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
         if along[0] * down[1] - along[1] * down[0] < 0:
-            grid = grid[:, ::-1]  # counted as if seen through the board
-        if not self.turns_into_itself:
+            grid = grid[:, ::-1]  # the order was that of a mirrored board
+        if not self.is_symmetric:
             centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
             column, row = np.clip(
                 np.rint(centres).astype(int), 0, [grey.shape[1] - 1, grey.shape[0] - 1]

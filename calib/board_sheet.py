@@ -1,4 +1,4 @@
-"""A calibration board on paper, to scale."""
+"""Printable calibration boards, to scale."""
 
 import math
 import os
@@ -16,7 +16,7 @@ from calib.errors import InputError
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
 
-# Width and height held upright, m.
+# Width and height in portrait orientation, m.
 PAPERS_M = {
     "a4": (0.210, 0.297),
     "a3": (0.297, 0.420),
@@ -39,7 +39,7 @@ def board_picture(board: Board, square_px: int = _PX_PER_SQUARE) -> NDArray[np.u
     size = ((board.columns + 1) * square_px, (board.rows + 1) * square_px)
     if board.marker_m is None:
         row, column = np.indices((board.rows + 1, board.columns + 1))
-        # The first inner square dark, as `Board.find` counts.
+        # The first inner square is dark, as `Board.find` expects.
         squares = np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8)
         picture = np.kron(squares, np.ones((square_px, square_px), dtype=np.uint8))
     else:
@@ -54,18 +54,24 @@ def board_picture(board: Board, square_px: int = _PX_PER_SQUARE) -> NDArray[np.u
 
 
 def largest_square_m(columns: int, rows: int, paper: str) -> float:
-    """Returns the longest side of a square, in whole millimetres, at which a board of that many
-    inner corners fits a paper, m.
+    """Longest side of a square, m, in whole millimetres, at which a board fits a paper size.
+
+    Args:
+        columns: Inner corners along a row.
+        rows: Inner corners along a column.
+        paper: A key of `PAPERS_M`.
     """
     return max(_square_that_fits(columns, rows, page) for page in _pages(paper))
 
 
 def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float, float]:
-    """Writes a one-page PDF, whole or not at all: the board to scale, and below it its numbers and
-    a ruler to check the printer by.
+    """Writes a one-page PDF: the board to scale, its numbers, and a ruler to check the print.
 
-    Args: board: The board. path: Where to. paper: A name of `PAPERS_M`, upright or lying, as the
-        board fits better; None for a page just as large as the board needs.
+    Args:
+        board: The board.
+        path: The file. A failure leaves no partial file.
+        paper: A key of `PAPERS_M`, portrait or landscape as the board fits better; None for a page
+            of the size that the board needs.
 
     Returns:
         The page's width and height, m.
@@ -93,9 +99,9 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
         (page[0] - columns * square) / 2,
         _FOOT_M + (page[1] - _FOOT_M - rows * square) / 2,
     )
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     width, height = (length * _POINTS_PER_M for length in page)
-    canvas = Canvas(str(beside), pagesize=(width, height), pageCompression=0, invariant=1)
+    canvas = Canvas(str(temporary), pagesize=(width, height), pageCompression=0, invariant=1)
     canvas.scale(_POINTS_PER_M, _POINTS_PER_M)
     for x, y, side_x, side_y, level in _rectangles(board):
         canvas.setFillGray(level)
@@ -108,37 +114,35 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
     canvas.drawCentredString(page[0] / 2, 0.0115, text)
     try:
         canvas.save()
-        beside.replace(path)
+        temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
     return page
 
 
 def _pages(paper: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Returns a paper upright and lying."""
+    """A paper size in portrait and landscape orientation."""
     short, long = PAPERS_M[paper]
     return (short, long), (long, short)
 
 
 def _square_that_fits(columns: int, rows: int, page: tuple[float, float]) -> float:
-    """Returns the longest side of a square on a page, in whole millimetres, m; the board keeps half
-    a square of white around it.
-    """
+    """Longest side of a square on a page, m, in whole millimetres, with half a square of margin."""
     width, height = page[0] - 2 * _MARGIN_M, page[1] - 2 * _MARGIN_M - _FOOT_M
-    most = min(
+    side = min(
         width / (columns + 1),
         height / (rows + 1),
         page[0] / (columns + 2),
         (page[1] - _FOOT_M) / (rows + 2),
     )
-    return math.floor(1000 * most + 1e-6) / 1000
+    return math.floor(1000 * side + 1e-6) / 1000
 
 
 def _rectangles(board: Board) -> Iterator[tuple[float, float, float, float, int]]:
-    """Yields what is to be filled: left, top, width and height, m, from the board's upper left end,
-    and 0 for black or 1 for white.
+    """Yields the filled rectangles: left, top, width and height, m, from the board's upper left
+    corner, and 0 for black or 1 for white.
     """
     square = board.square_m
     for row, column in np.ndindex(board.rows + 1, board.columns + 1):
@@ -161,7 +165,7 @@ def _rectangles(board: Board) -> Iterator[tuple[float, float, float, float, int]
 
 
 def _caption(board: Board) -> str:
-    """Says what the board is and how long it must be."""
+    """Description of the board and its nominal lengths."""
     kind = (
         "checkerboard"
         if board.marker_m is None

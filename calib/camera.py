@@ -3,7 +3,7 @@
 World: metres, right-handed, z up. Camera as in OpenCV: x right, y down, z forward, `x_camera =
 rotation @ x_world + translation`. Integer pixel coordinates are pixel centres. A point that a
 camera cannot see (behind it, or outside the field in which its lens model is one to one) has NaN
-pixels, and a pixel that no ray belongs to has a NaN ray; nothing is guessed.
+pixels, and a pixel without a ray has a NaN ray.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,11 +34,12 @@ def _frozen(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> FloatA
 class Camera:
     """One calibrated camera.
 
-    Attributes: name: Name, unique in its rig. size: Image (width, height), px. matrix: (3, 3)
-        float64, upper triangular, px. A skew is respected (OpenCV ignores it). distortion: (n,)
-        float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, n = 0, 4, 5, 8, 12 or
-        14;
-            k1 k2 k3 k4 where `fisheye`.
+    Attributes:
+        name: Name, unique in its rig.
+        size: Image (width, height), px.
+        matrix: (3, 3) float64, upper triangular, px. A skew is respected (OpenCV ignores it).
+        distortion: (n,) float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty,
+            n = 0, 4, 5, 8, 12 or 14; k1 k2 k3 k4 if `fisheye`.
         rotation: (3, 3) float64, camera from world.
         translation: (3,) float64, m, camera from world.
         fisheye: Whether `distortion` belongs to OpenCV's fisheye model.
@@ -107,19 +108,20 @@ class Camera:
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether the lens bends nothing."""
+        """Whether the lens has no distortion."""
         return not self.fisheye and not self.distortion.any()
 
     def project(self, points_world: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Projects world points into the image plane.
 
-        The image's border does not matter here: pixels outside `size` are returned as they are.
+        Pixels outside the image are returned as well.
 
         Args:
             points_world: (N, 3), m.
 
-        Returns: Pixels (N, 2) float64, NaN where the camera cannot see the point, and depth along
-            the optical axis (N,) float64, m.
+        Returns:
+            Pixels (N, 2) float64, NaN where the camera cannot see the point, and depth along the
+            optical axis (N,) float64, m.
         """
         points_camera = (
             float_array("points_world", points_world, ("N", 3)) @ self.rotation.T + self.translation
@@ -136,17 +138,16 @@ class Camera:
         Args:
             pixels: (N, 2) as (x, y), px, in the recorded image.
 
-        Returns: Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world;
-            NaN where no ray meets the pixel.
+        Returns:
+            Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world; NaN
+            where no ray meets the pixel.
         """
         normalised = self.lens.undistort(self._normalised(float_array("pixels", pixels, ("N", 2))))
         directions = np.column_stack([normalised, np.ones(len(normalised))]) @ self.rotation
         return self.center_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def undistort(self, pixels: ArrayLike) -> FloatArray:
-        """Moves recorded pixels (N, 2) to where the pinhole camera of the same matrix has them, (N,
-        2) float64, px.
-        """
+        """Undistorted pixels (N, 2) float64 of recorded pixels (N, 2), for the same matrix."""
         return self._pixels(
             self.lens.undistort(self._normalised(float_array("pixels", pixels, ("N", 2))))
         )
@@ -164,10 +165,11 @@ class Camera:
         )
 
     def pinhole_maps(self, scale: float = 1.0) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Returns the maps by which `cv2.remap` makes `pinhole(scale)`'s image of the recorded one.
+        """Maps with which `cv2.remap` undistorts an image to that of `pinhole(scale)`.
 
-        Returns: map_x and map_y, each (height, width) float32, px of the recorded image; -1
-            (outside) where the lens sees nothing.
+        Returns:
+            map_x and map_y, each (height, width) float32, px of the recorded image; -1 (outside)
+            where the lens sees nothing.
         """
         ideal = self.pinhole(scale)
         width, height = ideal.size
@@ -180,11 +182,11 @@ class Camera:
         return np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
 
     def _pixels(self, distorted: FloatArray) -> FloatArray:
-        """Applies the camera matrix to (N, 2)."""
+        """Applies the camera matrix to (N, 2) normalised coordinates."""
         return distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
 
     def _normalised(self, pixels: FloatArray) -> FloatArray:
-        """Undoes the camera matrix of (N, 2)."""
+        """Applies the inverse of the camera matrix to (N, 2) pixels."""
         y = (pixels[:, 1] - self.matrix[1, 2]) / self.matrix[1, 1]
         x = (pixels[:, 0] - self.matrix[0, 2] - self.matrix[0, 1] * y) / self.matrix[0, 0]
         return np.column_stack([x, y])
@@ -192,7 +194,10 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Several cameras calibrated in one world, found by name.
+    """Cameras calibrated in one world, accessible by name.
+
+    Attributes:
+        cameras: The cameras.
 
     Raises:
         ValueError: No camera, or two of one name.
@@ -205,10 +210,10 @@ class Rig:
         object.__setattr__(self, "cameras", tuple(self.cameras))
         if not self.cameras:
             raise ValueError("a rig needs at least one camera")
-        twice = sorted({name for name in self.names if self.names.count(name) > 1})
-        if twice:
+        repeated = sorted({name for name in self.names if self.names.count(name) > 1})
+        if repeated:
             raise ValueError(
-                f"camera names must differ, but these appear more than once: {', '.join(twice)}"
+                f"camera names must differ, but these appear more than once: {', '.join(repeated)}"
             )
 
     @property
@@ -224,7 +229,7 @@ class Rig:
         raise KeyError(f"no camera {name!r} among {', '.join(self.names)}")
 
     def __contains__(self, name: object) -> bool:
-        """Says whether there is a camera of that name."""
+        """Whether the rig has a camera of that name."""
         return name in self.names
 
     def __iter__(self) -> Iterator[Camera]:

@@ -1,8 +1,8 @@
-"""The one exception that means: the user can mend this."""
+"""Exception for mistakes in user input."""
 
 
 class InputError(Exception):
-    """A mistake in what the user gave, said in one line that names the thing and the remedy.
+    """A mistake in user input; the message is one line that names the object and the remedy.
 
     The command line prints it without a traceback and ends with exit code 2.
     """

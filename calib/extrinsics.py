@@ -1,8 +1,8 @@
-"""From boards that several cameras saw at once to where the cameras stand.
+"""Camera poses from boards seen by several cameras at once.
 
-Pairs of cameras that share boards give relative places; the pairs form a graph, its best tree gives
-a start for all, and bundle adjustment moves everything together. A camera without a path to the
-others is said in words.
+Pairs of cameras that share boards give relative poses; the best spanning tree of the graph of pairs
+gives initial poses, and bundle adjustment refines them all. A camera that is not connected to the
+others is reported by name.
 """
 
 from collections.abc import Mapping
@@ -11,37 +11,41 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.adjust import Adjusted, BundleScene, Observations, adjust, rms_px
+from calib.adjust import Adjustment, BundleScene, Observations, adjust, rms_px
 from calib.board import Board, BoardView
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.pairs import (
+    Candidates,
     Pair,
-    Placed,
     Pose,
     Views,
-    chain,
-    place_boards,
+    board_candidates,
+    chain_poses,
+    flipped_points,
     refuse_mirrored,
     shared_boards,
-    turned_points,
 )
 from calib.rotation import nearest_rotation, rodrigues_from_matrix
 
 FloatArray = NDArray[np.float64]
 
-_FAR_PX = 20.0  # boards that fit worse than this after the start are left out of the adjustment
-_FOCAL_PX = 1000.0  # brings ideal coordinates to a scale on which that is a fair number
-_ODD_ONE_OUT = 1.5  # times the other cameras' median error
+_FAR_PX = 20.0  # boards with a larger initial error are excluded from the adjustment
+_FOCAL_PX = 1000.0  # focal length for which errors are stated
+_OUTLIER = 1.5  # times the other cameras' median error
 
 
 @dataclass(frozen=True)
 class CameraError:
-    """One line of the table: a camera, how many boards (or points) it saw, its error (px, rms), and
-    the standard errors of its place.
+    """Accuracy of one camera's pose.
 
-    The standard errors are relative to the first camera, NaN for itself; with points, relative to
-    the world.
+    Attributes:
+        camera: Name of the camera.
+        seen: Number of boards (or points) it saw.
+        rms_px: Root mean square reprojection error.
+        position_mm: Standard error of its position relative to the first camera (NaN for that one),
+            or relative to the world if calibrated from points.
+        rotation_deg: Standard error of its rotation, likewise.
     """
 
     camera: str
@@ -53,8 +57,14 @@ class CameraError:
 
 @dataclass(frozen=True, eq=False)
 class Extrinsics:
-    """A calibrated rig, its table, the overall error (px, rms), how many boards each pair shared,
-    and words about what is odd.
+    """A calibrated rig.
+
+    Attributes:
+        rig: The cameras.
+        table: Accuracy of each camera.
+        rms_px: Root mean square reprojection error of all cameras.
+        shared_boards: Number of boards seen by each pair of cameras.
+        advice: Remarks on implausible results.
     """
 
     rig: Rig
@@ -67,39 +77,40 @@ class Extrinsics:
 def calibrate_extrinsics(
     board: Board, lenses: Rig, views: Views, floor: str | None = None, refine_lenses: bool = False
 ) -> Extrinsics:
-    """Finds where cameras stand.
+    """Estimates the poses of cameras.
 
-    Args: board: The board that was carried about. lenses: Cameras whose lenses are right; their
-        places are not looked at. views: For every moment, which camera saw the board: moment ->
-        camera name -> view. floor: The moment at which the board lay on the floor, face up. Its
-        first corner becomes the world's origin, its rows the
-            x axis, and up is z. Without it the world is the first camera's frame. (A board that
-            half a turn leaves as it is has no
-            first corner: take one with an odd number of squares one way and an even number the
-                other.)
-        refine_lenses: Whether the lenses may change too, where they are not known better from
-            boards that were nearer.
+    Args:
+        board: The board that was moved through the room.
+        lenses: Cameras with calibrated lenses; their poses are ignored.
+        views: Detected boards: moment -> camera name -> view.
+        floor: The moment at which the board lay on the floor, face up. Its first corner becomes the
+            world's origin, its rows the x axis, and z points up. None: the world is the first
+            camera's frame. A symmetric board has no first corner: use one with an odd number of
+            squares in one direction and an even number in the other.
+        refine_lenses: Whether the lens parameters are refined too; only useful if they are not
+            known better from boards closer to the camera.
 
     Returns:
-        The rig and how sure it is.
+        The rig and its accuracy.
 
-    Raises: InputError: A camera saw no board, the cameras do not hang together, or the floor's
-        board is not there or upside down.
+    Raises:
+        InputError: A camera saw no board, the cameras are not connected by shared boards, or the
+            board on the floor is missing or upside down.
     """
     for name in {name for seen in views.values() for name in seen} - set(lenses.names):
         raise InputError(
             f"camera {name} saw boards but has no lens calibration: calibrate its intrinsics first"
         )
-    placed = place_boards(board, lenses, views)
+    placed = board_candidates(board, lenses, views)
     shared = shared_boards(lenses.names, placed)
-    starts, agreeing = chain(lenses.names, placed, shared)
+    starts, agreeing = chain_poses(lenses.names, placed, shared)
     refuse_mirrored(board, lenses, views, agreeing, shared)
     cameras = tuple(
         replace(camera, rotation=starts[camera.name][0], translation=starts[camera.name][1])
         for camera in lenses
     )
     moments, scene, seen = _scene(board, cameras, views, placed, floor)
-    adjusted = adjust(scene, seen, "both" if refine_lenses else "places")
+    adjusted = adjust(scene, seen, "both" if refine_lenses else "poses")
     cameras = adjusted.scene.cameras
     if floor is not None:
         cameras = _on_floor(floor, moments, adjusted.scene)
@@ -112,37 +123,38 @@ def _scene(
     board: Board,
     cameras: tuple[Camera, ...],
     views: Views,
-    placed: Placed,
+    placed: Candidates,
     floor: str | None,
 ) -> tuple[list[str], BundleScene, Observations]:
-    """Places every board in the world by the camera's candidate that all cameras like best, and
-    gathers what was seen.
+    """Initial pose of every board, and the observations.
+
+    Each board gets the candidate pose with the smallest error over all cameras.
     """
     moments: list[str] = []
     rotations, translations, parts = [], [], []
     by_name = {camera.name: (index, camera) for index, camera in enumerate(cameras)}
     for moment, seen in placed.items():
-        choices = []
+        candidates = []
         if len(seen) < 2 and moment != floor:
-            continue  # says nothing about how cameras stand to each other
+            continue  # does not constrain the relative poses of cameras
         for name, poses in seen.items():
             _, camera = by_name[name]
-            for rotation, translation, _, turned in poses:
-                place = (
+            for rotation, translation, _, flipped in poses:
+                pose = (
                     camera.rotation.T @ rotation,
                     camera.rotation.T @ (translation - camera.translation),
                 )
-                if not turned or len(seen) > 1:
-                    choices.append((*_misfit(board, by_name, views[moment], place), place))
-        if not choices:
+                if not flipped or len(seen) > 1:
+                    candidates.append((*_misfit(board, by_name, views[moment], pose), pose))
+        if not candidates:
             continue
-        error, turns, place = min(choices, key=lambda choice: choice[0])
-        if error > _FAR_PX * len(turns):
+        error, flips, pose = min(candidates, key=lambda choice: choice[0])
+        if error > _FAR_PX * len(flips):
             continue
-        for name, turned in turns.items():
+        for name, flipped in flips.items():
             view, index = views[moment][name], by_name[name][0]
             points = board.points_m[view.ids]
-            points = turned_points(board, points) if turned else points
+            points = flipped_points(board, points) if flipped else points
             parts.append(
                 (
                     np.full(len(points), index),
@@ -152,8 +164,8 @@ def _scene(
                 )
             )
         moments.append(moment)
-        rotations.append(place[0])
-        translations.append(place[1])
+        rotations.append(pose[0])
+        translations.append(pose[1])
     if not moments:
         raise InputError("no board fits any camera: are the board's numbers and the lenses right?")
     seen_all = Observations(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -164,37 +176,38 @@ def _misfit(
     board: Board,
     by_name: Mapping[str, tuple[int, Camera]],
     seen: Mapping[str, BoardView],
-    place: Pose,
+    pose: Pose,
 ) -> tuple[float, dict[str, bool]]:
-    """Returns the summed error of a board's place over cameras (px of a focal length of 1000, each
-    at most 20), and who counts turned.
+    """Summed error of a board's pose over cameras, and whether each camera's order is flipped.
+
+    Errors are px at a focal length of 1000 px, each limited to 100.
     """
-    total, turns = 0.0, {}
+    total, flips = 0.0, {}
     for name, view in seen.items():
         camera = by_name[name][1]
         points = board.points_m[view.ids]
         options = (
-            {False: points, True: turned_points(board, points)}
-            if board.turns_into_itself
+            {False: points, True: flipped_points(board, points)}
+            if board.is_symmetric
             else {False: points}
         )
         errors = {}
-        for turned, option in options.items():
-            pixels, _ = camera.project(option @ place[0].T + place[1])
+        for flipped, flipped_or_not in options.items():
+            pixels, _ = camera.project(flipped_or_not @ pose[0].T + pose[1])
             error = (
                 np.linalg.norm(pixels - view.pixels, axis=1).mean()
                 * _FOCAL_PX
                 / camera.matrix[0, 0]
             )
-            errors[turned] = float(error) if np.isfinite(error) else np.inf
-        best = min(errors, key=lambda turned: errors[turned])
+            errors[flipped] = float(error) if np.isfinite(error) else np.inf
+        best = min(errors, key=lambda flipped: errors[flipped])
         total += min(errors[best], 5 * _FAR_PX)
-        turns[name] = best
-    return total, turns
+        flips[name] = best
+    return total, flips
 
 
 def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camera, ...]:
-    """Moves the world to the board on the floor.
+    """The cameras in the world of the board on the floor.
 
     Raises:
         InputError: That board was not seen, or lies so that cameras would be under the floor.
@@ -205,7 +218,7 @@ def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camer
             " which it lies in view"
         )
     at = moments.index(floor)
-    # The board's z points into the floor, its y toward the reader: up is -z, and y turns with it.
+    # The board's z points into the floor: up is -z, and y changes its sign too.
     world_from_old = np.diag([1.0, -1, -1]) @ scene.rotations[at].T
     origin = scene.translations[at]
     moved = []
@@ -225,52 +238,51 @@ def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camer
     return tuple(moved)
 
 
-def camera_error(index: int, adjusted: Adjusted, seen: Observations, count: int) -> CameraError:
-    """Returns a camera's line of the table.
+def camera_error(index: int, adjusted: Adjustment, seen: Observations, count: int) -> CameraError:
+    """Accuracy of one camera.
 
     Args:
-        index: The camera's number.
-        adjusted: The scene it is in.
-        seen: What all cameras saw.
-        count: Of how many boards or points that was made by this one.
+        index: Number of the camera.
+        adjusted: The adjusted scene.
+        seen: The observations of all cameras.
+        count: Number of boards or points that this camera saw.
     """
     name, covariance = adjusted.scene.cameras[index].name, adjusted.covariances[index][:6, :6]
     rows = seen.camera == index
     error = rms_px(adjusted.residuals_px[rows]) if rows.any() else np.nan
     if not covariance.any():
         return CameraError(name, count, error, np.nan, np.nan)
-    # The centre is -R' t with t moved by the block's last three numbers.
+    # The centre is -R' t, and the block's last three parameters are a shift of t.
     position = float(np.sqrt(np.trace(covariance[3:, 3:])))
     turn = float(np.sqrt(np.trace(covariance[:3, :3])))
     return CameraError(name, count, error, 1000 * position, float(np.degrees(turn)))
 
 
 def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
-    """Says what is odd."""
-    said = []
+    """Remarks on implausible results."""
+    remarks = []
     for line in table:
         others = [
             other.rms_px for other in table if other is not line and np.isfinite(other.rms_px)
         ]
-        if others and line.rms_px > max(1.0, _ODD_ONE_OUT * float(np.median(others))):
-            said.append(
+        if others and line.rms_px > max(1.0, _OUTLIER * float(np.median(others))):
+            remarks.append(
                 f"camera {line.camera} disagrees with the others ({line.rms_px:.1f} px): wrong"
                 " lens, mirrored picture or out of sync?"
             )
         if line.seen < 5:
-            said.append(
+            remarks.append(
                 f"camera {line.camera} saw {line.seen} boards only: carry the board before it for"
                 " longer"
             )
-    return tuple(said)
+    return tuple(remarks)
 
 
-def same_world(rig: Rig, reference: Rig) -> Rig:
-    """Turns and shifts a rig as a whole onto a reference with the same camera names, by their
-    centres and axes (least squares).
+def align_rigs(rig: Rig, reference: Rig) -> Rig:
+    """Aligns a rig with a reference by a rigid motion, from the axes and centres of the cameras.
 
     Raises:
-        InputError: They have fewer than one camera in common.
+        InputError: They have no camera name in common.
     """
     names = [name for name in rig.names if name in reference]
     if not names:
@@ -292,8 +304,8 @@ def same_world(rig: Rig, reference: Rig) -> Rig:
     return Rig(tuple(moved))
 
 
-def apart(left: Camera, right: Camera) -> tuple[float, float]:
-    """Returns how far two cameras are apart: millimetres between centres, degrees between axes."""
+def pose_difference(left: Camera, right: Camera) -> tuple[float, float]:
+    """Difference of two camera poses: mm between the centres, and angle of rotation in degrees."""
     turn = rodrigues_from_matrix(left.rotation @ right.rotation.T)
     return 1000 * float(np.linalg.norm(left.center_m - right.center_m)), float(
         np.degrees(np.linalg.norm(turn))

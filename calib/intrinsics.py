@@ -1,6 +1,4 @@
-"""From pictures of a board to one camera's lens: focal lengths, centre and distortion, with a table
-that says how good each picture was.
-"""
+"""Lens calibration of one camera from images of a board: focal lengths, centre and distortion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,16 +17,21 @@ LensKind = Literal["pinhole", "rational", "fisheye"]
 
 _MIN_PICTURES = 4
 _OUTLIER = 2.5  # times the median picture's error
-_ALWAYS_GOOD_PX = 0.5  # a picture this good is never an outlier
+_ALWAYS_GOOD_PX = 0.5  # a picture with a smaller error is never an outlier
 _COVERAGE_GRID = 8
-_EDGE = 2  # cells
-_THIN = 0.25  # of a part's cells
+_EDGE_CELLS = 2
+_SPARSE = 0.25  # fraction of a region's cells with corners
 
 
 @dataclass(frozen=True)
 class PictureError:
-    """One line of the reprojection table: a picture, its corners and error (px, root mean square),
-    and why it was left out, if it was.
+    """Reprojection error of one picture.
+
+    Attributes:
+        picture: Name of the picture.
+        corners: Number of corners detected.
+        rms_px: Root mean square error.
+        left_out: Why the picture was not used; None if it was.
     """
 
     picture: str
@@ -41,11 +44,15 @@ class PictureError:
 class Intrinsics:
     """A calibrated lens.
 
-    Attributes: size: Image (width, height), px. matrix: (3, 3) float64, px. distortion: (n,)
-        float64, OpenCV's order. fisheye: Whether it is OpenCV's fisheye model. rms_px: Root mean
-        square distance between seen and reprojected corners over the pictures used. pictures: The
-        table, in the order given. focal_error_px: Standard errors of the focal lengths (2,), px.
-        coverage: (8, 8) int64, how many corners fell into each part of the image.
+    Attributes:
+        size: Image (width, height), px.
+        matrix: (3, 3) float64, px.
+        distortion: (n,) float64, in OpenCV's order.
+        fisheye: Whether it is OpenCV's fisheye model.
+        rms_px: Root mean square distance of detected and reprojected corners in the pictures used.
+        pictures: Error of each picture, in the given order.
+        focal_error_px: (2,) float64, standard errors of the focal lengths.
+        coverage: (8, 8) int64, number of corners in each cell of the image.
     """
 
     size: tuple[int, int]
@@ -59,23 +66,23 @@ class Intrinsics:
 
     @property
     def advice(self) -> list[str]:
-        """What a better recording would do, in words; empty where there is nothing to say."""
-        said = []
+        """Suggestions for a better recording; empty if there are none."""
+        suggestions = []
         if gap := _uncovered(self.coverage):
-            said.append(
+            suggestions.append(
                 f"{gap} of the picture: hold the board there too, distortion is a guess there"
             )
         if self.rms_px > 1:
-            said.append(
+            suggestions.append(
                 f"an error of {self.rms_px:.1f} px is much: is the board flat, are its numbers"
                 " right, was it held still?"
             )
         if np.any(self.focal_error_px > 0.005 * np.diag(self.matrix)[:2]):
-            said.append(
+            suggestions.append(
                 "the focal length is uncertain by more than 0.5 %: tilt the board more (30 to 45"
                 " degrees), both ways"
             )
-        return said
+        return suggestions
 
 
 def calibrate_intrinsics(
@@ -86,20 +93,17 @@ def calibrate_intrinsics(
 ) -> Intrinsics:
     """Calibrates one camera.
 
-    Pictures whose error stands out (more than 2.5 times the median and more than 0.5 px) are left
-    out one by one, worst first, and named in the table.
+    Pictures with outlying errors (more than 2.5 times the median and more than 0.5 px) are excluded
+    one by one, worst first, and named in the table.
 
     Args:
         board: The board.
-        views: What `Board.find` gave for each picture, by its name.
+        views: Result of `Board.find` for each picture, by its name.
         lens: "pinhole" (k1 k2 p1 p2), "rational" (eight terms, for wide lenses) or "fisheye".
         camera: The camera's name, for messages.
 
-    Returns:
-        The lens and its table.
-
     Raises:
-        InputError: Too few pictures show the board, sizes differ, or no believable lens fits.
+        InputError: Too few pictures show the board, sizes differ, or no plausible lens fits.
     """
     good = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     lines = {
@@ -110,8 +114,8 @@ def calibrate_intrinsics(
     sizes = {view.size for view in good.values()}
     if len(sizes) > 1:
         first = {view.size: name for name, view in reversed(good.items())}
-        told = ", ".join(f"{first[size]} {size[0]}x{size[1]}" for size in sorted(sizes))
-        raise InputError(f"camera {camera}: pictures of different sizes ({told}): use one size")
+        listed = ", ".join(f"{first[size]} {size[0]}x{size[1]}" for size in sorted(sizes))
+        raise InputError(f"camera {camera}: pictures of different sizes ({listed}): use one size")
     size = sizes.pop() if sizes else (0, 0)
     while True:
         if len(good) < _MIN_PICTURES:
@@ -131,7 +135,7 @@ def calibrate_intrinsics(
             f"{rms[worst] / median:.1f} times the others' error",
         )
         del good[worst]
-    _believable(camera, matrix, size)
+    _check_plausible(camera, matrix, size)
     lines |= {name: PictureError(name, len(view.ids), rms[name]) for name, view in good.items()}
     counts = np.array([len(view.ids) for view in good.values()])
     total = float(np.sqrt((counts * errors**2).sum() / counts.sum()))
@@ -145,8 +149,8 @@ def calibrate_intrinsics(
 def _solve(
     board: Board, views: list[BoardView], size: tuple[int, int], lens: LensKind, camera: str
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Returns matrix (3, 3), distortion (n,), each view's rms (V,) px and the focal lengths'
-    standard errors (2,), px.
+    """Matrix (3, 3), distortion (n,), rms error (V,) px of each view, and standard errors (2,) px
+    of the focal lengths.
     """
     scene = _start(board, views, size, lens, camera)
     counts = [len(view.ids) for view in views]
@@ -154,41 +158,41 @@ def _solve(
     points = np.concatenate([board.points_m[view.ids] for view in views])
     pixels = np.concatenate([view.pixels for view in views])
     adjusted = adjust(scene, Observations(np.zeros_like(owner), owner, points, pixels), "lenses")
-    found = adjusted.scene.cameras[0]
+    calibrated = adjusted.scene.cameras[0]
     errors = np.array(
         [rms_px(adjusted.residuals_px[owner == index]) for index in range(len(views))]
     )
-    # The solver's focal numbers are logarithms.
-    deviations = np.sqrt(np.diag(adjusted.covariances[0])[:2]) * np.diag(found.matrix)[:2]
-    return found.matrix, found.distortion, errors, deviations
+    # The solver's parameters are logarithms of the focal lengths.
+    deviations = np.sqrt(np.diag(adjusted.covariances[0])[:2]) * np.diag(calibrated.matrix)[:2]
+    return calibrated.matrix, calibrated.distortion, errors, deviations
 
 
 def _start(
     board: Board, views: list[BoardView], size: tuple[int, int], lens: LensKind, camera: str
 ) -> BundleScene:
-    """Tries a row of focal lengths for an undistorted lens with its centre in the middle, and keeps
-    the one that fits the boards best.
+    """Initial values: the best of a series of focal lengths, without distortion, centre in the
+    middle.
     """
     best: tuple[float, BundleScene] | None = None
     for focal in max(size) * np.geomspace(0.2, 8, 24):
         matrix = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]])
         terms = np.zeros(8 if lens == "rational" else 4)
-        guess = Camera(camera, size, matrix, terms, np.eye(3), np.zeros(3), lens == "fisheye")
+        candidate = Camera(camera, size, matrix, terms, np.eye(3), np.zeros(3), lens == "fisheye")
         poses = [
-            ideal_poses(guess, board.points_m[view.ids], view.pixels, refine=False)
+            ideal_poses(candidate, board.points_m[view.ids], view.pixels, refine=False)
             for view in views
         ]
         if not all(poses):
             continue
-        firsts = [found[0] for found in poses]
-        error = focal * float(np.median([pose[2] for pose in firsts]))
+        best_poses = [board_poses[0] for board_poses in poses]
+        error = focal * float(np.median([pose[2] for pose in best_poses]))
         if best is None or error < best[0]:
             best = (
                 error,
                 BundleScene(
-                    (guess,),
-                    np.array([pose[0] for pose in firsts]),
-                    np.array([pose[1] for pose in firsts]),
+                    (candidate,),
+                    np.array([pose[0] for pose in best_poses]),
+                    np.array([pose[1] for pose in best_poses]),
                 ),
             )
     if best is None:
@@ -199,43 +203,43 @@ def _start(
 
 
 def _too_few(camera: str, good: int, given: int, lines: Mapping[str, PictureError]) -> str:
-    """Says that there are too few pictures, with the most frequent reason."""
+    """Message on too few pictures, with the most frequent reason."""
     reasons = [line.left_out for line in lines.values() if line.left_out]
     common = f" ({max(set(reasons), key=reasons.count)})" if reasons else ""
     return f"camera {camera}: {good} of {given} pictures serve, {_MIN_PICTURES} are needed{common}"
 
 
-def _believable(camera: str, matrix: FloatArray, size: tuple[int, int]) -> None:
-    """Refuses lenses that cannot be.
+def _check_plausible(camera: str, matrix: FloatArray, size: tuple[int, int]) -> None:
+    """Refuses implausible lenses.
 
     Raises:
         InputError: The matrix has NaN, a wild focal length or a centre outside the image.
     """
     width, height = size
     focal, centre = np.diag(matrix)[:2], matrix[:2, 2]
-    sane = (
+    plausible = (
         np.isfinite(matrix).all()
         and (focal > 0.1 * max(size)).all()
         and (focal < 50 * max(size)).all()
     )
     if not (
-        sane
+        plausible
         and 0 < centre[0] < width
         and 0 < centre[1] < height
         and 0.8 < focal[0] / focal[1] < 1.25
     ):
-        found = (
+        description = (
             f"focal lengths {focal[0]:.0f}, {focal[1]:.0f}, centre {centre[0]:.0f},"
             f" {centre[1]:.0f} px"
         )
         raise InputError(
-            f"camera {camera}: the result is absurd ({found}): tilt the board in more pictures and"
-            " fill the image"
+            f"camera {camera}: the result is absurd ({description}): tilt the board in more"
+            " pictures and fill the image"
         )
 
 
 def _coverage(views: Mapping[str, BoardView], size: tuple[int, int]) -> NDArray[np.int64]:
-    """Counts corners in each cell of a grid over the image."""
+    """Number of corners in each cell of a grid over the image."""
     pixels = np.concatenate([view.pixels for view in views.values()])
     column, row = np.clip(pixels / size * _COVERAGE_GRID, 0, _COVERAGE_GRID - 1).astype(int).T
     counts = np.zeros((_COVERAGE_GRID, _COVERAGE_GRID), dtype=np.int64)
@@ -244,9 +248,7 @@ def _coverage(views: Mapping[str, BoardView], size: tuple[int, int]) -> NDArray[
 
 
 def _uncovered(coverage: NDArray[np.int64]) -> str | None:
-    """Says in which quarter, or else along which edge of the image there are no or hardly any
-    corners.
-    """
+    """Names the quarters, or else the edges, of the image with no or hardly any corners."""
     half = len(coverage) // 2
     quarters = {
         f"{down} {across}": coverage[rows, columns]
@@ -254,14 +256,14 @@ def _uncovered(coverage: NDArray[np.int64]) -> str | None:
         for across, columns in (("left", slice(None, half)), ("right", slice(half, None)))
     }
     edges = {
-        "upper": coverage[:_EDGE],
-        "lower": coverage[-_EDGE:],
-        "left": coverage[:, :_EDGE],
-        "right": coverage[:, -_EDGE:],
+        "upper": coverage[:_EDGE_CELLS],
+        "lower": coverage[-_EDGE_CELLS:],
+        "left": coverage[:, :_EDGE_CELLS],
+        "right": coverage[:, -_EDGE_CELLS:],
     }
-    for parts, words in ((quarters, "in the {} quarter"), (edges, "along the {} edge")):
-        shares = {name: float((cells > 0).mean()) for name, cells in parts.items()}
-        for most, how_many in ((0.0, "no corners "), (_THIN, "hardly any corners ")):
-            if thin := [name for name, share in shares.items() if share <= most]:
-                return how_many + words.format(" and the ".join(thin))
+    for regions, template in ((quarters, "in the {} quarter"), (edges, "along the {} edge")):
+        fractions = {name: float((cells > 0).mean()) for name, cells in regions.items()}
+        for limit, amount in ((0.0, "no corners "), (_SPARSE, "hardly any corners ")):
+            if sparse := [name for name, fraction in fractions.items() if fraction <= limit]:
+                return amount + template.format(" and the ".join(sparse))
     return None

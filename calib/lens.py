@@ -1,9 +1,7 @@
-"""Lens models between normalised coordinates (x / z, y / z of a point) and distorted ones, as
-OpenCV defines them.
+"""OpenCV's lens models, between normalised coordinates (x / z, y / z) and distorted ones.
 
-A distortion polynomial is only a lens up to the radius at which it folds back on itself; beyond,
-two directions would share one pixel. Both classes find that radius once and answer NaN outside it,
-so that no false pixel is made up.
+A distortion polynomial is only valid up to the radius at which it folds back on itself; beyond it,
+two directions would share one pixel. Both classes compute that radius once and return NaN outside.
 """
 
 from functools import cached_property
@@ -19,8 +17,10 @@ _WIDEST = 100.0  # tangent of 89.4 degrees: a flat image ends somewhere
 
 
 def _first_positive_root(coefficients: ArrayLike) -> float:
-    """Returns the smallest positive real root of a polynomial (lowest order first, the constant not
-    zero), or infinity.
+    """Smallest positive real root of a polynomial, or infinity.
+
+    Args:
+        coefficients: Lowest order first, the constant not zero.
     """
     # In 1 / s the constant leads, so that a tiny highest coefficient gives a root near zero and not
     # an overflow.
@@ -34,14 +34,14 @@ def _first_positive_root(coefficients: ArrayLike) -> float:
 class RationalLens:
     """OpenCV's rational, tangential, thin-prism and tilted model.
 
-    Args: coefficients: (n,) float64: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, the rest zero where
-        n < 14.
+    Args:
+        coefficients: (n,) float64, k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty; missing ones are 0.
 
     Source: OpenCV, "Camera Calibration and 3D Reconstruction", detailed description.
     """
 
     def __init__(self, coefficients: FloatArray) -> None:
-        """Sorts the coefficients by what they do."""
+        """Groups the coefficients by their effect."""
         full = np.zeros(14)
         full[: len(coefficients)] = coefficients
         k1, k2, self._p1, self._p2, k3, k4, k5, k6 = full[:8]
@@ -54,8 +54,8 @@ class RationalLens:
 
     @cached_property
     def field_radius(self) -> float:
-        """Radius of the first fold, from the polynomial's derivative and, off centre, from the
-        Jacobian's determinant.
+        """Radius of the first fold, from the derivative of the polynomial and, with decentring
+        terms, from the determinant of the Jacobian.
         """
         above, below = np.polynomial.Polynomial(self._above), np.polynomial.Polynomial(self._below)
         s = np.polynomial.Polynomial([0, 1])
@@ -77,7 +77,7 @@ class RationalLens:
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        """Radii, and where the radial part puts them: the start of the inverse."""
+        """Radii and their radially distorted values, as initial values of the inverse."""
         radii = np.linspace(0, min(self.field_radius, _WIDEST), 4096)
         squared = radii**2
         ratio = np.polynomial.polynomial.polyval(
@@ -86,7 +86,7 @@ class RationalLens:
         return radii, radii * ratio
 
     def distort(self, normalised: FloatArray) -> FloatArray:
-        """Bends (N, 2) ideal coordinates."""
+        """Distorted coordinates (N, 2) of normalised ones (N, 2); NaN outside the field."""
         if self._identity:
             return normalised
         distorted = self.distort_unbounded(normalised)
@@ -94,26 +94,27 @@ class RationalLens:
         return distorted
 
     def distort_unbounded(self, normalised: FloatArray) -> FloatArray:
-        """Bends (N, 2) without asking for the field: for solvers, whose next step may leave it."""
+        """As `distort`, without the check of the field: for solvers, whose steps may leave it."""
         distorted, _ = self._distort(normalised)
         return distorted if self._tilt is None else _apply_homography(self._tilt, distorted)
 
     def undistort(self, distorted: FloatArray) -> FloatArray:
-        """Straightens (N, 2) recorded coordinates by Newton's method, started from the radial part
-        alone.
+        """Normalised coordinates (N, 2) of distorted ones (N, 2).
+
+        Newton's method; the initial values come from the radial terms alone.
         """
         if self._identity:
             return distorted
         if self._tilt is not None:
             distorted = _apply_homography(np.linalg.inv(self._tilt), distorted)
-        radii, bent = self._table
+        radii, radii_distorted = self._table
         radius_distorted = np.linalg.norm(distorted, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             estimate = (
                 distorted
                 * np.where(
                     radius_distorted > 0,
-                    np.interp(radius_distorted, bent, radii) / radius_distorted,
+                    np.interp(radius_distorted, radii_distorted, radii) / radius_distorted,
                     1.0,
                 )[:, None]
             )
@@ -124,19 +125,19 @@ class RationalLens:
             rows = rows[np.abs(step).max(axis=1, initial=0.0) > _TOLERANCE]
             if not len(rows):
                 break
-        again, _ = self._distort(estimate)
-        wrong = ~(np.linalg.norm(again - distorted, axis=1) < 1e-8 * (1 + radius_distorted))
+        distorted_again, _ = self._distort(estimate)
+        wrong = ~(
+            np.linalg.norm(distorted_again - distorted, axis=1) < 1e-8 * (1 + radius_distorted)
+        )
         wrong |= np.linalg.norm(estimate, axis=1) > self.field_radius * (1 + 1e-9)
         estimate[wrong] = np.nan
         return estimate
 
     @np.errstate(invalid="ignore", over="ignore", divide="ignore")
     def _newton_step(self, estimate: FloatArray, distorted: FloatArray) -> FloatArray:
-        """Returns how far Newton's method would move each estimate (N, 2) back, at most a fifth of
-        its own radius.
-        """
-        again, jacobian = self._distort(estimate, jacobian=True)
-        error = again - distorted
+        """Step (N, 2) of Newton's method to be subtracted, at most a fifth of the radius."""
+        distorted_again, jacobian = self._distort(estimate, jacobian=True)
+        error = distorted_again - distorted
         a, b, c, d = jacobian.T
         step = (
             np.column_stack([d * error[:, 0] - b * error[:, 1], a * error[:, 1] - c * error[:, 0]])
@@ -148,14 +149,16 @@ class RationalLens:
             step * np.minimum(1, limit / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
         )
 
-    @np.errstate(
-        invalid="ignore", over="ignore", divide="ignore"
-    )  # far outside the field anything may happen; callers ask for finite
+    # Far outside the field numbers may overflow; callers check for finite ones.
+    @np.errstate(invalid="ignore", over="ignore", divide="ignore")
     def _distort(
         self, normalised: FloatArray, jacobian: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Applies everything but the tilt; also the Jacobian (N, 4) as xx, xy, yx, yy if asked
-        (else empty).
+        """Applies all terms but the tilt.
+
+        Returns:
+            Distorted coordinates (N, 2), and if requested their Jacobian (N, 4) as xx, xy, yx, yy
+            (else empty).
         """
         x, y = normalised[:, 0], normalised[:, 1]
         s = x * x + y * y
@@ -164,14 +167,14 @@ class RationalLens:
         p1, p2 = self._p1, self._p2
         below = 1 + s * (k4 + s * (k5 + s * k6))
         ratio = (1 + s * (k1 + s * (k2 + s * k3))) / below
-        bent = np.empty_like(normalised)
-        bent[:, 0] = x * ratio
-        bent[:, 1] = y * ratio
+        distorted = np.empty_like(normalised)
+        distorted[:, 0] = x * ratio
+        distorted[:, 1] = y * ratio
         if self._decentred:
-            bent[:, 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x) + s * (s1 + s * s2)
-            bent[:, 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y + s * (s3 + s * s4)
+            distorted[:, 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x) + s * (s1 + s * s2)
+            distorted[:, 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y + s * (s3 + s * s4)
         if not jacobian:
-            return bent, np.empty((0, 4))
+            return distorted, np.empty((0, 4))
         # d ratio / d s, then ds/dx = 2x.
         slope = (k1 + s * (2 * k2 + 3 * s * k3) - ratio * (k4 + s * (2 * k5 + 3 * s * k6))) / below
         prism_x, prism_y = s1 + 2 * s * s2, s3 + 2 * s * s4
@@ -180,29 +183,29 @@ class RationalLens:
         table[:, 1] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y + 2 * y * prism_x
         table[:, 2] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y + 2 * x * prism_y
         table[:, 3] = ratio + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x + 2 * y * prism_y
-        return bent, table
+        return distorted, table
 
 
 class FisheyeLens:
-    """OpenCV's fisheye model: the angle from the axis, not its tangent, is what the radius follows.
+    """OpenCV's fisheye model: the radius is a polynomial of the angle from the optical axis.
 
     Only directions in front of the camera (less than 90 degrees from the axis) are covered, as in
     OpenCV.
 
     Args:
-        coefficients: (4,) float64: k1 k2 k3 k4.
+        coefficients: (4,) float64, k1 k2 k3 k4.
 
     Source: OpenCV, "Fisheye camera model" (Kannala and Brandt's polynomial with the leading term
     1).
     """
 
     def __init__(self, coefficients: FloatArray) -> None:
-        """Keeps theta_d = theta (1 + k1 theta^2 + ... + k4 theta^8)."""
+        """Stores the series theta_d = theta (1 + k1 theta^2 + ... + k4 theta^8)."""
         self._series = np.concatenate([[1.0], coefficients])
 
     @cached_property
     def _angle_limit(self) -> float:
-        """The angle, rad, at which the polynomial folds back, at most 90 degrees."""
+        """Angle, rad, at which the polynomial folds back, at most 90 degrees."""
         slope = self._series * (2 * np.arange(5) + 1)
         return float(min(np.sqrt(_first_positive_root(slope)), np.pi / 2))
 
@@ -218,24 +221,24 @@ class FisheyeLens:
         return np.inf if self._angle_limit >= np.pi / 2 else float(np.tan(self._angle_limit))
 
     def _radius(self, angle: FloatArray) -> FloatArray:
-        """Returns theta_d of theta."""
+        """Distorted radius theta_d of an angle theta."""
         return angle * np.polynomial.polynomial.polyval(angle * angle, self._series)
 
     def distort(self, normalised: FloatArray) -> FloatArray:
-        """Bends (N, 2) ideal coordinates."""
+        """Distorted coordinates (N, 2) of normalised ones (N, 2); NaN outside the field."""
         distorted = self.distort_unbounded(normalised)
         distorted[~(np.arctan(np.linalg.norm(normalised, axis=1)) <= self._angle_limit)] = np.nan
         return distorted
 
     def distort_unbounded(self, normalised: FloatArray) -> FloatArray:
-        """Bends (N, 2) without asking for the field: for solvers, whose next step may leave it."""
+        """As `distort`, without the check of the field: for solvers, whose steps may leave it."""
         radius = np.linalg.norm(normalised, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.where(radius > 0, self._radius(np.arctan(radius)) / radius, 1.0)
         return normalised * ratio[:, None]
 
     def undistort(self, distorted: FloatArray) -> FloatArray:
-        """Straightens (N, 2) recorded coordinates by Newton's method on the angle."""
+        """Normalised coordinates (N, 2) of distorted ones, by Newton's method on the angle."""
         radius = np.linalg.norm(distorted, axis=1)
         angles, radii = self._table
         angle = np.interp(radius, radii, angles)
@@ -248,14 +251,15 @@ class FisheyeLens:
                 break
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.where(radius > 0, np.tan(angle) / radius, 1.0)
-        straight = distorted * ratio[:, None]
-        straight[~(radius <= radii[-1] * (1 + 1e-12)) | ~(angle < np.pi / 2)] = np.nan
-        return straight
+        normalised = distorted * ratio[:, None]
+        normalised[~(radius <= radii[-1] * (1 + 1e-12)) | ~(angle < np.pi / 2)] = np.nan
+        return normalised
 
 
 def _tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
-    """Returns the (3, 3) homography of a sensor tilted by tau_x, tau_y, rad. Source: OpenCV, as
-    above.
+    """Homography (3, 3) of a sensor tilted by tau_x, tau_y, rad.
+
+    Source: OpenCV, as above.
     """
     rotation_x = np.array(
         [[1, 0, 0], [0, np.cos(tau_x), np.sin(tau_x)], [0, -np.sin(tau_x), np.cos(tau_x)]]
@@ -271,7 +275,7 @@ def _tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
 
 
 def _apply_homography(homography: NDArray[np.floating], points: FloatArray) -> FloatArray:
-    """Applies a (3, 3) homography to (N, 2) points; NaN for those that it throws beyond infinity."""
+    """Applies a homography (3, 3) to points (N, 2); NaN where the third coordinate is negative."""
     mapped = points @ homography[:, :2].T + homography[:, 2]
     mapped[~(mapped[:, 2] > 0)] = np.nan
     return mapped[:, :2] / mapped[:, 2:]

@@ -1,6 +1,4 @@
-"""Pairs of cameras that saw the same boards: how they stand to each other, and what is wrong where
-they do not agree.
-"""
+"""Relative poses of pairs of cameras that saw the same boards."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -20,39 +18,44 @@ Pose = tuple[FloatArray, FloatArray]  # rotation (3, 3) and translation (3,), m
 Views = Mapping[str, Mapping[str, BoardView]]  # moment -> camera -> view
 
 _TINY = 1e-6  # ideal coordinates: a thousandth of a pixel
-_SAME = 0.1  # radians, and metres per metre: relative places this near each other are the same
-_DOUBTFUL = 0.5  # share of a pair's boards that must agree
-_ENOUGH = 4  # boards, from which on doubt is possible
+_SAME = 0.1  # radians, and metres per metre: poses with a smaller difference agree
+_MIN_AGREEING = 0.5  # fraction of a pair's boards that must agree
+_MIN_BOARDS = 4  # below, a pair is not tested for mirroring
 
 
-class Candidate(NamedTuple):
-    """A place that a board may have before a camera, m, its error in ideal units, and whether its
-    corners are counted backwards.
+class PoseCandidate(NamedTuple):
+    """A possible pose of a board relative to a camera.
+
+    Attributes:
+        rotation: (3, 3) float64, camera from board.
+        translation: (3,) float64, m.
+        error: Root mean square error in ideal coordinates.
+        flipped: Whether the corners are numbered from the other end.
     """
 
     rotation: FloatArray
     translation: FloatArray
     error: float
-    turned: bool
+    flipped: bool
 
 
-Placed = Mapping[str, Mapping[str, list[Candidate]]]  # moment -> camera -> candidates
+Candidates = Mapping[str, Mapping[str, list[PoseCandidate]]]  # moment -> camera -> candidates
 
 
-def place_boards(board: Board, lenses: Rig, views: Views) -> Placed:
-    """Returns every view's candidates; views without any are left out."""
-    placed = {
+def board_candidates(board: Board, lenses: Rig, views: Views) -> Candidates:
+    """Pose candidates of every view; views without any are omitted."""
+    candidates = {
         moment: {name: board_poses(board, lenses[name], view) for name, view in seen.items()}
         for moment, seen in views.items()
     }
     return {
         moment: {name: poses for name, poses in seen.items() if poses}
-        for moment, seen in placed.items()
+        for moment, seen in candidates.items()
     }
 
 
-def board_poses(board: Board, camera: Camera, view: BoardView) -> list[Candidate]:
-    """Returns candidate places of a board before a camera.
+def board_poses(board: Board, camera: Camera, view: BoardView) -> list[PoseCandidate]:
+    """Pose candidates of a board relative to a camera.
 
     Raises:
         InputError: The picture's size is not that of the lens calibration.
@@ -64,61 +67,61 @@ def board_poses(board: Board, camera: Camera, view: BoardView) -> list[Candidate
             f" {known}: use one size"
         )
     points = board.points_m[view.ids]
-    poses = [Candidate(*pose, False) for pose in ideal_poses(camera, points, view.pixels)]
-    if board.turns_into_itself:
+    poses = [PoseCandidate(*pose, False) for pose in ideal_poses(camera, points, view.pixels)]
+    if board.is_symmetric:
         poses += [
-            Candidate(*pose, True)
-            for pose in ideal_poses(camera, turned_points(board, points), view.pixels)
+            PoseCandidate(*pose, True)
+            for pose in ideal_poses(camera, flipped_points(board, points), view.pixels)
         ]
     return poses
 
 
-def turned_points(board: Board, points_m: FloatArray) -> FloatArray:
-    """Counts corners from the other end."""
+def flipped_points(board: Board, points_m: FloatArray) -> FloatArray:
+    """Corners (N, 3), m, numbered from the other end."""
     return np.array([board.columns - 1, board.rows - 1, 0]) * board.square_m - points_m
 
 
-def shared_boards(names: tuple[str, ...], placed: Placed) -> dict[tuple[str, str], int]:
-    """Counts the boards that each pair of cameras saw together."""
+def shared_boards(names: tuple[str, ...], candidates: Candidates) -> dict[tuple[str, str], int]:
+    """Number of boards that each pair of cameras saw together."""
     counts = {(a, b): 0 for i, a in enumerate(names) for b in names[i + 1 :]}
-    for seen in placed.values():
+    for seen in candidates.values():
         for a, b in counts:
             counts[a, b] += a in seen and b in seen
     return counts
 
 
-def chain(
-    names: tuple[str, ...], placed: Placed, shared: Mapping[Pair, int]
+def chain_poses(
+    names: tuple[str, ...], candidates: Candidates, shared: Mapping[Pair, int]
 ) -> tuple[dict[str, Pose], dict[Pair, int]]:
-    """Returns a first place for every camera, camera from first camera, along the pairs that share
-    most boards.
+    """Initial poses of all cameras, along the pairs that share most boards.
 
-    Returns: The places, and for each pair that was used how many of its boards agree on how the two
-        stand to each other.
+    Returns:
+        Poses by camera name, camera from first camera, and for each pair used the number of its
+        boards that agree on its relative pose.
 
     Raises:
-        InputError: Not all cameras can be reached.
+        InputError: The cameras are not connected.
     """
-    places: dict[str, Pose] = {names[0]: (np.eye(3), np.zeros(3))}
+    poses: dict[str, Pose] = {names[0]: (np.eye(3), np.zeros(3))}
     agreeing: dict[Pair, int] = {}
-    while len(places) < len(names):
+    while len(poses) < len(names):
         edges = [
             (count, a, b)
             for (a, b), count in shared.items()
-            if count and (a in places) != (b in places)
+            if count and (a in poses) != (b in poses)
         ]
         if not edges:
-            raise InputError(_disconnected(names, set(places), shared))
+            raise InputError(_disconnected(names, set(poses), shared))
         _, a, b = max(edges)
-        known, new = (a, b) if a in places else (b, a)
-        rotation, translation, agreeing[a, b] = relative(known, new, placed)
-        base = places[known]
-        places[new] = rotation @ base[0], rotation @ base[1] + translation
-    return places, agreeing
+        known, new = (a, b) if a in poses else (b, a)
+        rotation, translation, agreeing[a, b] = relative(known, new, candidates)
+        base = poses[known]
+        poses[new] = rotation @ base[0], rotation @ base[1] + translation
+    return poses, agreeing
 
 
 def _disconnected(names: tuple[str, ...], reached: set[str], shared: Mapping[Pair, int]) -> str:
-    """Says which cameras have no board in common with which."""
+    """Message that names the cameras without shared boards, with counts."""
     lost = [name for name in names if name not in reached]
     counts = ", ".join(f"{a}-{b} {count}" for (a, b), count in shared.items())
     together = ", ".join(name for name in names if name in reached)
@@ -128,50 +131,51 @@ def _disconnected(names: tuple[str, ...], reached: set[str], shared: Mapping[Pai
     )
 
 
-def relative(known: str, new: str, placed: Placed) -> tuple[FloatArray, FloatArray, int]:
-    """Returns new-from-known, the candidate on which most boards agree: rotation, translation and
-    how many boards that is.
+def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray, FloatArray, int]:
+    """Relative pose of two cameras on which most boards agree.
 
-    A board's tilt is ambiguous when it is small, and a plain board may be counted from either end,
-    so each gives several candidates; the right one comes up again with every board, wrong ones do
-    not.
+    The tilt of a small board is ambiguous, and a symmetric board may be numbered from either end,
+    so each board gives several candidates; the right one recurs with every board.
+
+    Returns:
+        Rotation and translation, new from known, and the number of boards that agree.
     """
     candidates: list[tuple[FloatArray, FloatArray, int, float]] = []
-    for number, seen in enumerate(placed.values()):
+    for number, seen in enumerate(board_poses.values()):
         a, b = seen.get(known, []), seen.get(new, [])
-        for ra, ta, error_a, turned_a in a:
-            for rb, tb, error_b, turned_b in b:
-                if turned_a and turned_b:
-                    continue  # the same as neither
+        for ra, ta, error_a, flipped_a in a:
+            for rb, tb, error_b, flipped_b in b:
+                if flipped_a and flipped_b:
+                    continue  # equivalent to neither being flipped
                 rotation = rb @ ra.T
-                worse = np.log1p(error_a / (a[0][2] + _TINY)) + np.log1p(
+                penalty = np.log1p(error_a / (a[0][2] + _TINY)) + np.log1p(
                     error_b / (b[0][2] + _TINY)
                 )
-                candidates.append((rotation, tb - rotation @ ta, number, worse))
+                candidates.append((rotation, tb - rotation @ ta, number, penalty))
     rotations = np.array([candidate[0] for candidate in candidates])
     translations = np.array([candidate[1] for candidate in candidates])
     boards = np.array([candidate[2] for candidate in candidates])
-    best, agreed = np.inf, np.zeros(len(candidates), dtype=bool)
+    best, agrees = np.inf, np.zeros(len(candidates), dtype=bool)
     for index in range(len(candidates)):
         angle = np.arccos(
             np.clip((np.einsum("nij,ij->n", rotations, rotations[index]) - 1) / 2, -1, 1)
         )
-        apart = np.linalg.norm(translations - translations[index], axis=1) / (
+        distance = np.linalg.norm(translations - translations[index], axis=1) / (
             1 + np.linalg.norm(translations[index])
         )
-        distance = np.minimum(angle + apart, 0.5)
+        distance = np.minimum(angle + distance, 0.5)
         nearest = np.full(boards.max() + 1, 0.5)
         np.minimum.at(nearest, boards, distance)
-        # Where boards leave the choice open, the tilt that fits its corners better.
+        # Of candidates with equal support, the tilt with the smaller reprojection error.
         score = float(nearest.sum()) + 0.02 * candidates[index][3]
         if score < best:
-            best, agreed = score, distance < _SAME
-            agreed[index] = True
-    place = (
-        nearest_rotation(rotations[agreed].mean(axis=0)),
-        np.median(translations[agreed], axis=0),
+            best, agrees = score, distance < _SAME
+            agrees[index] = True
+    pose = (
+        nearest_rotation(rotations[agrees].mean(axis=0)),
+        np.median(translations[agrees], axis=0),
     )
-    return *place, len(np.unique(boards[agreed]))
+    return *pose, len(np.unique(boards[agrees]))
 
 
 def refuse_mirrored(
@@ -181,23 +185,23 @@ def refuse_mirrored(
     agreeing: Mapping[Pair, int],
     shared: Mapping[Pair, int],
 ) -> None:
-    """Looks for a camera whose pictures are mirrored, where a pair disagrees about most of its
-    boards.
+    """Detects cameras with mirrored images, among pairs that disagree about most boards.
 
-    A plain board looks like a board in a mirror too; but its movements are then mirrored ones, and
-    no two of them fit together.
+    A mirrored plain board is still a valid board, but its motion is mirrored too, so that the
+    relative poses from different boards disagree.
 
-    Raises: InputError: A camera agrees with another once its pictures are mirrored; both counts are
-        told.
+    Raises:
+        InputError: A camera agrees with another once its images are mirrored; the message has both
+            counts.
     """
     for (a, b), count in agreeing.items():
         together = shared[a, b]
-        if together < _ENOUGH or count >= _DOUBTFUL * together:
+        if together < _MIN_BOARDS or count >= _MIN_AGREEING * together:
             continue
-        found = _agreement(board, lenses, views, a, b, mirrored=True)
-        if found < max(_ENOUGH, _DOUBTFUL * together):
+        mirrored_count = _agreement(board, lenses, views, a, b, mirrored=True)
+        if mirrored_count < max(_MIN_BOARDS, _MIN_AGREEING * together):
             continue
-        # Mirroring the one or the other comes to the same; the other cameras say which.
+        # Mirroring either of the two has the same effect; the other cameras decide.
         gains = {name: _gain(board, lenses, views, name, (a, b)) for name in (a, b)}
         culprit = max(gains, key=lambda name: gains[name])
         which = (
@@ -207,14 +211,14 @@ def refuse_mirrored(
         )
         raise InputError(
             f"{which} mirrored: of {together} boards that {a} and {b} saw together they agree on"
-            f" {count}, and on {found} once mirrored: switch off the camera's mirror (selfie)"
-            " option, or flip its video"
+            f" {count}, and on {mirrored_count} once mirrored: switch off the camera's mirror"
+            " (selfie) option, or flip its video"
         )
 
 
-def _gain(board: Board, lenses: Rig, views: Views, name: str, but: Pair) -> int:
-    """Returns on how many boards more a camera agrees with the others, once mirrored."""
-    others = [other for other in lenses.names if other not in but]
+def _gain(board: Board, lenses: Rig, views: Views, name: str, excluded: Pair) -> int:
+    """Number of boards gained in agreement with the other cameras by mirroring a camera."""
+    others = [other for other in lenses.names if other not in excluded]
     return sum(
         (1 if mirrored else -1) * _agreement(board, lenses, views, name, other, mirrored)
         for other in others
@@ -225,27 +229,27 @@ def _gain(board: Board, lenses: Rig, views: Views, name: str, but: Pair) -> int:
 def _agreement(
     board: Board, lenses: Rig, views: Views, name: str, other: str, mirrored: bool
 ) -> int:
-    """Counts the boards on which two cameras agree, the first one's pictures perhaps mirrored."""
+    """Number of boards on which two cameras agree, with or without mirroring the first."""
     both = {moment: seen for moment, seen in views.items() if name in seen and other in seen}
     own = {
         moment: _mirrored(board, lenses[name], seen[name]) if mirrored else seen[name]
         for moment, seen in both.items()
     }
-    placed = place_boards(
+    candidates = board_candidates(
         board,
         lenses,
         {moment: {name: own[moment], other: seen[other]} for moment, seen in both.items()},
     )
-    placed = {moment: seen for moment, seen in placed.items() if len(seen) == 2}
-    return relative(other, name, placed)[2] if placed else 0
+    candidates = {moment: seen for moment, seen in candidates.items() if len(seen) == 2}
+    return relative(other, name, candidates)[2] if candidates else 0
 
 
 def _mirrored(board: Board, camera: Camera, view: BoardView) -> BoardView:
-    """Returns what a view would be had its picture not been mirrored."""
+    """A view with the mirroring of its image undone."""
     pixels = view.pixels * [-1, 1] + [2 * camera.matrix[0, 2], 0]
     if board.marker_m is not None:
         return BoardView(view.ids, pixels, view.size)
-    # The detector counted as if the board were not mirrored, from the end at which the first inner
+    # The detector numbered the corners for an unmirrored board, from the end where the first inner
     # square is dark.
     grid = pixels.reshape(board.rows, board.columns, 2)
     grid = grid[:, ::-1] if board.columns % 2 == 0 else grid[::-1]

@@ -1,11 +1,10 @@
-"""Epipolar tangency: what two cameras' outlines of one body say about each other.
+"""Epipolar tangency: consistency of two cameras' outlines of one body.
 
-A plane through two cameras' centres that touches a body touches its outline in both pictures.
-Turned about the line between the centres (the baseline), the first and the last such plane that
-meet the body have to be the same, seen from either camera. This holds
-for bodies of any shape, needs no correspondences, and errs to both sides: an outline that is a
-pixel too far out is as visible as one that is a pixel short. It needs calibrated cameras, and
-extremes of the outline that lie within the picture.
+A plane through two cameras' centres that touches a body touches its outline in both images. Among
+the planes through the line between the centres (the baseline), the first and the last that meet the
+body are therefore the same for both cameras. This holds for bodies of any shape, needs no
+correspondences, and is signed: outlines that are too large and too small are both detected. It
+needs calibrated cameras, and extremes of the outline that lie within the image.
 
 Source: Åström, Cipolla and Giblin, Generalised epipolar constraints; Sinha, Pollefeys and McMillan,
 Camera network calibration from dynamic silhouettes.
@@ -28,13 +27,11 @@ Mask = NDArray[np.bool_]
 
 _LEAST_PIXELS = 50
 _GAP = 0.01  # of the image's diagonal
-_LARGE_PIECE = 0.25  # of the largest piece's area
+_LARGE_COMPONENT = 0.25  # of the largest component's area
 _NEAR_BORDER_PX = 1.5
-_WIDEST_RAD = np.radians(
-    150.0
-)  # beyond, the baseline runs through or close by the body and nothing touches
+_WIDEST_RAD = np.radians(150.0)  # beyond, the baseline passes through or close to the body
 _AROUND = 0.5 * np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
-_REMEMBERED = 64
+_CACHE_SIZE = 64
 _LEAST_ACROSS = 0.05  # sine of a ray's angle to the baseline
 
 
@@ -42,10 +39,14 @@ _LEAST_ACROSS = 0.05  # sine of a ray's angle to the baseline
 class Outline:
     """The convex hull of one silhouette.
 
-    Attributes: pixels: (N, 2) float64, px of the recorded image: the corners, half a pixel outside
-        the outermost pixel centres. inside: (N,) bool: the corner is not at the image's border,
-        beyond which the body may go on. middle: (2,) float64, px: median of the silhouette.
-        height_px: from the lowest to the highest corner. area_px: of the silhouette.
+    Attributes:
+        pixels: (N, 2) float64, px of the recorded image, the corners: half a pixel outside the
+            outermost pixel centres.
+        inside: (N,) bool, whether a corner is not at the image's border, where the body may be cut
+            off.
+        middle: (2,) float64, px, median of the silhouette's pixels.
+        height_px: Distance from the lowest to the highest corner.
+        area_px: Area of the silhouette.
     """
 
     pixels: FloatArray
@@ -56,17 +57,15 @@ class Outline:
 
     @classmethod
     def from_mask(cls, camera: Camera, mask: Mask) -> "Outline | None":
-        """Measures a silhouette.
+        """Outline of the large components of a silhouette, or None if it is (nearly) empty.
 
         Args:
-            camera: Its camera.
-            mask: (H, W) bool, of the camera's image or of the same scaled down.
-
-        Returns:
-            The outline of its large pieces; None where nobody is seen.
+            camera: The camera.
+            mask: (H, W) bool, silhouette in the camera's image or in a reduced one.
 
         Raises:
-            ValueError: The silhouette has another shape than the camera's image.
+            TypeError: The silhouette is not bool.
+            ValueError: The silhouette has another aspect than the camera's image.
         """
         width, height = camera.size
         scaled = mask.ndim == 2 and abs(mask.shape[0] * width / mask.shape[1] - height) <= 4
@@ -79,7 +78,7 @@ class Outline:
         if np.count_nonzero(mask) < _LEAST_PIXELS:
             return None
         scale = np.array(mask.shape[::-1]) / camera.size
-        body = body_pieces(mask)
+        body = main_components(mask)
         contours, _ = cv2.findContours(
             body.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
         )
@@ -88,13 +87,13 @@ class Outline:
             axis=1
         )
         points = ((edge[:, None] + _AROUND).reshape(-1, 2) + 0.5) / scale - 0.5
-        straight = camera.undistort(points)  # only there are lines straight
-        known = np.flatnonzero(np.isfinite(straight).all(axis=1))
+        undistorted = camera.undistort(points)  # a convex hull needs straight lines
+        known = np.flatnonzero(np.isfinite(undistorted).all(axis=1))
         if len(known) < 3:
             return None
         corners = known[
             np.asarray(
-                cv2.convexHull(straight[known].astype(np.float32), returnPoints=False),
+                cv2.convexHull(undistorted[known].astype(np.float32), returnPoints=False),
                 dtype=np.int64,
             ).ravel()
         ]
@@ -107,12 +106,11 @@ class Outline:
         )
 
 
-def body_pieces(mask: Mask) -> Mask:
-    """Returns the large pieces of a silhouette: a body is one or a few, flicker and shadows are
-    many small ones.
+def main_components(mask: Mask) -> Mask:
+    """Large components of a silhouette (H, W) bool, without flicker and small shadows.
 
-    Pieces that are a hundredth of the image apart count as one, for limbs come off where clothes
-    look like the background.
+    Components closer than a hundredth of the image's diagonal count as one: limbs become detached
+    where clothes look like the background.
     """
     reach = int(_GAP * np.hypot(*mask.shape)) | 1
     thick = cv2.dilate(
@@ -120,18 +118,18 @@ def body_pieces(mask: Mask) -> Mask:
     )
     labels = label_components(thick.view(bool)).labels
     area = np.bincount(labels[mask])
-    large = np.flatnonzero(area >= _LARGE_PIECE * area.max())
+    large = np.flatnonzero(area >= _LARGE_COMPONENT * area.max())
     return mask & np.isin(labels, large)
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineTrack:
-    """One camera's outlines in time.
+    """Outlines of one camera over time.
 
     Attributes:
         camera: The camera.
-        time_s: (T,) float64, increasing: when its frames were taken, by its own clock.
-        outlines: T; None where nobody is seen.
+        time_s: (T,) float64, increasing: times of its frames by its own clock.
+        outlines: T outlines; None where nobody is seen.
     """
 
     camera: Camera
@@ -142,7 +140,7 @@ class OutlineTrack:
     def from_masks(
         cls, camera: Camera, time_s: FloatArray, masks: Sequence[Mask]
     ) -> "OutlineTrack":
-        """Measures silhouettes (H, W) bool."""
+        """Outlines of silhouettes (H, W) bool taken at times (T,)."""
         return cls(
             camera,
             np.asarray(time_s, dtype=np.float64),
@@ -151,11 +149,16 @@ class OutlineTrack:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """(T,) bool: somebody is seen."""
+        """(T,) bool, whether somebody is seen."""
         return np.array([outline is not None for outline in self.outlines], dtype=bool)
 
+    @property
+    def period_s(self) -> float:
+        """Time between frames, s."""
+        return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
+
     def with_camera(self, camera: Camera) -> "OutlineTrack":
-        """Returns the same outlines as another camera's, which may stand or look elsewhere."""
+        """The same outlines for another camera, which may have another pose or lens."""
         track = replace(self, camera=camera)
         same = camera.matrix is self.camera.matrix or np.array_equal(
             camera.matrix, self.camera.matrix
@@ -166,8 +169,8 @@ class OutlineTrack:
 
     @cached_property
     def _corners(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]:
-        """Rays (N, 3) of all corners in the camera's frame, the moment of each, and whether it is
-        inside.
+        """Rays (N, 3) of all corners in the camera's frame, their frame numbers (N,), and `inside`
+        (N,).
         """
         known = [(at, outline) for at, outline in enumerate(self.outlines) if outline is not None]
         if not known:
@@ -178,8 +181,8 @@ class OutlineTrack:
         good = np.isfinite(rays).all(axis=1)
         return (rays @ self.camera.rotation.T)[good], moment[good], inside[good]
 
-    def near(self, at_s: FloatArray) -> "OutlineTrack":
-        """Returns the same track with only those frames that `between` needs at these times (M,)."""
+    def frames_around(self, at_s: FloatArray) -> "OutlineTrack":
+        """The frames that `interpolate` needs at given times (M,), s."""
         after = np.searchsorted(self.time_s, at_s + 1e-6 * np.sign(at_s))
         needed = np.unique(np.clip(after[:, None] + [-2, -1, 0, 1], 0, len(self.time_s) - 1))
         return replace(
@@ -187,41 +190,49 @@ class OutlineTrack:
         )
 
     def toward_body(self) -> FloatArray:
-        """Returns the direction (3,), world, in which its bodies are, the median over time."""
+        """Direction (3,), world, to the body, median over time."""
         return self.camera.rotation.T @ self._toward_body
 
-    def touching_once(
+    def cached_tangent_angles(
         self, baseline: FloatArray, zero: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """As `touching`, remembered: while one camera is looked for, the others are asked the same
-        again and again.
-        """
-        memory: dict[bytes, tuple[FloatArray, FloatArray]] = self.__dict__.setdefault("_memory", {})
+        """As `tangent_angles`, cached: while one camera is optimised, the others do not change."""
+        cache: dict[bytes, tuple[FloatArray, FloatArray]] = self.__dict__.setdefault("_memory", {})
         key = baseline.tobytes() + zero.tobytes()
-        if key not in memory:
-            if len(memory) >= _REMEMBERED:
-                memory.clear()
-            memory[key] = self.touching(baseline, zero)
-        return memory[key]
+        if key not in cache:
+            if len(cache) >= _CACHE_SIZE:
+                cache.clear()
+            cache[key] = self.tangent_angles(baseline, zero)
+        return cache[key]
 
     @cached_property
     def _toward_body(self) -> FloatArray:
-        """In the camera's frame."""
+        """As `toward_body`, in the camera's frame."""
         middles = np.array(
             [outline.middle for outline in self.outlines if outline is not None]
         ).reshape(-1, 2)
         rays = self.camera.rays(middles)[1] @ self.camera.rotation.T
         return np.nanmedian(rays, axis=0) if np.isfinite(rays).any() else np.array([0, 0, 1.0])
 
-    def touching(self, baseline: FloatArray, zero: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Turns a plane about a baseline through the camera until it touches its outlines.
+    def tangent_angles(
+        self, baseline: FloatArray, zero: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        r"""Tangent planes of the outlines through a baseline.
+
+        With the ray :math:`d` of a corner, the unit vector :math:`b` of the baseline and an
+        orthonormal basis :math:`u, v` of the plane normal to it,
+
+        .. math:: \phi = \operatorname{atan2}(v \cdot d, u \cdot d)
+
+        is the angle of the plane through the corner; the smallest and the largest one are tangent.
 
         Args:
             baseline: (3,) unit vector, world.
-            zero: (3,) vector, world: the plane of angle zero holds it.
+            zero: (3,) vector, world, contained in the plane of angle zero.
 
-        Returns: Angles (T, 2), rad, of the first and the last plane, NaN where the outline does not
-            say; and how far (T, 2) the touching point moves in the picture, px per rad.
+        Returns:
+            Angles (T, 2), rad, of the first and the last plane, NaN where the outline does not
+            determine it; and speed (T, 2), px per rad, of the tangent point in the image.
         """
         shape = (len(self.outlines), 2)
         angle, speed = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -236,16 +247,16 @@ class OutlineTrack:
         around = np.arctan2(beside[:, 1], beside[:, 0])
         starts = np.flatnonzero(np.diff(moment, prepend=-1))
         segment = np.cumsum(np.diff(moment, prepend=-1) > 0) - 1
-        # Counted from each outline's first corner, so that nothing wraps within one.
-        turn = (
+        # Relative to each outline's first corner, so that angles do not wrap within an outline.
+        unwrapped = (
             around[starts][segment]
             + (around - around[starts][segment] + np.pi) % (2 * np.pi)
             - np.pi
         )
-        low, high = np.minimum.reduceat(turn, starts), np.maximum.reduceat(turn, starts)
+        low, high = np.minimum.reduceat(unwrapped, starts), np.maximum.reduceat(unwrapped, starts)
         focal = float(np.sqrt(self.camera.matrix[0, 0] * self.camera.matrix[1, 1]))
         for side, extreme in enumerate((low, high)):
-            at = np.flatnonzero(turn == extreme[segment])
+            at = np.flatnonzero(unwrapped == extreme[segment])
             at = at[np.unique(segment[at], return_index=True)[1]]
             good = inside[at] & (high - low < _WIDEST_RAD) & (across[at] > _LEAST_ACROSS)
             angle[moment[starts][good], side] = extreme[good]
@@ -257,18 +268,24 @@ def tangency(
     first: OutlineTrack,
     second: OutlineTrack,
     moments_s: FloatArray,
-    late_s: tuple[float, float] = (0.0, 0.0),
+    offset_s: tuple[float, float] = (0.0, 0.0),
 ) -> FloatArray:
-    """Measures by how much two cameras' touching planes differ.
+    r"""Difference of two cameras' tangent planes.
+
+    With the angles :math:`\phi_1, \phi_2` of corresponding tangent planes and the speeds
+    :math:`s_1, s_2` of their tangent points, px per rad, the error is
+
+    .. math:: e = \pm \frac{\phi_2 - \phi_1}{\sqrt{1 / (2 s_1^2) + 1 / (2 s_2^2)}}
 
     Args:
-        first: One camera's outlines.
-        second: Another's.
-        moments_s: (M,) float64, s: when to look. Between two frames, angles are interpolated.
-        late_s: By how much each camera's clock is ahead: its frame of time t was taken at t - late.
+        first: Outlines of one camera.
+        second: Outlines of another camera.
+        moments_s: (M,) float64, s, times of comparison. Angles are interpolated between frames.
+        offset_s: Clock offset of each camera: its frame of time t was taken at t - offset.
 
-    Returns: (M, 2) float64, px, for both planes: by how much the first camera's outline reaches
-        beyond the second's; NaN where one of them does not say.
+    Returns:
+        (M, 2) float64, px, for both planes: distance by which the first camera's outline exceeds
+        the second's; NaN where one of them does not determine it.
     """
     baseline = second.camera.center_m - first.camera.center_m
     length = float(np.linalg.norm(baseline))
@@ -277,43 +294,53 @@ def tangency(
     baseline = baseline / length
     zero = second.toward_body()
     angles, speeds = [], []
-    for track, late in zip((first, second), late_s, strict=True):
-        angle, speed = track.touching_once(baseline, zero)
-        angles.append(between(track.time_s, angle, moments_s + late))
-        speeds.append(between(track.time_s, speed, moments_s + late))
-    apart = (angles[1] - angles[0] + np.pi) % (2 * np.pi) - np.pi
-    return apart * [1, -1] / np.sqrt(0.5 / speeds[0] ** 2 + 0.5 / speeds[1] ** 2)
+    for track, offset in zip((first, second), offset_s, strict=True):
+        angle, speed = track.cached_tangent_angles(baseline, zero)
+        angles.append(interpolate(track.time_s, angle, moments_s + offset))
+        speeds.append(interpolate(track.time_s, speed, moments_s + offset))
+    difference = (angles[1] - angles[0] + np.pi) % (2 * np.pi) - np.pi
+    return difference * [1, -1] / np.sqrt(0.5 / speeds[0] ** 2 + 0.5 / speeds[1] ** 2)
 
 
-def between(time_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArray:
-    """Interpolates values (T, K) in time; NaN beyond the ends and beside a NaN that is needed."""
+def interpolate(time_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Values (T, K) interpolated at times (M,); NaN outside the track and next to a needed NaN."""
     index = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, max(0, len(time_s) - 2))
     after = np.minimum(index + 1, len(time_s) - 1)
     span = np.where(after > index, time_s[after] - time_s[index], 1.0)
-    share = (at_s - time_s[index]) / span
-    share[np.abs(share) < 1e-6] = 0.0
-    share[np.abs(share - 1) < 1e-6] = 1.0
-    outside = (share < 0) | (share > 1)
+    fraction = (at_s - time_s[index]) / span
+    fraction[np.abs(fraction) < 1e-6] = 0.0
+    fraction[np.abs(fraction - 1) < 1e-6] = 1.0
+    outside = (fraction < 0) | (fraction > 1)
     left, right = values[index], values[after]
-    share = share[:, None]
-    mixed = np.where(
-        share == 0, left, np.where(share == 1, right, (1 - share) * left + share * right)
+    fraction = fraction[:, None]
+    interpolated = np.where(
+        fraction == 0,
+        left,
+        np.where(fraction == 1, right, (1 - fraction) * left + fraction * right),
     )
-    mixed[outside] = np.nan
-    return mixed
+    interpolated[outside] = np.nan
+    return interpolated
+
+
+def offset_grid(max_offset_s: float, step_s: float) -> FloatArray:
+    """Multiples of a step, s, up to a largest offset in both directions."""
+    count = int(max_offset_s / step_s)
+    return np.arange(-count, count + 1, dtype=np.float64) * step_s
 
 
 PairErrors = Mapping[tuple[str, str], FloatArray]
 
 
 def all_tangencies(
-    tracks: Sequence[OutlineTrack], moments_s: FloatArray, late_s: Mapping[str, float] | None = None
+    tracks: Sequence[OutlineTrack],
+    moments_s: FloatArray,
+    offset_s: Mapping[str, float] | None = None,
 ) -> dict[tuple[str, str], FloatArray]:
-    """Measures every two cameras' `tangency` (M, 2), by their names."""
-    late = late_s or {}
+    """`tangency` (M, 2) of every pair of cameras, by their names."""
+    offset = offset_s or {}
     return {
         (a.camera.name, b.camera.name): tangency(
-            a, b, moments_s, (late.get(a.camera.name, 0.0), late.get(b.camera.name, 0.0))
+            a, b, moments_s, (offset.get(a.camera.name, 0.0), offset.get(b.camera.name, 0.0))
         )
         for index, a in enumerate(tracks)
         for b in tracks[index + 1 :]

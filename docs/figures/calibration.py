@@ -10,7 +10,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.board_scene import FACE_UP, Film, board_views, held_poses, lost, room
+from benchmarks.board_scene import (
+    FACE_UP,
+    BoardCamera,
+    board_views,
+    held_poses,
+    room,
+    without_poses,
+)
 from calib.board import Board
 from calib.extrinsics import calibrate_extrinsics
 from calib.intrinsics import calibrate_intrinsics
@@ -30,7 +37,9 @@ def main() -> None:
     stills, lenses = [], []
     # The second camera's board never comes into the lower left.
     for number, (camera, skipped) in enumerate(((rig.cameras[0], False), (rig.cameras[1], True))):
-        film = Film(replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number)
+        film = BoardCamera(
+            replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number
+        )
         poses = [
             pose
             for pose in held_poses(90, number, (1.0, 1.7))
@@ -54,7 +63,7 @@ def main() -> None:
     some = next(iter(views["moment_0"].values()))
     views["floor"] = {name: replace(some, pixels=pixels) for name, pixels in floor.items()}
     (IMAGES / "calibration_rig.png").write_bytes(
-        png(rig_picture(calibrate_extrinsics(BOARD, lost(rig), views, floor="floor").rig))
+        png(rig_picture(calibrate_extrinsics(BOARD, without_poses(rig), views, floor="floor").rig))
     )
 
 

@@ -9,9 +9,9 @@ from benchmarks.board_scene import (
     board_views,
     lens_views,
     looking_at,
-    lost,
     room,
     seen,
+    without_poses,
 )
 from calib.board import Board
 
@@ -22,7 +22,7 @@ __all__ = [
     "drawn",
     "lens_views",
     "looking_at",
-    "lost",
+    "without_poses",
     "room",
     "seen",
 ]

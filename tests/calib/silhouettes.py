@@ -27,8 +27,8 @@ CHAINS = (
 LIMBS = np.array(
     [
         (1 - t) * np.array(a) + t * np.array(b)
-        for chain in CHAINS
-        for a, b in pairwise(chain)
+        for chain_poses in CHAINS
+        for a, b in pairwise(chain_poses)
         for t in np.linspace(0, 1, 6)
     ]
 )

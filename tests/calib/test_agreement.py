@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from silhouettes import filmed, stage
 
-from calib.agreement import agreement, check_agreement, trimmed
+from calib.agreement import agreement, check_agreement, trimmed_mean
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import apart
+from calib.extrinsics import pose_difference
 from calib.files import read_rig
 from calib.repair import Repair, explain
 from calib.rotation import matrix_from_rodrigues
-from calib.tangency import Outline, OutlineTrack, between, body_pieces, tangency
+from calib.tangency import Outline, OutlineTrack, interpolate, main_components, tangency
 
 MOMENTS = np.arange(3, 19, 2)
 FPS = 10.0
-Film = dict[str, list[np.ndarray]]
+BoardCamera = dict[str, list[np.ndarray]]
 
 
 @pytest.fixture(scope="module")
@@ -27,15 +27,15 @@ def rig() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def film(rig) -> Film:
+def film(rig) -> BoardCamera:
     return filmed(rig, 22)
 
 
-def at(film: Film, moments=MOMENTS) -> list[dict[str, np.ndarray]]:
+def at(film: BoardCamera, moments=MOMENTS) -> list[dict[str, np.ndarray]]:
     return [{name: masks[moment] for name, masks in film.items()} for moment in moments]
 
 
-def tracks(rig: Rig, film: Film) -> dict[str, OutlineTrack]:
+def tracks(rig: Rig, film: BoardCamera) -> dict[str, OutlineTrack]:
     return {
         camera.name: OutlineTrack.from_masks(
             camera, np.arange(len(film[camera.name])) / FPS, film[camera.name]
@@ -44,7 +44,7 @@ def tracks(rig: Rig, film: Film) -> dict[str, OutlineTrack]:
     }
 
 
-def told(rig: Rig, film: Film) -> Repair:
+def told(rig: Rig, film: BoardCamera) -> Repair:
     """The one explanation."""
     seen = tracks(rig, film)
     (repair,) = explain(seen, agreement(list(seen.values()), MOMENTS / FPS), MOMENTS / FPS, 5 / FPS)
@@ -87,7 +87,7 @@ def test_a_right_rig_agrees(rig, film):
     assert found.agrees
     assert found.culprits == ()
     assert found.error_px < 0.3
-    assert "all 4 cameras agree" in found.words
+    assert "all 4 cameras agree" in found.summary
     assert all(abs(line.outward_px) < 0.2 for line in found.table)
 
 
@@ -109,14 +109,14 @@ def test_a_camera_bumped_by_a_degree_is_named_and_put_back(rig, film, name):
     wrong = bumped(rig, name, 1)
     found = check_agreement(wrong, at(film))
     assert found.culprits == (name,)
-    assert f"{name} (" in found.words
+    assert f"{name} (" in found.summary
     repair = told(wrong, film)
     assert repair.kind == "turned"
     assert (
-        f"{name} was turned by about 1." in repair.words
-        or f"{name} was turned by about 0.9" in repair.words
+        f"{name} was turned by about 1." in repair.summary
+        or f"{name} was turned by about 0.9" in repair.summary
     )
-    assert apart(repair.after, rig[name])[1] < 0.2
+    assert pose_difference(repair.after, rig[name])[1] < 0.2
     assert repair.after_px < 0.3
     assert check_agreement(repair.rig(wrong), at(film)).agrees
 
@@ -125,15 +125,17 @@ def test_a_camera_carried_away_is_put_back(rig, film):
     wrong = bumped(rig, "cam_1", 4, (0.3, 0.1, -0.2))
     repair = told(wrong, film)
     assert repair.kind == "moved"
-    millimetres, degrees = apart(repair.after, rig["cam_1"])
+    millimetres, degrees = pose_difference(repair.after, rig["cam_1"])
     assert millimetres < 60
     assert degrees < 1.2
-    assert repair.moved_mm == pytest.approx(apart(wrong["cam_1"], rig["cam_1"])[0], abs=60)
+    assert repair.moved_mm == pytest.approx(
+        pose_difference(wrong["cam_1"], rig["cam_1"])[0], abs=60
+    )
 
 
 def test_swapped_videos_are_told(rig, film):
     repair = told(rig, film | {"cam_0": film["cam_1"], "cam_1": film["cam_0"]})
-    assert repair.words == "the videos of cam_0 and cam_1 are swapped"
+    assert repair.summary == "the videos of cam_0 and cam_1 are swapped"
     assert repair.after_px < 0.3
 
 
@@ -144,8 +146,8 @@ def test_a_video_out_of_step_is_told(rig, film, frames):
     }
     repair = told(rig, shifted)
     assert repair.kind == "out of step"
-    assert repair.late_s * FPS == pytest.approx(frames, abs=0.15)
-    assert ("late" if frames > 0 else "early") in repair.words
+    assert repair.offset_s * FPS == pytest.approx(frames, abs=0.15)
+    assert ("late" if frames > 0 else "early") in repair.summary
 
 
 def test_a_letterboxed_video_is_told(rig, film):
@@ -166,7 +168,7 @@ def test_bad_silhouettes_are_told_from_bad_cameras(rig, film):
         repair = told(rig, film | {"cam_1": broken})
         assert repair.camera == "cam_1"
         assert repair.kind == "unexplained"
-        assert "look at its silhouettes" in repair.words
+        assert "look at its silhouettes" in repair.summary
 
 
 def test_two_bad_cameras_of_six(film):
@@ -174,7 +176,7 @@ def test_two_bad_cameras_of_six(film):
     wrong = bumped(bumped(rig, "cam_2", 2), "cam_4", 3)
     found = check_agreement(wrong, at(filmed(rig, 19), MOMENTS[:6]))
     assert found.culprits == ("cam_2", "cam_4")
-    assert "do not agree" in found.words
+    assert "do not agree" in found.summary
 
 
 def test_flicker_far_from_the_body_does_not_matter(rig, film):
@@ -188,11 +190,11 @@ def test_flicker_far_from_the_body_does_not_matter(rig, film):
 
 def test_two_cameras_can_be_checked_but_not_told_apart(rig, film):
     pair = rig.select(["cam_0", "cam_1"])
-    assert check_agreement(pair, at(film)).words.startswith("both cameras agree")
+    assert check_agreement(pair, at(film)).summary.startswith("both cameras agree")
     found = check_agreement(bumped(pair, "cam_0", 3), at(film))
     assert not found.agrees
     assert found.culprits == ()
-    assert "only a third could tell" in found.words
+    assert "only a third could tell" in found.summary
 
 
 def test_what_cannot_be_checked_is_refused(rig, film):
@@ -226,7 +228,7 @@ def test_a_body_that_leaves_the_picture_says_nothing_there(rig, film):
     rolled = [np.roll(mask, 239 - np.nonzero(mask)[0].max(), axis=0) for mask in cut]
     track = OutlineTrack.from_masks(rig["cam_0"], np.arange(22) / FPS, rolled)
     baseline = rig["cam_1"].center_m - rig["cam_0"].center_m
-    angle, _ = track.touching(baseline / np.linalg.norm(baseline), track.toward_body())
+    angle, _ = track.tangent_angles(baseline / np.linalg.norm(baseline), track.toward_body())
     assert np.isnan(angle).any(axis=1).mean() > 0.5
     assert np.isfinite(angle).any()
 
@@ -245,12 +247,12 @@ def test_the_parts_do_what_they_say(rig, film):
     assert Outline.from_mask(rig["cam_0"], np.zeros((240, 320), bool)) is None
     speckled = film["cam_0"][4].copy()
     speckled[0, 0] = True
-    np.testing.assert_array_equal(body_pieces(speckled), film["cam_0"][4])
-    values = between(
+    np.testing.assert_array_equal(main_components(speckled), film["cam_0"][4])
+    values = interpolate(
         np.array([0.0, 1, 2]), np.array([[0.0], [10], [np.nan]]), np.array([-0.5, 0, 0.25, 1, 1.5])
     )
     np.testing.assert_array_equal(values[:, 0], [np.nan, 0, 2.5, 10, np.nan])
-    assert trimmed(np.array([1, -1, 1, -1, 100.0, np.nan])) == 1
+    assert trimmed_mean(np.array([1, -1, 1, -1, 100.0, np.nan])) == 1
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ def test_corners_are_found_where_they_are(board):
     # The first inner corner is one square in from the margin; a pixel's centre is half a pixel from
     # its edge.
     wanted = board.points_m[:, :2] / board.square_m * 60 + 80 + 60 - 0.5
-    if board.turns_into_itself and np.linalg.norm(found.pixels[0] - wanted[0]) > 60:
+    if board.is_symmetric and np.linalg.norm(found.pixels[0] - wanted[0]) > 60:
         wanted = wanted[::-1]
     np.testing.assert_allclose(found.pixels, wanted, atol=0.1)
     assert found.size == drawn(board).shape[::-1]
@@ -117,21 +117,21 @@ def test_impossible_boards_are_refused():
 
 def test_another_board_in_the_picture_is_named():
     assert "only 8 x 5 of 9 x 5 inner corners are to be made out" in str(
-        Board(9, 5, 0.06).instead(drawn(ODD))
+        Board(9, 5, 0.06).other_board(drawn(ODD))
     )
     assert "there, not 9 x 6: count where four squares meet, not squares" in str(
-        Board(9, 6, 0.06).instead(drawn(ODD))
+        Board(9, 6, 0.06).other_board(drawn(ODD))
     )
     assert "a board with 8 x 5 inner corners is there, not 9 x 4" in str(
-        Board(9, 4, 0.06).instead(drawn(ODD))
+        Board(9, 4, 0.06).other_board(drawn(ODD))
     )
-    assert ODD.instead(drawn(ODD)) is None
-    assert ODD.instead(np.full((300, 400), 128, np.uint8)) is None
+    assert ODD.other_board(drawn(ODD)) is None
+    assert ODD.other_board(np.full((300, 400), 128, np.uint8)) is None
     marked = Board(7, 4, 0.04, marker_m=0.03, dictionary="DICT_5X5_100")
     picture = cv2.copyMakeBorder(
         marked.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255
     )
     assert (
-        Board(7, 4, 0.04, marker_m=0.03).instead(picture)
+        Board(7, 4, 0.04, marker_m=0.03).other_board(picture)
         == "markers of DICT_5X5_50 are there, not of DICT_4X4_50"
     )

@@ -9,7 +9,7 @@ import pytest
 
 from calib.agreement import agreement
 from calib.camera import Rig
-from calib.extrinsics import apart
+from calib.extrinsics import pose_difference
 from calib.files import read_rig
 from calib.repair import Repair, explain
 from calib.rotation import matrix_from_rodrigues
@@ -64,7 +64,7 @@ def test_a_camera_of_walk4_is_put_back(walk4, walk4_tracks, name, shift_m):
     )
     repair = told(walk4_tracks | {name: walk4_tracks[name].with_camera(wrong)})
     assert (repair.camera, repair.kind) == (name, "moved" if shift_m else "turned")
-    millimetres, degrees = apart(repair.after, camera)
+    millimetres, degrees = pose_difference(repair.after, camera)
     assert millimetres < 60
     assert degrees < 0.5
     assert repair.after_px < 0.6 < repair.before_px
@@ -75,7 +75,7 @@ def test_a_late_camera_of_walk4_is_told(walk4_tracks):
     track = walk4_tracks["cam_0"]
     repair = told(walk4_tracks | {"cam_0": replace(track, time_s=track.time_s + 3 / FPS)})
     assert repair.kind == "out of step"
-    assert repair.late_s * FPS == pytest.approx(3, abs=0.15)
+    assert repair.offset_s * FPS == pytest.approx(3, abs=0.15)
 
 
 @pytest.mark.slow
@@ -118,5 +118,5 @@ def test_dance8s_cameras_are_put_in_step(shared: Path):
     slow = replace(shifted[2], time_s=shifted[2].time_s[::2], outlines=shifted[2].outlines[::2])
     found = synchronise([*shifted[:2], slow, shifted[3]], 0.5)
     np.testing.assert_allclose(
-        [line.late_s * FPS for line in found.offsets], cut[0] - cut, atol=0.15
+        [line.offset_s * FPS for line in found.offsets], cut[0] - cut, atol=0.15
     )

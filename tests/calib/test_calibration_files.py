@@ -1,4 +1,4 @@
-"""Every format gives back what was written, takes its dialects, and says in one line what is wrong."""
+"""Calibration formats: round trips, dialects, and messages of one line."""
 
 import json
 from pathlib import Path

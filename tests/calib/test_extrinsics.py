@@ -5,12 +5,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boards import CHECKERBOARD, FACE_UP, board_views, lost, room, seen
+from boards import CHECKERBOARD, FACE_UP, board_views, room, seen, without_poses
 
 from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import apart, calibrate_extrinsics, same_world
+from calib.extrinsics import align_rigs, calibrate_extrinsics, pose_difference
 from calib.files import read_rig
 from calib.rotation import matrix_from_rodrigues
 
@@ -28,12 +28,12 @@ def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, Boa
 def test_a_room_is_found_in_noise():
     truth = room(4)
     found = calibrate_extrinsics(
-        CHECKERBOARD, lost(truth), board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
+        CHECKERBOARD, without_poses(truth), board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
     )
     assert found.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
-    aligned = same_world(found.rig, truth)
+    aligned = align_rigs(found.rig, truth)
     for camera, line in zip(truth, found.table, strict=True):
-        millimetres, degrees = apart(aligned[camera.name], camera)
+        millimetres, degrees = pose_difference(aligned[camera.name], camera)
         assert millimetres < 5
         assert degrees < 0.1
         assert line.rms_px < 0.5
@@ -44,7 +44,7 @@ def test_a_room_is_found_in_noise():
         true = replace(
             camera, rotation=rotation, translation=camera.translation - rotation @ base.translation
         )
-        millimetres, degrees = apart(found.rig[camera.name], true)
+        millimetres, degrees = pose_difference(found.rig[camera.name], true)
         assert millimetres < 4 * line.position_mm
         assert degrees < 4 * line.rotation_deg
         assert 0.1 < line.position_mm < 5
@@ -56,7 +56,8 @@ def test_lenses_that_are_a_little_wrong_are_put_right_with_the_places():
     truth = room(3, arc_deg=90)
     wrong = Rig(
         tuple(
-            replace(camera, matrix=camera.matrix * [[1.02], [1.02], [1]]) for camera in lost(truth)
+            replace(camera, matrix=camera.matrix * [[1.02], [1.02], [1]])
+            for camera in without_poses(truth)
         )
     )
     views = board_views(truth, CHECKERBOARD, 24, noise_px=0.1)
@@ -78,10 +79,10 @@ def test_a_board_that_turns_into_itself_serves_too():
         for name, view in moment.items():
             if rng.random() < 0.5:  # the detector started at the other end
                 moment[name] = BoardView(view.ids, view.pixels[::-1], view.size)
-    found = calibrate_extrinsics(board, lost(truth), views)
+    found = calibrate_extrinsics(board, without_poses(truth), views)
     assert found.rms_px < 0.4
-    for camera in same_world(found.rig, truth):
-        assert apart(camera, truth[camera.name])[0] < 5
+    for camera in align_rigs(found.rig, truth):
+        assert pose_difference(camera, truth[camera.name])[0] < 5
 
 
 def test_the_floors_board_is_the_world():
@@ -89,7 +90,7 @@ def test_the_floors_board_is_the_world():
     board = CHECKERBOARD
     views = board_views(truth, board, 40, noise_px=0.1) | {"floor": on_the_floor(truth, board, 0.1)}
     assert len(views["floor"]) == 4
-    found = calibrate_extrinsics(board, lost(truth), views, floor="floor")
+    found = calibrate_extrinsics(board, without_poses(truth), views, floor="floor")
     # The synthetic board's middle lies at the true origin, its first corner is the new one; rows
     # run along x, columns along -y.
     corner = np.array([-board.points_m[:, 0].mean(), board.points_m[:, 1].mean(), 0])
@@ -98,7 +99,7 @@ def test_the_floors_board_is_the_world():
             found.rig[camera.name].center_m, camera.center_m - corner, atol=0.01
         )
     with pytest.raises(InputError, match="the floor's board 'later' was not seen"):
-        calibrate_extrinsics(board, lost(truth), views, floor="later")
+        calibrate_extrinsics(board, without_poses(truth), views, floor="later")
 
 
 def test_a_floor_board_that_hangs_over_the_cameras_is_refused():
@@ -119,7 +120,7 @@ def test_a_floor_board_that_hangs_over_the_cameras_is_refused():
             r"would be under the floor: the board must lie on it, face up, at the moment 'ceiling'"
         ),
     ):
-        calibrate_extrinsics(CHECKERBOARD, lost(truth), views, floor="ceiling")
+        calibrate_extrinsics(CHECKERBOARD, without_poses(truth), views, floor="ceiling")
 
 
 def test_cameras_without_a_common_board_are_named_with_counts():
@@ -137,10 +138,12 @@ def test_cameras_without_a_common_board_are_named_with_counts():
             r" cam_0-cam_1 \d+, cam_0-cam_2 0"
         ),
     ):
-        calibrate_extrinsics(CHECKERBOARD, lost(truth), split)
+        calibrate_extrinsics(CHECKERBOARD, without_poses(truth), split)
     with pytest.raises(InputError, match="camera cam_3 saw boards but has no lens calibration"):
-        calibrate_extrinsics(CHECKERBOARD, lost(truth.select(["cam_0", "cam_1", "cam_2"])), views)
-    half = Rig(tuple(replace(camera, size=(640, 360)) for camera in lost(truth)))
+        calibrate_extrinsics(
+            CHECKERBOARD, without_poses(truth.select(["cam_0", "cam_1", "cam_2"])), views
+        )
+    half = Rig(tuple(replace(camera, size=(640, 360)) for camera in without_poses(truth)))
     with pytest.raises(
         InputError, match="boards were recorded at 1280x720 but its lens was calibrated at 640x360"
     ):
@@ -157,7 +160,7 @@ def test_a_camera_with_the_wrong_lens_is_named():
                 if camera.name == "cam_2"
                 else camera
             )
-            for camera in lost(truth)
+            for camera in without_poses(truth)
         )
     )
     found = calibrate_extrinsics(CHECKERBOARD, wrong, views)
@@ -180,7 +183,7 @@ def test_a_camera_with_mirrored_pictures_is_named_with_counts():
             r"camera cam_1's pictures are mirrored: of \d+ boards that cam_0 and cam_1 saw together"
         ),
     ):
-        calibrate_extrinsics(CHECKERBOARD, lost(truth), views)
+        calibrate_extrinsics(CHECKERBOARD, without_poses(truth), views)
     with pytest.raises(
         InputError, match="the pictures of camera cam_0 or of camera cam_1 are mirrored"
     ):
@@ -188,7 +191,7 @@ def test_a_camera_with_mirrored_pictures_is_named_with_counts():
             moment: {name: view for name, view in found.items() if name != "cam_2"}
             for moment, found in views.items()
         }
-        calibrate_extrinsics(CHECKERBOARD, lost(truth.select(["cam_0", "cam_1"])), pair)
+        calibrate_extrinsics(CHECKERBOARD, without_poses(truth.select(["cam_0", "cam_1"])), pair)
 
 
 def test_standing4s_corner_lists(shared):
@@ -203,7 +206,7 @@ def test_standing4s_corner_lists(shared):
             .astype(float)
         )
         views[camera.name] = BoardView(np.arange(48), pixels, camera.size)
-    found = calibrate_extrinsics(board, lost(known), {"board": views}, floor="board")
+    found = calibrate_extrinsics(board, without_poses(known), {"board": views}, floor="board")
 
     square = []
     for camera in known:
@@ -231,7 +234,7 @@ def test_standing4s_corner_lists(shared):
 def test_no_less_accurate_than_opencvs_multiview_calibration():
     truth = room(4)
     views = board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
-    ours = same_world(calibrate_extrinsics(CHECKERBOARD, lost(truth), views).rig, truth)
+    ours = align_rigs(calibrate_extrinsics(CHECKERBOARD, without_poses(truth), views).rig, truth)
     points = [CHECKERBOARD.points_m.astype(np.float32)] * len(views)
     empty = np.zeros((0, 2), np.float32)
     pixels = [
@@ -262,7 +265,9 @@ def test_no_less_accurate_than_opencvs_multiview_calibration():
         replace(one, rotation=matrix_from_rodrigues(turn), translation=shift.ravel())
         for one, turn, shift in zip(truth, turns, shifts, strict=True)
     ]
-    theirs = same_world(Rig(tuple(placed)), truth)
-    errors = [[apart(rig[camera.name], camera)[0] for camera in truth] for rig in (ours, theirs)]
+    theirs = align_rigs(Rig(tuple(placed)), truth)
+    errors = [
+        [pose_difference(rig[camera.name], camera)[0] for camera in truth] for rig in (ours, theirs)
+    ]
     assert np.mean(errors[0]) <= 1.02 * np.mean(errors[1])
     assert max(errors[0]) < 5

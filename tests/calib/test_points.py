@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from boards import lost, room
+from boards import room, without_poses
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import apart
+from calib.extrinsics import pose_difference
 from calib.points import ScenePoints, calibrate_from_points
 
 
@@ -23,10 +23,10 @@ def listed(rig: Rig, measured: int, noise_px: float = 0.3, seed: int = 0) -> Sce
 
 def test_cameras_stand_in_the_world_of_the_measured_points():
     truth = room(4)
-    found = calibrate_from_points(lost(truth), listed(truth, measured=8))
+    found = calibrate_from_points(without_poses(truth), listed(truth, measured=8))
     assert found.advice == ()
     for camera, line in zip(truth, found.table, strict=True):
-        millimetres, degrees = apart(found.rig[camera.name], camera)
+        millimetres, degrees = pose_difference(found.rig[camera.name], camera)
         assert millimetres < min(25, 4 * line.position_mm)
         assert degrees < min(0.3, 4 * line.rotation_deg)
         assert line.seen == 24
@@ -44,8 +44,8 @@ def test_a_camera_without_measured_points_is_reached_by_shared_ones():
         }
         for name, seen in points.pixels.items()
     }
-    found = calibrate_from_points(lost(truth), ScenePoints(pixels, points.known_m))
-    assert apart(found.rig["cam_2"], truth["cam_2"])[0] < 25
+    found = calibrate_from_points(without_poses(truth), ScenePoints(pixels, points.known_m))
+    assert pose_difference(found.rig["cam_2"], truth["cam_2"])[0] < 25
     alone = {
         name: {
             camera: pixel
@@ -57,23 +57,23 @@ def test_a_camera_without_measured_points_is_reached_by_shared_ones():
     with pytest.raises(
         InputError, match=r"too few points to place cam_2 \(.*: cam_2 0; 4 are needed\)"
     ):
-        calibrate_from_points(lost(truth), ScenePoints(alone, points.known_m))
+        calibrate_from_points(without_poses(truth), ScenePoints(alone, points.known_m))
 
 
 def test_a_point_that_was_mistaken_is_named():
     truth = room(3)
     points = listed(truth, measured=10)
     points.pixels["p3"]["cam_1"] += 25
-    found = calibrate_from_points(lost(truth), points)
+    found = calibrate_from_points(without_poses(truth), points)
     assert found.advice[0].startswith("point p3 in camera cam_1 is off by ")
-    assert apart(found.rig["cam_1"], truth["cam_1"])[0] < 40
+    assert pose_difference(found.rig["cam_1"], truth["cam_1"])[0] < 40
     points.pixels["lonely"] = {"cam_0": np.array([600.0, 300.0])}
-    assert "of no use: lonely" in calibrate_from_points(lost(truth), points).advice[-1]
+    assert "of no use: lonely" in calibrate_from_points(without_poses(truth), points).advice[-1]
 
 
 def test_what_cannot_work_is_refused():
     truth = room(2)
     with pytest.raises(InputError, match="3 points have world coordinates, 4 are needed"):
-        calibrate_from_points(lost(truth), listed(truth, measured=3))
+        calibrate_from_points(without_poses(truth), listed(truth, measured=3))
     with pytest.raises(InputError, match="points are listed for camera cam_1, which has no lens"):
-        calibrate_from_points(lost(truth.select(["cam_0"])), listed(truth, measured=8))
+        calibrate_from_points(without_poses(truth.select(["cam_0"])), listed(truth, measured=8))

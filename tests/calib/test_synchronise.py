@@ -6,8 +6,8 @@ from silhouettes import filmed, stage
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import apart
-from calib.synchronise import period_s, speeds, synchronise
+from calib.extrinsics import pose_difference
+from calib.synchronise import speeds, synchronise
 from calib.tangency import OutlineTrack
 
 FPS = 20.0
@@ -49,7 +49,7 @@ def test_whole_and_fractional_offsets_are_found(shifted, reference):
     assert found.agreed
     assert found.after_px < 0.35 < 1.0 < found.before_px
     assert all(line.error_s * FPS < 0.1 for line in found.offsets)
-    assert [line.late_s for line in found.offsets if line.camera == reference] == [0.0]
+    assert [line.offset_s for line in found.offsets if line.camera == reference] == [0.0]
 
 
 def test_cameras_in_step_are_left_so(rig):
@@ -59,7 +59,7 @@ def test_cameras_in_step_are_left_so(rig):
 
 def test_a_camera_of_half_the_rate(rig):
     found = synchronise(tracks(rig, 40, BEGIN, {"cam_1": 2.0}), 0.6)
-    late = np.array([line.late_s for line in found.offsets]) * FPS
+    late = np.array([line.offset_s for line in found.offsets]) * FPS
     np.testing.assert_allclose(late, wanted("cam_0"), atol=0.12)
     assert found.offsets[1].frames == pytest.approx(late[1] / 2)
 
@@ -67,7 +67,7 @@ def test_a_camera_of_half_the_rate(rig):
 def test_a_wrong_calibration_is_noticed(rig, shifted):
     turned = rig.select(["cam_2", "cam_3", "cam_0", "cam_1"])
     mixed = [track.with_camera(camera) for track, camera in zip(shifted, turned, strict=True)]
-    assert apart(mixed[0].camera, shifted[0].camera)[0] > 1000
+    assert pose_difference(mixed[0].camera, shifted[0].camera)[0] > 1000
     found = synchronise(mixed, 0.6)
     assert not found.agreed
     assert all(np.isnan(line.error_s) for line in found.offsets)
@@ -90,7 +90,7 @@ def test_what_cannot_be_synchronised_is_refused(rig, shifted):
 
 
 def test_speeds_are_of_the_outline(shifted):
-    assert period_s(shifted[0]) == pytest.approx(1 / FPS)
+    assert shifted[0].period_s == pytest.approx(1 / FPS)
     found = speeds(shifted[0])
     assert found.shape == (36, 3)
     assert 0.05 < np.nanmedian(found[:, 0]) < 3

@@ -1,1 +1,1 @@
-"""Calibration from recordings of boards: which pictures serve, what comes out, and pictures of it."""
+"""Calibration of lenses and poses from recordings, and the check and synchronisation of cameras."""

@@ -1,6 +1,4 @@
-"""Boards in stills and videos: which cameras there are, which of their pictures show the board, and
-which of these to use.
-"""
+"""Boards in stills and videos: cameras in folders, detection of the board, selection of views."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,11 +15,11 @@ from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still, read_together
 
-_EXAMINED = 400  # frames of a video in which the board is looked for, at most
-_NEW_VIEW = 0.02  # of the picture's size: boards nearer to each other say the same
-_HASTY = 2.0  # times the median speed
-_PATIENCE = 20  # of so many frames one is looked at longer
-_LOOKED_AT = 5  # refused pictures in which another board is looked for
+_MAX_EXAMINED = 400  # frames of a video in which the board is searched
+_NEW_VIEW = 0.02  # of the picture's width: smaller differences between views are redundant
+_FAST = 2.0  # times the median speed
+_PATIENT_STEP = 20  # one frame in this many is searched with more effort
+_KEPT_FAILURES = 5  # pictures without the board in which another board is searched
 NOT_NEW = "shows the board much as another frame does"
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +27,12 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CameraPictures:
-    """What one camera took: stills, or a video."""
+    """Pictures of one camera: stills, or a video.
+
+    Attributes:
+        stills: Paths of stills.
+        video: Reader of a video, or None.
+    """
 
     stills: tuple[Path, ...] = ()
     video: FrameReader | None = None
@@ -51,8 +54,8 @@ class CameraPictures:
 
 
 def stride(frame_count: int) -> int:
-    """Returns n where every n-th frame of a video is examined."""
-    return -(-frame_count // _EXAMINED)
+    """Step between the examined frames of a video."""
+    return -(-frame_count // _MAX_EXAMINED)
 
 
 def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
@@ -83,8 +86,8 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
                 f"{path} holds no pictures: give a folder of stills or videos of the board, or a"
                 " folder with one of these per camera"
             )
-        for name, one in inside.items():
-            _add(found, name, _pictures(one))
+        for name, pictures in inside.items():
+            _add(found, name, _pictures(pictures))
     for folder, stills in loose.items():
         _add(found, folder.name, CameraPictures(tuple(stills)))
     return found
@@ -104,21 +107,22 @@ def _add(found: dict[str, CameraPictures], name: str, pictures: CameraPictures) 
 
 
 def find_views(
-    board: Board, pictures: CameraPictures, wanted: int, reporter: Reporter
+    board: Board, pictures: CameraPictures, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | Refusal]:
-    """Looks for the board in one camera's pictures.
+    """Detects the board in one camera's pictures.
 
     Args:
         board: The board.
         pictures: The pictures.
-        wanted: How many frames of a video to use, at most; stills are all used.
-        reporter: Hears of every picture.
+        max_views: Maximum number of frames of a video; stills are all used.
+        reporter: Receives the progress.
 
     Returns:
-        A view or the reason why there is none, by the picture's name.
+        A view, or the reason why there is none, by the picture's name.
 
-    Raises: InputError: A picture cannot be read, or none shows the board; if they show another
-        board, it is told.
+    Raises:
+        InputError: A picture cannot be read, or none shows the board; another board that they show
+            is described.
     """
     views: dict[str, BoardView | Refusal] = {}
     find = _Finder(board, stills=pictures.video is None)
@@ -126,11 +130,11 @@ def find_views(
         views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, BoardView) for view in views.values()):
-        raise InputError(f"the board was found in none of {len(views)} pictures: {find.why()}")
+        raise InputError(f"the board was found in none of {len(views)} pictures: {find.failure()}")
     if pictures.video is None:
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
-    kept = choose(board, seen, wanted)
+    kept = select_views(board, seen, max_views)
     return {
         name: Refusal(NOT_NEW) if name in seen and name not in kept else view
         for name, view in views.items()
@@ -138,7 +142,7 @@ def find_views(
 
 
 class _Finder:
-    """Looks for the board in one camera's pictures, in a video no longer than that camera needs."""
+    """Detects the board in one camera's pictures, with as much effort as the camera needs."""
 
     def __init__(self, board: Board, stills: bool) -> None:
         self.board = board
@@ -148,64 +152,71 @@ class _Finder:
         self.refused: list[Frame] = []
 
     def __call__(self, picture: Frame, important: bool = False) -> BoardView | Refusal:
-        """Returns the view or the refusal; spares nothing where it is important."""
+        """Detects the board, with all effort in an important picture."""
         found = self.board.find(picture, self.effort)
-        if isinstance(found, Refusal) and self.effort == "quick" and self.count % _PATIENCE == 0:
+        if (
+            isinstance(found, Refusal)
+            and self.effort == "quick"
+            and self.count % _PATIENT_STEP == 0
+        ):
             found = self.board.find(picture, "patient")
             if isinstance(found, BoardView):
-                self.effort = "patient"  # small boards, far away, are given up too early
+                self.effort = "patient"  # the quick search misses small boards
         if isinstance(found, Refusal) and important:
             found = self.board.find(picture, "thorough")
         self.count += 1
         if isinstance(found, Refusal):
             self.reasons[found.reason] += 1
-            if len(self.refused) < _LOOKED_AT:
+            if len(self.refused) < _KEPT_FAILURES:
                 self.refused.append(picture)
         return found
 
-    def why(self) -> str:
-        """Says why the board was not found: what was amiss with what looked like one, else which
-        other board there is.
-        """
+    def failure(self) -> str:
+        """Reason of failure: a defect of a detected board, else another board in the pictures."""
         for reason, _ in self.reasons.most_common():
             if not reason.startswith("no board"):
                 return reason
         return next(
-            (said for picture in self.refused if (said := self.board.instead(picture))),
+            (
+                description
+                for picture in self.refused
+                if (description := self.board.other_board(picture))
+            ),
             next(iter(self.reasons)),
         )
 
 
-def choose(board: Board, views: Mapping[str, BoardView], wanted: int) -> set[str]:
-    """Chooses frames of a video in which the board is still and in different places, sizes and
-    tilts.
+def select_views(board: Board, views: Mapping[str, BoardView], max_views: int) -> set[str]:
+    """Selects frames of a video with a still board at different positions, sizes and tilts.
 
     Args:
         board: The board.
         views: Views by frame, in order of time.
-        wanted: How many, at most.
+        max_views: Maximum number of frames.
 
     Returns:
-        Names of the chosen frames: each is the one that differs most from those chosen before it.
+        Names of the selected frames: each differs most from those selected before it.
     """
     names = list(views)
     if len(names) <= 1:
         return set(names)
-    places = np.array([_outline(board, view) for view in views.values()])
-    moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    outlines = np.array([_outline(board, view) for view in views.values()])
+    moved = np.linalg.norm(np.diff(outlines, axis=0), axis=1)
     speed = np.minimum(np.append(moved, np.inf), np.append(np.inf, moved))
-    calm = np.flatnonzero(speed <= max(_HASTY * float(np.median(speed)), _NEW_VIEW / 4))
-    chosen = [int(calm[np.argmin(speed[calm])])]
-    distance = np.linalg.norm(places[calm] - places[chosen[0]], axis=1)
-    while len(chosen) < min(wanted, len(calm)) and distance.max() > _NEW_VIEW:
-        farthest = int(np.argmax(distance))
-        chosen.append(int(calm[farthest]))
-        distance = np.minimum(distance, np.linalg.norm(places[calm] - places[chosen[-1]], axis=1))
+    still = np.flatnonzero(speed <= max(_FAST * float(np.median(speed)), _NEW_VIEW / 4))
+    chosen = [int(still[np.argmin(speed[still])])]
+    distance = np.linalg.norm(outlines[still] - outlines[chosen[0]], axis=1)
+    while len(chosen) < min(max_views, len(still)) and distance.max() > _NEW_VIEW:
+        best = int(np.argmax(distance))
+        chosen.append(int(still[best]))
+        distance = np.minimum(
+            distance, np.linalg.norm(outlines[still] - outlines[chosen[-1]], axis=1)
+        )
     return {names[index] for index in chosen}
 
 
 def _outline(board: Board, view: BoardView) -> FloatArray:
-    """Returns where a board's four ends are, (8,), in widths of the picture."""
+    """Image coordinates (8,) of a board's four corners, in widths of the picture."""
     ends = board.points_m[[0, board.columns - 1, -1, -board.columns], :2]
     homography, _ = cv2.findHomography(board.points_m[view.ids, :2], view.pixels)
     if homography is None:
@@ -215,12 +226,12 @@ def _outline(board: Board, view: BoardView) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """What synchronous cameras saw of a board.
+    """Detections of a board by synchronous cameras.
 
     Attributes:
         views: Moment ("frame 120") -> camera -> view.
-        examined: How many moments were looked at.
-        seen: In how many of them each camera saw the board.
+        examined: Number of moments examined.
+        seen: Number of moments at which each camera saw the board.
     """
 
     views: dict[str, dict[str, BoardView]]
@@ -232,26 +243,26 @@ def board_moments(
     board: Board,
     readers: Mapping[str, FrameReader],
     floor: int | None,
-    wanted: int,
+    max_moments: int,
     reporter: Reporter,
 ) -> Moments:
-    """Looks for the board in synchronous footage.
+    """Detects the board in synchronous recordings.
 
     Args:
         board: The board.
         readers: Synchronous pictures by camera name.
-        floor: A frame that is kept in any case.
-        wanted: How many moments to keep, at most.
-        reporter: Hears of every moment.
+        floor: A frame that is always kept; None if there is none.
+        max_moments: Maximum number of moments.
+        reporter: Receives the progress.
 
     Raises:
         InputError: Pictures cannot be read, or a camera never saw the board.
     """
-    count = min(one.frame_count for one in readers.values())
+    count = min(reader.frame_count for reader in readers.values())
     if floor is not None and not 0 <= floor < count:
         raise InputError(f"--floor {floor} is not in the recording: it has frames 0 to {count - 1}")
     step = stride(count)
-    finders = {name: _Finder(board, bool(one.stills)) for name, one in readers.items()}
+    finders = {name: _Finder(board, bool(reader.stills)) for name, reader in readers.items()}
     views: dict[str, dict[str, BoardView]] = {}
     reporter.stage("looking for the board", -(-count // step))
     for number, frames in enumerate(read_together(readers, 0, count)):
@@ -264,25 +275,23 @@ def board_moments(
         reporter.advance()
     seen = {name: sum(name in moment for moment in views.values()) for name in readers}
     if never := [name for name, times in seen.items() if not times]:
-        reasons = "; ".join(f"{name}: {finders[name].why()}" for name in never)
+        reasons = "; ".join(f"{name}: {finders[name].failure()}" for name in never)
         raise InputError(
             f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
             " nearer, and slowly"
         )
-    return Moments(_thinned(views, wanted, f"frame {floor}"), len(views), seen)
+    return Moments(_thinned(views, max_moments, f"frame {floor}"), len(views), seen)
 
 
 def _thinned(
-    views: dict[str, dict[str, BoardView]], wanted: int, floor: str
+    views: dict[str, dict[str, BoardView]], max_moments: int, floor: str
 ) -> dict[str, dict[str, BoardView]]:
-    """Keeps from each stretch of time the moment that most cameras saw; boards seen by one camera
-    alone say nothing.
-    """
+    """Moments with most views, evenly over time; boards seen by a single camera are useless."""
     alone = 1 if len({name for seen in views.values() for name in seen}) == 1 else 0
     useful = [moment for moment, seen in views.items() if len(seen) > 1 - alone or moment == floor]
     kept = {
         max(useful[part[0] : part[-1] + 1], key=lambda moment: len(views[moment]))
-        for part in np.array_split(np.arange(len(useful)), min(wanted, len(useful)) or 1)
+        for part in np.array_split(np.arange(len(useful)), min(max_moments, len(useful)) or 1)
         if len(part)
     }
     return {moment: views[moment] for moment in useful if moment in kept or moment == floor}

@@ -1,6 +1,4 @@
-"""Do the cameras of a recording agree with what they filmed? If not: which one is wrong, by how
-much, and what would mend it.
-"""
+"""Check of a recording's calibration against its silhouettes, with diagnosis and repair."""
 
 from __future__ import annotations
 
@@ -26,38 +24,43 @@ from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
 from voxelpose.results import ResultWriter
 
 LONG_SIDE_PX = 480
-_NEAREST = 0.6  # of a frame: nearer than half a frame, frames cannot be brought
-_ENDS = 0.04  # of the recording at either end are not looked at: people come and go
+_SUBFRAME = 0.6  # frames: offsets up to about half a frame cannot be corrected
+_ENDS = 0.04  # fraction of the recording excluded at either end: people come and go
 
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """How a recording is checked.
+    """Settings of a check.
 
     Attributes:
-        moments: how many frames are looked at, spread over the recording.
-        most_late: how many frames out of step are tried, each way.
-        shown: how many moments are kept for the picture.
+        moments: number of frames compared, spread over the recording.
+        max_offset_frames: largest clock offset tried in both directions, frames.
+        shown: number of moments kept for the picture.
     """
 
     moments: int = 12
-    most_late: int = 12
+    max_offset_frames: int = 12
     shown: int = 3
 
     def __post_init__(self) -> None:
-        """Checks what the user gave."""
+        """Checks the values."""
         if self.moments < 3:
             raise InputError(
                 f"{self.moments} moments are too few to judge cameras: give at least 3"
             )
-        if self.most_late < 0:
-            raise InputError(f"{self.most_late} frames out of step cannot be tried: give 0 or more")
+        if self.max_offset_frames < 0:
+            raise InputError(
+                f"{self.max_offset_frames} frames out of step cannot be tried: give 0 or more"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedFrame:
-    """What one camera showed at one moment, kept for the picture: (h, w, 3) uint8 BGR and (h, w)
-    bool.
+    """Image of one camera at one moment, kept for the picture.
+
+    Attributes:
+        frame: (h, w, 3) uint8, BGR.
+        mask: (h, w) bool, silhouette.
     """
 
     frame: Frame
@@ -66,26 +69,26 @@ class CheckedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A recording's check.
+    """Result of a check.
 
     Attributes:
         rig: the cameras as calibrated.
         tracks: their outlines at the moments.
-        moments: numbers of the frames that were looked at.
-        times_s: when they were taken.
-        found: what was found.
-        repairs: what happened to the cameras that do not agree.
-        repaired: the rig with those put right; None where nothing could be.
-        after: what a check of `repaired` finds.
-        checked_frames: moment -> camera name -> what it showed, for some of the moments.
-        notes: what could not be known, and what makes the answer less sure.
+        moments: numbers of the frames compared.
+        times_s: times of these frames.
+        agreement: agreement of the cameras.
+        repairs: explanations for the cameras that do not agree.
+        repaired: the rig with these cameras corrected; None if none could be.
+        after: agreement of `repaired`.
+        checked_frames: moment -> camera name -> image, for some of the moments.
+        notes: limitations of this check.
     """
 
     rig: Rig
     tracks: dict[str, OutlineTrack]
     moments: NDArray[np.int64]
     times_s: NDArray[np.float64]
-    found: Agreement
+    agreement: Agreement
     repairs: tuple[Repair, ...]
     repaired: Rig | None
     after: Agreement | None
@@ -100,11 +103,8 @@ def check_recording(
 
     Args:
         recording: at least two cameras.
-        settings: how.
-        reporter: told of every stage.
-
-    Returns:
-        What was found.
+        settings: settings; None for the defaults.
+        reporter: receives the progress.
 
     Raises:
         InputError: one camera only, nobody seen, or a file that cannot be read.
@@ -118,24 +118,27 @@ def check_recording(
     moments = even_moments(recording.frame_count, settings.moments)
     reporter.stage("backgrounds")
     silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
-    tracks, checked_frames = _look(recording, silhouettes, moments, settings, reporter)
+    tracks, checked_frames = _outlines(recording, silhouettes, moments, settings, reporter)
     times = recording.times_s[moments]
-    found = agreement(list(tracks.values()), times)
+    checked = agreement(list(tracks.values()), times)
     repairs: list[Repair] = []
-    if not found.agrees and len(tracks) > 2:
+    if not checked.agrees and len(tracks) > 2:
         dense = dict(tracks)
-        most = min(settings.most_late, (recording.frame_count - 1) // 3)
-        for name in found.culprits if most else ():
-            dense[name] = _follow(recording, silhouettes, name, moments, most, reporter)
+        most = min(settings.max_offset_frames, (recording.frame_count - 1) // 3)
+        for name in checked.culprits if most else ():
+            dense[name] = _dense_outlines(recording, silhouettes, name, moments, most, reporter)
         reporter.stage("looking for what happened")
-        repairs = explain(dense, found, times, most / recording.fps)
-        tracks |= {name: dense[name] for name in found.culprits}
-    rig, after = _mended(recording.rig, tracks, times, repairs)
-    notes = _notes(recording, silhouettes, found)
+        repairs = explain(dense, checked, times, most / recording.fps)
+        tracks |= {name: dense[name] for name in checked.culprits}
+    rig, after = _repaired(recording.rig, tracks, times, repairs)
+    notes = _notes(recording, silhouettes, checked)
     if after is not None and all(
-        one.kind == "out of step" and abs(one.late_s) * recording.fps <= _NEAREST for one in repairs
+        repair.kind == "out of step" and abs(repair.offset_s) * recording.fps <= _SUBFRAME
+        for repair in repairs
     ):
-        who = ", ".join(f"{one.camera} by {abs(one.late_s) * recording.fps:.1f}" for one in repairs)
+        who = ", ".join(
+            f"{repair.camera} by {abs(repair.offset_s) * recording.fps:.1f}" for repair in repairs
+        )
         notes = (
             *notes,
             (
@@ -143,8 +146,8 @@ def check_recording(
                 " triggered together; no harm"
             ),
         )
-        found, repairs, rig, after = (
-            replace(found, culprits=(), agrees=after.agrees),
+        checked, repairs, rig, after = (
+            replace(checked, culprits=(), agrees=after.agrees),
             [],
             None,
             None,
@@ -154,7 +157,7 @@ def check_recording(
         tracks,
         moments + recording.first,
         times,
-        found,
+        checked,
         tuple(repairs),
         rig,
         after,
@@ -163,20 +166,20 @@ def check_recording(
     )
 
 
-def even_moments(count: int, wanted: int) -> NDArray[np.int64]:
-    """Returns at most `wanted` of `count` frames, evenly over all but the ends."""
+def even_moments(count: int, max_count: int) -> NDArray[np.int64]:
+    """At most `max_count` of `count` frame numbers, evenly spaced, without the ends."""
     first, last = _ENDS * (count - 1), (1 - _ENDS) * (count - 1)
-    return np.unique(np.linspace(first, last, min(wanted, count)).round().astype(np.int64))
+    return np.unique(np.linspace(first, last, min(max_count, count)).round().astype(np.int64))
 
 
-def _look(
+def _outlines(
     recording: Recording,
     silhouettes: Silhouettes,
     moments: NDArray[np.int64],
     settings: CheckSettings,
     reporter: Reporter,
 ) -> tuple[dict[str, OutlineTrack], dict[int, dict[str, CheckedFrame]]]:
-    """Takes the outlines of all cameras at the moments, and keeps some pictures."""
+    """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
     shown = {
@@ -205,7 +208,7 @@ def _checked_frame(frame: Frame, mask: NDArray[np.bool_]) -> CheckedFrame:
     return CheckedFrame(np.asarray(small, np.uint8), mask)
 
 
-def _follow(
+def _dense_outlines(
     recording: Recording,
     silhouettes: Silhouettes,
     name: str,
@@ -213,7 +216,7 @@ def _follow(
     most: int,
     reporter: Reporter,
 ) -> OutlineTrack:
-    """Takes one camera's outlines at all frames around the moments."""
+    """Outlines of one camera at all frames around the moments."""
     near = np.unique(
         np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
     )
@@ -225,34 +228,34 @@ def _follow(
     return OutlineTrack(recording.rig[name], recording.times_s[near], tuple(outlines))
 
 
-def _mended(
+def _repaired(
     rig: Rig, tracks: dict[str, OutlineTrack], times: NDArray[np.float64], repairs: Sequence[Repair]
 ) -> tuple[Rig | None, Agreement | None]:
-    """Believes the explanations, and checks again."""
-    done = [repair for repair in repairs if repair.kind != "unexplained"]
-    if not done:
+    """Rig with the repairs applied, and its agreement."""
+    known = [repair for repair in repairs if repair.kind != "unexplained"]
+    if not known:
         return None, None
-    mended = rig
-    for repair in done:
-        mended = (
-            exchanged(mended, repair.camera, repair.with_camera)
+    repaired = rig
+    for repair in known:
+        repaired = (
+            exchanged(repaired, repair.camera, repair.with_camera)
             if repair.with_camera
-            else repair.rig(mended)
+            else repair.rig(repaired)
         )
-    late = {repair.camera: repair.late_s for repair in done}
-    return mended, agreement(
-        [track.with_camera(mended[name]) for name, track in tracks.items()], times, late_s=late
+    late = {repair.camera: repair.offset_s for repair in known}
+    return repaired, agreement(
+        [track.with_camera(repaired[name]) for name, track in tracks.items()], times, offset_s=late
     )
 
 
 def exchanged(rig: Rig, first: str, second: str) -> Rig:
-    """Returns a rig in which two cameras have each other's name."""
+    """A rig with the names of two cameras exchanged."""
     other = {first: second, second: first}
     return Rig(tuple(replace(rig[other.get(name, name)], name=name) for name in rig.names))
 
 
-def _notes(recording: Recording, silhouettes: Silhouettes, found: Agreement) -> tuple[str, ...]:
-    """Says what cannot be known here."""
+def _notes(recording: Recording, silhouettes: Silhouettes, checked: Agreement) -> tuple[str, ...]:
+    """Limitations of the check of this recording."""
     notes = []
     if silhouettes.without_background:
         who = ", ".join(silhouettes.without_background)
@@ -270,7 +273,9 @@ def _notes(recording: Recording, silhouettes: Silhouettes, found: Agreement) -> 
             " it sure"
         )
     few = [
-        line.camera for line in found.table if line.moments < len(recording.rig) or line.planes < 12
+        line.camera
+        for line in checked.table
+        if line.moments < len(recording.rig) or line.planes < 12
     ]
     if few:
         notes.append(
@@ -285,8 +290,8 @@ def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
 
     Args:
         check: a check with something to repair.
-        recording: what was checked.
-        out: a folder to be made.
+        recording: the checked recording.
+        out: a folder to be created.
 
     Returns:
         The folder.
@@ -295,15 +300,15 @@ def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
         InputError: nothing can be repaired, or the folder exists or cannot be made.
     """
     if check.repaired is None:
-        reason = "all cameras agree" if check.found.agrees else "what happened is not known"
+        reason = "all cameras agree" if check.agreement.agrees else "what happened is not known"
         raise InputError(f"there is nothing to repair: {reason}; {out} was not written")
-    late = {repair.camera: repair.late_s for repair in check.repairs if repair.late_s}
+    late = {repair.camera: repair.offset_s for repair in check.repairs if repair.offset_s}
     with ResultWriter(out) as folder:
         write_rig(check.repaired, folder / "calibration.toml")
         if late:
             times = recording.file_times()
             write_timestamps(
                 folder / TIMESTAMPS,
-                {name: one - late.get(name, 0.0) for name, one in times.items()},
+                {name: camera_times - late.get(name, 0.0) for name, camera_times in times.items()},
             )
     return Path(out)

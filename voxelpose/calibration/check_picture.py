@@ -1,6 +1,4 @@
-"""A picture of a check: every camera's silhouette with the planes that touch the body in the other
-cameras.
-"""
+"""Picture of a check: each camera's silhouette with the tangent planes of the other cameras."""
 
 from __future__ import annotations
 
@@ -25,18 +23,16 @@ from voxelpose.view.images.canvas import (
 
 _GAP, _MARGIN, _HEAD, _CAPTION = 8, 28, 104, 30
 _WIDEST, _TILE = 1900, 360
-_BEYOND = 0.35  # of the silhouette's size shown around it
+_BORDER = 0.35  # shown around the silhouette, as a fraction of its size
 _GOOD: tuple[int, int, int] = LEFT
 _DIM = 0.55
 
 
 def draw_check(check: Check) -> Image:
-    """Draws the check, (h, w, 3) uint8 BGR.
+    """Draws a check, (h, w, 3) uint8 BGR, with a row per camera and a column per moment.
 
-    A row per camera, a column per moment. In each picture the silhouette is tinted, and lines show
-    where the silhouettes of the other
-    cameras say that it begins and ends: all touch it where the cameras agree. Lines of a camera
-        that does not agree are red.
+    The silhouette is tinted. Lines are the tangent planes of the other cameras' silhouettes: they
+    touch this one if the cameras agree. Lines of a camera that does not agree are red.
     """
     names = list(check.rig.names)
     moments = sorted(check.checked_frames)
@@ -83,34 +79,39 @@ def _columns(cameras: int) -> int:
 
 
 def _title(check: Check) -> str:
-    if check.found.agrees:
-        return check.found.words
-    return "; ".join(repair.words for repair in check.repairs) or check.found.words
+    if check.agreement.agrees:
+        return check.agreement.summary
+    return "; ".join(repair.summary for repair in check.repairs) or check.agreement.summary
 
 
 def _caption(sheet: Image, check: Check, name: str, left: int, base: int) -> None:
-    line = next(line for line in check.found.table if line.camera == name)
-    bad = name in check.found.culprits or any(
+    line = next(line for line in check.agreement.table if line.camera == name)
+    disagrees = name in check.agreement.culprits or any(
         name in (repair.camera, repair.with_camera) for repair in check.repairs
     )
-    write_text(sheet, name, left, base, 16, WARNING if bad else INK, bold=True)
-    words = f"{line.error_px:.1f} px from the others" + (", does not agree" if bad else "")
+    write_text(sheet, name, left, base, 16, WARNING if disagrees else INK, bold=True)
+    caption = f"{line.error_px:.1f} px from the others" + (", does not agree" if disagrees else "")
     write_text(
-        sheet, words, left + text_width(name, 16, True) + 14, base, 14, WARNING if bad else FAINT
+        sheet,
+        caption,
+        left + text_width(name, 16, True) + 14,
+        base,
+        14,
+        WARNING if disagrees else FAINT,
     )
 
 
 def _box(masks: list[NDArray[np.bool_]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the low and high corner (x, y), working px, around silhouettes, with some room."""
+    """Low and high corner (x, y), working px, of a box around silhouettes, with a border."""
     column, row = np.nonzero(np.any(masks, axis=0))[::-1]
     size = np.array(masks[0].shape[::-1], dtype=np.float64)
     if not len(row):
         return np.zeros(2), size
-    # Flicker far from the body must not make it small.
+    # Percentiles, because of flicker far from the body.
     low = np.array([np.percentile(column, 1), np.percentile(row, 1)])
     high = np.array([np.percentile(column, 99), np.percentile(row, 99)])
-    room = _BEYOND * max(high - low)
-    return np.maximum(low - room, 0), np.minimum(high + room, size)
+    border = _BORDER * max(high - low)
+    return np.maximum(low - border, 0), np.minimum(high + border, size)
 
 
 def _tile(
@@ -120,46 +121,48 @@ def _tile(
     box: tuple[NDArray[np.float64], NDArray[np.float64]],
     tile: tuple[int, int],
 ) -> Image:
-    """Draws one camera at one moment."""
+    """Image of one camera at one moment, cropped and annotated."""
     checked: CheckedFrame = check.checked_frames[moment][name]
     low, high = box
     scale = min(tile[0] / (high - low)[0], tile[1] / (high - low)[1])
     shift = np.array(tile) / 2 - scale * (low + high) / 2
-    move = np.column_stack([scale * np.eye(2), shift])
+    warp = np.column_stack([scale * np.eye(2), shift])
     tinted = (checked.frame * _DIM).astype(np.uint8)
     tinted[checked.mask] = np.clip(0.5 * checked.frame[checked.mask] + 110, 0, 255).astype(np.uint8)
     image = np.asarray(
-        cv2.warpAffine(tinted, move, tile, flags=cv2.INTER_LINEAR, borderValue=(48, 42, 38)),
+        cv2.warpAffine(tinted, warp, tile, flags=cv2.INTER_LINEAR, borderValue=(48, 42, 38)),
         np.uint8,
     )
-    at = int(np.flatnonzero(check.moments == moment)[0])
-    time_s = check.times_s[at]
+    index = int(np.flatnonzero(check.moments == moment)[0])
+    time_s = check.times_s[index]
     camera = check.rig[name]
     zoom = np.array(checked.mask.shape[::-1]) / camera.size
     for other, track in check.tracks.items():
         if other == name:
             continue
-        bad = other in check.found.culprits and name not in check.found.culprits
+        disagrees = other in check.agreement.culprits and name not in check.agreement.culprits
         for line in touching_lines(camera, track, time_s):
-            pixels = (((line + 0.5) * zoom - 0.5) @ move[:, :2].T) + move[:, 2]
-            stroke(image, pixels, WARNING if bad or name in check.found.culprits else _GOOD)
+            pixels = (((line + 0.5) * zoom - 0.5) @ warp[:, :2].T) + warp[:, 2]
+            stroke(
+                image, pixels, WARNING if disagrees or name in check.agreement.culprits else _GOOD
+            )
     return image
 
 
 def touching_lines(camera: Camera, other: OutlineTrack, time_s: float) -> list[NDArray[np.float64]]:
-    """Returns where a camera sees the planes that touch the body in another camera, (N, 2) px each."""
+    """Images (N, 2), px, in a camera of the planes that are tangent to the body in another one."""
     baseline = other.camera.center_m - camera.center_m
     baseline = baseline / max(float(np.linalg.norm(baseline)), 1e-9)
     zero = other.toward_body()
     first = zero - (zero @ baseline) * baseline
     first /= max(float(np.linalg.norm(first)), 1e-9)
     second = np.cross(baseline, first)
-    angles, _ = other.touching(baseline, zero)
-    at = int(np.abs(other.time_s - time_s).argmin())
+    angles, _ = other.tangent_angles(baseline, zero)
+    index = int(np.abs(other.time_s - time_s).argmin())
     lines = []
-    for angle in angles[at][np.isfinite(angles[at])]:
-        beside = np.cos(angle) * first + np.sin(angle) * second
+    for angle in angles[index][np.isfinite(angles[index])]:
+        normal_ray = np.cos(angle) * first + np.sin(angle) * second
         along = np.tan(np.linspace(-1.5, 1.5, 400))
-        pixels, _ = camera.project(camera.center_m + beside + along[:, None] * baseline)
+        pixels, _ = camera.project(camera.center_m + normal_ray + along[:, None] * baseline)
         lines.append(pixels)
     return lines

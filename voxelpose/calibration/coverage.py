@@ -1,4 +1,4 @@
-"""A picture of where in the image boards were seen."""
+"""Picture of the corners used for the lens calibration of each camera."""
 
 import numpy as np
 
@@ -24,13 +24,12 @@ _FILLED = (66, 56, 48)
 
 
 def coverage_picture(lenses: list[Lens]) -> Image:
-    """Draws, for every camera, the corners that were used; parts of the image without any are dyed
-    red.
+    """Draws the used corners of every camera; cells of the image without any are red.
 
     Returns:
         (H, W, 3) uint8, BGR.
     """
-    panels = [_panel(one) for one in lenses]
+    panels = [_panel(lens) for lens in lenses]
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
     width = max(sum(panel.shape[1] for panel in row) for row in rows)
     picture = np.empty(
@@ -49,32 +48,32 @@ def coverage_picture(lenses: list[Lens]) -> Image:
 
 def _panel(lens: Lens) -> Image:
     """Draws one camera."""
-    found = lens.intrinsics
-    scale = _PANEL / max(found.size)
-    width, height = (round(side * scale) for side in found.size)
+    intrinsics = lens.intrinsics
+    scale = _PANEL / max(intrinsics.size)
+    width, height = (round(side * scale) for side in intrinsics.size)
     used = lens.used()
-    head = f"{lens.camera}"
     detail = (
-        f"{found.rms_px:.2f} px in {len(used)} pictures, focal length {found.matrix[0, 0]:.0f} px"
+        f"{intrinsics.rms_px:.2f} px in {len(used)} pictures, focal length"
+        f" {intrinsics.matrix[0, 0]:.0f} px"
     )
     across = max(width, text_width(detail, 15), text_width(_LEGEND, 13)) + 2 * _MARGIN
     panel = np.empty((height + _HEAD + _FOOT, across, 3), np.uint8)
     panel[:] = PAPER
-    write_text(panel, head, _MARGIN, 30, 20, INK, bold=True)
+    write_text(panel, lens.camera, _MARGIN, 30, 20, INK, bold=True)
     write_text(panel, detail, _MARGIN, 54, 15, FAINT)
     image = panel[_HEAD : _HEAD + height, _MARGIN : _MARGIN + width]
-    cells = len(found.coverage)
+    cells = len(intrinsics.coverage)
     edges_x, edges_y = (
         np.round(np.linspace(0, side, cells + 1)).astype(int) for side in (width, height)
     )
-    for row, column in np.ndindex(found.coverage.shape):
+    for row, column in np.ndindex(intrinsics.coverage.shape):
         image[edges_y[row] : edges_y[row + 1], edges_x[column] : edges_x[column + 1]] = (
-            _FILLED if found.coverage[row, column] else _EMPTY
+            _FILLED if intrinsics.coverage[row, column] else _EMPTY
         )
     for view in used.values():
         for pixel in view.pixels:
             dot(image, (pixel + 0.5) * scale - 0.5, 1.8, LEFT)
-    middle = (found.matrix[:2, 2] + 0.5) * scale - 0.5
+    middle = (intrinsics.matrix[:2, 2] + 0.5) * scale - 0.5
     for arm in np.array([[7.0, 0], [0, 7.0]]):
         stroke(image, np.array([middle - arm, middle + arm]), INK)
     border = np.array(
@@ -87,7 +86,7 @@ def _panel(lens: Lens) -> Image:
         _MARGIN,
         height + _HEAD + 22,
         13,
-        WARNING if (found.coverage == 0).any() else FAINT,
+        WARNING if (intrinsics.coverage == 0).any() else FAINT,
     )
     return panel
 

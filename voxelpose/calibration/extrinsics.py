@@ -1,4 +1,4 @@
-"""From a recording of a board, or from listed points, to where the cameras stand."""
+"""Camera poses from a recording of a board."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ _RATES_DIFFER = 0.01
 
 @dataclass(frozen=True)
 class ExtrinsicsSettings:
-    """How a recording of a board is read.
+    """Settings of the calibration of poses.
 
     Attributes:
-        floor: Frame at which the board lies on the floor.
-        wanted: Moments to use, at most.
-        cameras: Cameras to use; None: all.
-        refine_lenses: Whether the lenses may change too.
+        floor: Frame at which the board lies on the floor; None if there is none.
+        max_moments: Maximum number of moments used.
+        cameras: Names of the cameras used; None for all.
+        refine_lenses: Whether the lens parameters are refined too.
     """
 
     floor: int | None = None
-    wanted: int = 150
+    max_moments: int = 150
     cameras: Sequence[str] | None = None
     refine_lenses: bool = False
 
@@ -38,20 +38,20 @@ class ExtrinsicsSettings:
 def extrinsics_from_recording(
     board: Board, lenses: Rig, folder: Path, settings: ExtrinsicsSettings, reporter: Reporter
 ) -> Extrinsics:
-    """Finds where cameras stand.
+    """Estimates the poses of cameras.
 
     Args:
-        board: The board that was carried about.
-        lenses: Cameras with their lenses.
+        board: The board that was moved through the room.
+        lenses: Cameras with calibrated lenses.
         folder: A video, a folder of frames or a still per camera, synchronous.
-        settings: How to read it.
-        reporter: Hears of every moment.
+        settings: Settings.
+        reporter: Receives the progress.
 
-    Raises: InputError: Cameras and pictures do not belong together, or the pictures do not say
-        where the cameras stand.
+    Raises:
+        InputError: Cameras and pictures do not match, or the pictures do not determine the poses.
     """
     readers, lenses = _readers(folder, lenses, settings.cameras, reporter)
-    moments = board_moments(board, readers, settings.floor, settings.wanted, reporter)
+    moments = board_moments(board, readers, settings.floor, settings.max_moments, reporter)
     if not moments.views:
         seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
         raise InputError(
@@ -66,7 +66,7 @@ def extrinsics_from_recording(
 def _readers(
     folder: Path, lenses: Rig, cameras: Sequence[str] | None, reporter: Reporter
 ) -> tuple[dict[str, FrameReader], Rig]:
-    """Opens the pictures of all cameras and checks that they belong together."""
+    """Opens the pictures of all cameras and checks their consistency."""
     if not folder.is_dir():
         raise InputError(
             f"{folder} is no recording of a board: give a folder with a video (or a still) per"
@@ -89,34 +89,34 @@ def _readers(
     if missing := [name for name in lenses.names if name not in paths]:
         raise InputError(f"no pictures of {', '.join(missing)} in {folder}: {remedy}")
     readers = {name: FrameReader.open(paths[name]) for name in lenses.names}
-    for name, one in readers.items():
-        if one.size != lenses[name].size:
-            seen, known = (f"{w}x{h}" for w, h in (one.size, lenses[name].size))
+    for name, reader in readers.items():
+        if reader.size != lenses[name].size:
+            seen, known = (f"{w}x{h}" for w, h in (reader.size, lenses[name].size))
             raise InputError(
                 f"camera {name} recorded at {seen}, its lens was calibrated at {known}: use one"
                 " size"
             )
-    rates = {name: one.fps for name, one in readers.items() if one.fps}
+    rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
     if rates and max(rates.values()) > (1 + _RATES_DIFFER) * min(rates.values()):
-        told = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
+        listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
         raise InputError(
-            f"the videos have different rates ({told} frames per second): bring them to one rate"
+            f"the videos have different rates ({listed} frames per second): bring them to one rate"
             " first"
         )
-    counts = {name: one.frame_count for name, one in readers.items()}
+    counts = {name: reader.frame_count for name, reader in readers.items()}
     if len(set(counts.values())) > 1:
-        told = ", ".join(f"{name} {count}" for name, count in counts.items())
+        listed = ", ".join(f"{name} {count}" for name, count in counts.items())
         reporter.note(
-            f"the videos differ in length ({told} frames): taken to start together, the first"
+            f"the videos differ in length ({listed} frames): taken to start together, the first"
             f" {min(counts.values())} are used"
         )
     return readers, lenses
 
 
-def extrinsics_notes(found: Extrinsics) -> dict[str, object]:
-    """Returns what to keep beside the numbers: how sure each camera's place is."""
+def extrinsics_notes(result: Extrinsics) -> dict[str, object]:
+    """Accuracy of each camera's pose, for the calibration file."""
     notes = {}
-    for line in found.table:
+    for line in result.table:
         note: dict[str, object] = {"rms_px": round(line.rms_px, 4), "seen": line.seen}
         if np.isfinite(line.position_mm):
             note |= {
@@ -127,10 +127,10 @@ def extrinsics_notes(found: Extrinsics) -> dict[str, object]:
     return notes
 
 
-def extrinsics_report(found: Extrinsics) -> dict[str, object]:
-    """Returns everything known of the places, for a JSON file."""
+def extrinsics_report(result: Extrinsics) -> dict[str, object]:
+    """The calibration's accuracy in full, for a JSON file."""
     return {
-        "rms_px": found.rms_px,
+        "rms_px": result.rms_px,
         "cameras": {
             camera.name: {
                 "center_m": camera.center_m,
@@ -139,10 +139,10 @@ def extrinsics_report(found: Extrinsics) -> dict[str, object]:
                 "position_standard_error_mm": line.position_mm,
                 "rotation_standard_error_deg": line.rotation_deg,
             }
-            for camera, line in zip(found.rig, found.table, strict=True)
+            for camera, line in zip(result.rig, result.table, strict=True)
         },
         "shared": [
-            {"cameras": pair, "count": count} for pair, count in found.shared_boards.items()
+            {"cameras": pair, "count": count} for pair, count in result.shared_boards.items()
         ],
-        "advice": found.advice,
+        "advice": result.advice,
     }

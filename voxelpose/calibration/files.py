@@ -1,6 +1,4 @@
-"""What calibrations are written to: the calibration, and beside it a report and a picture, all of
-them or none.
-"""
+"""Output files of a calibration: the calibration itself, a report and a picture."""
 
 import os
 import tomllib
@@ -17,40 +15,21 @@ from voxelpose.results import as_json
 from voxelpose.view.images.canvas import Image
 
 
-def beside(out: Path, what: str) -> Path:
-    """Returns the name of a file that goes with a calibration: calibration_rig.png beside
-    calibration.toml.
-    """
-    return out.with_name(f"{out.stem}_{what}")
-
-
-def refuse_existing(paths: list[Path], overwrite: bool) -> None:
-    """Looks at where results are to go, before any work is done.
-
-    Raises:
-        InputError: A file exists and is not to be replaced, or its folder does not exist.
-    """
-    for path in paths:
-        if path.exists() and not overwrite:
-            raise InputError(
-                f"{path} exists: give --out another name, or add --overwrite to replace it"
-            )
-        if not path.parent.is_dir():
-            raise InputError(
-                f"{path}: there is no folder {path.parent}: make it, or give --out another name"
-            )
+def beside(out: Path, suffix: str) -> Path:
+    """Path of an accompanying file, such as calibration_rig.png for calibration.toml."""
+    return out.with_name(f"{out.stem}_{suffix}")
 
 
 def png(picture: Image) -> bytes:
-    """Returns a picture as PNG."""
-    good, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    if not good:
+    """PNG encoding of a picture."""
+    encoded, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    if not encoded:
         raise OSError("PNG")
     return data.tobytes()
 
 
 def write_png(picture: Image, path: Path) -> None:
-    """Writes a picture, whole or not at all.
+    """Writes a picture as PNG. A failure leaves no partial file.
 
     Raises:
         InputError: The file cannot be written.
@@ -68,40 +47,38 @@ def write_png(picture: Image, path: Path) -> None:
 def write_calibration(
     rig: Rig, out: Path, notes: Mapping[str, Any], others: Mapping[Path, bytes]
 ) -> None:
-    """Writes a calibration and what goes with it; nothing is left half written.
+    """Writes a calibration and its accompanying files. A failure leaves no partial file.
 
     Args:
         rig: The cameras.
-        out: The calibration; its suffix chooses the format.
-        notes: Kept in the calibration, where its format has a place for it.
-        others: Content by path.
+        out: The calibration; its suffix selects the format.
+        notes: Stored in the calibration, if its format supports that.
+        others: Content of the other files by path.
 
     Raises:
         InputError: A file cannot be written.
     """
-    waiting = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in others}
+    partials = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in others}
     try:
         for path, content in others.items():
-            waiting[path].write_bytes(content)
+            partials[path].write_bytes(content)
         write_rig(rig, out, notes=notes)
-        for path, partial in waiting.items():
+        for path, partial in partials.items():
             partial.replace(path)
     except OSError as error:
         raise InputError(f"{out}: cannot write: {error.strerror or error}") from None
     finally:
-        for partial in waiting.values():
+        for partial in partials.values():
             partial.unlink(missing_ok=True)
 
 
 def report_json(document: Mapping[str, object]) -> bytes:
-    """Returns a report as JSON."""
+    """JSON encoding of a report."""
     return as_json(document).encode()
 
 
 def notes_of(path: Path) -> dict[str, Any]:
-    """Returns what a calibration keeps under [metadata] beside its unit; nothing where it has no
-    such place.
-    """
+    """Entries under [metadata] of a calibration, without the unit; empty if there are none."""
     try:
         metadata = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("metadata", {})
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):

@@ -1,4 +1,4 @@
-"""From pictures of a board to the lenses of all cameras."""
+"""Lens calibration of all cameras from pictures of a board."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,14 +15,20 @@ from voxelpose.calibration.board_views import CameraPictures, find_views, stride
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera's lens and the views it was made from."""
+    """A camera's lens and the views from which it was calibrated.
+
+    Attributes:
+        camera: Name of the camera.
+        intrinsics: The calibrated lens.
+        views: Detections by picture name.
+    """
 
     camera: str
     intrinsics: Intrinsics
     views: Mapping[str, BoardView | Refusal]
 
     def used(self) -> dict[str, BoardView]:
-        """Returns the views that counted."""
+        """The views that were used."""
         kept = {line.picture for line in self.intrinsics.pictures if line.left_out is None}
         return {
             name: view
@@ -35,20 +41,20 @@ def calibrate_lenses(
     board: Board,
     cameras: Mapping[str, CameraPictures],
     kind: LensKind,
-    wanted: int,
+    max_views: int,
     reporter: Reporter,
 ) -> tuple[list[Lens], dict[str, str]]:
-    """Calibrates every camera on its own.
+    """Calibrates each camera separately.
 
     Args:
         board: The board.
         cameras: Pictures by camera.
-        kind: Model of the lenses.
-        wanted: Frames of a video to use, at most.
-        reporter: Hears of every picture.
+        kind: Lens model.
+        max_views: Maximum number of frames of a video.
+        reporter: Receives the progress.
 
     Returns:
-        The lenses, and by camera why there is none.
+        The lenses, and the reasons of failure by camera.
     """
     lenses, failures = [], {}
     for name, pictures in cameras.items():
@@ -57,61 +63,63 @@ def calibrate_lenses(
         )
         reporter.stage(f"pictures of {name}", total)
         try:
-            views = find_views(board, pictures, wanted, reporter)
+            views = find_views(board, pictures, max_views, reporter)
             reporter.stage(f"lens of {name}")
             lenses.append(Lens(name, calibrate_intrinsics(board, views, kind, name), views))
         except InputError as error:
-            said = str(error)
-            failures[name] = said if name in said else f"camera {name}: {said}"
+            message = str(error)
+            failures[name] = message if name in message else f"camera {name}: {message}"
     return lenses, failures
 
 
 def lens_rig(lenses: list[Lens]) -> Rig:
-    """Returns the cameras with their lenses, all at the origin."""
+    """Cameras with these lenses, all at the origin."""
     return Rig(
         tuple(
             Camera(
-                one.camera,
-                found.size,
-                found.matrix,
-                found.distortion,
+                lens.camera,
+                intrinsics.size,
+                intrinsics.matrix,
+                intrinsics.distortion,
                 np.eye(3),
                 np.zeros(3),
-                found.fisheye,
+                intrinsics.fisheye,
             )
-            for one in lenses
-            for found in (one.intrinsics,)
+            for lens in lenses
+            for intrinsics in (lens.intrinsics,)
         )
     )
 
 
 def lens_notes(lenses: list[Lens]) -> dict[str, object]:
-    """Returns what to keep beside the numbers: how good each lens is."""
+    """Accuracy of each lens, for the calibration file."""
     notes = {}
-    for one in lenses:
-        found = one.intrinsics
-        notes[one.camera] = {
-            "rms_px": round(found.rms_px, 4),
-            "pictures": len(one.used()),
-            "focal_standard_error_px": [round(float(error), 3) for error in found.focal_error_px],
+    for lens in lenses:
+        intrinsics = lens.intrinsics
+        notes[lens.camera] = {
+            "rms_px": round(intrinsics.rms_px, 4),
+            "pictures": len(lens.used()),
+            "focal_standard_error_px": [
+                round(float(error), 3) for error in intrinsics.focal_error_px
+            ],
         }
     return notes
 
 
 def lens_report(lenses: list[Lens]) -> dict[str, object]:
-    """Returns everything known of the lenses, for a JSON file."""
+    """The lenses and their accuracy in full, for a JSON file."""
     report = {}
-    for one in lenses:
-        found = one.intrinsics
-        report[one.camera] = {
-            "size": found.size,
-            "matrix": found.matrix,
-            "distortion": found.distortion,
-            "fisheye": found.fisheye,
-            "rms_px": found.rms_px,
-            "focal_standard_error_px": found.focal_error_px,
-            "corners_per_cell": found.coverage,
-            "advice": found.advice,
+    for lens in lenses:
+        intrinsics = lens.intrinsics
+        report[lens.camera] = {
+            "size": intrinsics.size,
+            "matrix": intrinsics.matrix,
+            "distortion": intrinsics.distortion,
+            "fisheye": intrinsics.fisheye,
+            "rms_px": intrinsics.rms_px,
+            "focal_standard_error_px": intrinsics.focal_error_px,
+            "corners_per_cell": intrinsics.coverage,
+            "advice": intrinsics.advice,
             "pictures": [
                 {
                     "picture": line.picture,
@@ -119,7 +127,7 @@ def lens_report(lenses: list[Lens]) -> dict[str, object]:
                     "rms_px": line.rms_px,
                     "left_out": line.left_out,
                 }
-                for line in found.pictures
+                for line in intrinsics.pictures
             ],
         }
     return report

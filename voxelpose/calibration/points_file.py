@@ -1,6 +1,4 @@
-"""Listed points of a scene, as CSV: camera,point,x_px,y_px and, where a point was measured,
-x_m,y_m,z_m.
-"""
+"""Scene points as CSV: camera,point,x_px,y_px and, for measured points, x_m,y_m,z_m."""
 
 import csv
 from pathlib import Path
@@ -15,9 +13,9 @@ _METRES = ("x_m", "y_m", "z_m")
 
 
 def read_points(path: Path) -> ScenePoints:
-    """Reads listed points.
+    """Reads scene points.
 
-    A point that was measured has x_m, y_m and z_m in at least one of its rows, z up.
+    A measured point has x_m, y_m and z_m (up) in at least one of its rows.
 
     Raises:
         InputError: The file is missing, a column is, or a row is wrong; the row is named.
@@ -36,27 +34,27 @@ def read_points(path: Path) -> ScenePoints:
     pixels: dict[str, dict[str, np.ndarray]] = {}
     known: dict[str, np.ndarray] = {}
     for number, row in enumerate(rows, start=2):
-        where = f"{path} line {number}"
+        location = f"{path} line {number}"
         camera, point = ((row[key] or "").strip() for key in ("camera", "point"))
         seen = pixels.setdefault(point, {})
         if camera in seen:
-            raise InputError(f"{where}: point {point} is listed twice for camera {camera}")
-        seen[camera] = _numbers(row, _PIXELS, where)
+            raise InputError(f"{location}: point {point} is listed twice for camera {camera}")
+        seen[camera] = _numbers(row, _PIXELS, location)
         stated = [key for key in _METRES if (row.get(key) or "").strip()]
         if not stated:
             continue
-        place = _numbers(row, _METRES, where)
-        if point in known and not np.array_equal(known[point], place):
-            raise InputError(f"{where}: point {point} has other world coordinates than before")
-        known[point] = place
+        position = _numbers(row, _METRES, location)
+        if point in known and not np.array_equal(known[point], position):
+            raise InputError(f"{location}: point {point} has other world coordinates than before")
+        known[point] = position
     return ScenePoints(pixels, known)
 
 
-def _numbers(row: dict[str, str], keys: tuple[str, ...], where: str) -> np.ndarray:
+def _numbers(row: dict[str, str], keys: tuple[str, ...], location: str) -> np.ndarray:
     try:
         numbers = np.array([float(row[key] or "") for key in keys])
     except (KeyError, ValueError):
         numbers = np.array([np.nan])
     if not np.isfinite(numbers).all():
-        raise InputError(f"{where}: {', '.join(keys)} must be numbers")
+        raise InputError(f"{location}: {', '.join(keys)} must be numbers")
     return numbers

@@ -1,6 +1,4 @@
-"""A picture of a rig: cameras, the volume that they see together, and the floor, from above and
-from the side.
-"""
+"""Picture of a rig from above and from the side: cameras, their common volume, and the floor."""
 
 from dataclasses import dataclass, replace
 
@@ -27,17 +25,24 @@ from voxelpose.view.images.canvas import (
 FloatArray = NDArray[np.float64]
 
 _PANEL, _MARGIN, _HEAD, _GAP, _FOOT = 640, 48, 84, 56, 44
-_CELLS = 72  # along the longest edge of what is shown
+_CELLS = 72  # along the longest edge
 _LINE = (52, 45, 40)
-_SEEN = (96, 84, 62)  # colour of what all cameras see
-_PERSON_M = np.linspace(0.1, 1.8, 6)  # heights that count for the view from above
+_SEEN = (96, 84, 62)  # colour of the volume seen by all cameras
+_PERSON_M = np.linspace(0.1, 1.8, 6)  # heights tested for the view from above
 _TALLEST_M = 2.5
 
 
 @dataclass(frozen=True)
 class _Panel:
-    """One view: which world axes run right and up, what lies at its lower left end (m), and where
-    that is in the picture (px).
+    """One orthographic view.
+
+    Attributes:
+        right: World axis that points right.
+        up: World axis that points up.
+        low: (3,) float64, m, world point at the lower left corner.
+        scale: px per m.
+        left_px: Column of that corner in the picture.
+        bottom_px: Row of that corner in the picture.
     """
 
     right: int
@@ -48,7 +53,7 @@ class _Panel:
     bottom_px: float
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Returns pixels (N, 2) of world points (N, 3)."""
+        """Pixels (N, 2) of world points (N, 3)."""
         return np.column_stack(
             [
                 self.left_px + (points[:, self.right] - self.low[self.right]) * self.scale,
@@ -60,8 +65,10 @@ class _Panel:
 def rig_picture(rig: Rig, floor: bool = True) -> Image:
     """Draws a rig.
 
-    Args: rig: The cameras. floor: Whether the world's z is up from the floor; if not, the cameras'
-        own upright is taken for up.
+    Args:
+        rig: The cameras.
+        floor: Whether the world's z is the height above the floor; if not, the mean upright of the
+            cameras is drawn upward.
 
     Returns:
         (H, W, 3) uint8, BGR: from above on the left, from the side on the right.
@@ -105,25 +112,25 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
                 write_text(picture, letter, round(ends[1, 0]) + 4, round(ends[1, 1]) - 4, 13, RIGHT)
         for camera in rig:
             _draw(picture, panel, camera, 0.1 * edges.max())
-    seen = (
+    shade = (
         f"shade: seen by 2 to all {len(rig)} cameras"
         if len(rig) > 2
         else "shade: seen by both cameras"
         if len(rig) == 2
         else "shade: seen"
     )
-    said = seen + (
+    caption = shade + (
         "; left: a standing person, from feet to head"
         if floor
         else "; no floor was given: up is a guess, from the cameras"
     )
     write_text(picture, f"{len(rig)} cameras, a line every metre", _MARGIN, 36, 20, INK, bold=True)
-    write_text(picture, said, _MARGIN, height - 14, 14, FAINT)
+    write_text(picture, caption, _MARGIN, height - 14, 14, FAINT)
     return picture
 
 
 def _upright(rig: Rig) -> Rig:
-    """Turns the world so that the cameras' mean upright is z."""
+    """The rig in a world in which z is the cameras' mean upright."""
     up = -np.mean([camera.rotation[1] for camera in rig], axis=0)
     up /= np.linalg.norm(up)
     axis = np.cross(up, [0, 0, 1.0])
@@ -137,12 +144,10 @@ def _upright(rig: Rig) -> Rig:
 
 
 def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
-    """Returns the low and high corner of what is shown, m: the cameras, where they look, and some
-    air.
-    """
+    """Low and high corner, m, of a box around the cameras and the point they look at."""
     centers = np.array([camera.center_m for camera in rig])
     axes = np.array([camera.rotation[2] for camera in rig])
-    # The point nearest to all optical axes; for cameras side by side, some way ahead.
+    # The point nearest to all optical axes; limited for almost parallel axes.
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     middle = np.linalg.lstsq(
         across.sum(axis=0) + 1e-3 * np.eye(3),
@@ -155,27 +160,27 @@ def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
         [centers, middle[None], *([np.zeros((1, 3)), [[0, 0, _TALLEST_M]]] if floor else [])]
     )
     low, high = shown.min(axis=0), shown.max(axis=0)
-    air = 0.12 * max(float((high - low).max()), 1.0)
-    return low - air, high + air
+    margin = 0.12 * max(float((high - low).max()), 1.0)
+    return low - margin, high + margin
 
 
 def _counts(
     rig: Rig, low: FloatArray, high: FloatArray, floor: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Counts the cameras that see each cell, from above (y, x) and from the side (z, x).
+    """Number of cameras that see each cell, from above (y, x) and from the side (z, x).
 
-    From above: a person from feet to head where there is a floor, else anything at any height. From
-        the side: anything at any y.
+    From above: a person from feet to head if there is a floor, else the maximum over all heights.
+    From the side: the maximum over y.
     """
     step = float((high - low).max()) / _CELLS
     x, y, z = (np.arange(low[axis] + step / 2, high[axis], step) for axis in range(3))
-    whole = _seen_by(rig, x, y, z)
-    above = _seen_by(rig, x, y, _PERSON_M).min(axis=2) if floor else whole.max(axis=2)
-    return above.T, whole.max(axis=1).T
+    seen = _seen_by(rig, x, y, z)
+    above = _seen_by(rig, x, y, _PERSON_M).min(axis=2) if floor else seen.max(axis=2)
+    return above.T, seen.max(axis=1).T
 
 
 def _seen_by(rig: Rig, x: FloatArray, y: FloatArray, z: FloatArray) -> NDArray[np.int64]:
-    """Returns (X, Y, Z) int64: how many cameras have each point in their picture."""
+    """Number (X, Y, Z) int64 of cameras that have each point in their image."""
     points = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
     count = np.zeros(len(points), dtype=np.int64)
     for camera in rig:
@@ -188,7 +193,7 @@ def _seen_by(rig: Rig, x: FloatArray, y: FloatArray, z: FloatArray) -> NDArray[n
 def _shade(
     picture: Image, panel: _Panel, count: NDArray[np.int64], high: FloatArray, cameras: int
 ) -> None:
-    """Dyes what two cameras or more see, the more the brighter."""
+    """Shades cells seen by two cameras or more, brighter for more cameras."""
     corner = panel.at(high[None])[0]
     left, bottom, right, top = (
         round(panel.left_px),
@@ -197,18 +202,18 @@ def _shade(
         round(corner[1]),
     )
     least = min(2, cameras)
-    share = np.where(count >= least, (count - least + 1) / (cameras - least + 1), 0.0)
-    share = cv2.resize(
-        share[::-1].astype(np.float32),
+    fraction = np.where(count >= least, (count - least + 1) / (cameras - least + 1), 0.0)
+    fraction = cv2.resize(
+        fraction[::-1].astype(np.float32),
         (right - left, bottom - top),
         interpolation=cv2.INTER_NEAREST,
     )[..., None]
     area = picture[top:bottom, left:right]
-    area[:] = np.round(area + share * (np.array(_SEEN) - area)).astype(np.uint8)
+    area[:] = np.round(area + fraction * (np.array(_SEEN) - area)).astype(np.uint8)
 
 
 def _grid(picture: Image, panel: _Panel, high: FloatArray) -> None:
-    """Draws a line every metre and the border."""
+    """Draws a grid of one metre and the border."""
     low = panel.low
     for axis in (panel.right, panel.up):
         other = panel.up if axis == panel.right else panel.right
@@ -223,22 +228,22 @@ def _grid(picture: Image, panel: _Panel, high: FloatArray) -> None:
 
 
 def _draw(picture: Image, panel: _Panel, camera: Camera, length: float) -> None:
-    """Draws a camera as the pyramid that it sees, with its name behind it."""
+    """Draws a camera as its viewing pyramid, with its name behind it."""
     width, height = camera.size
     corners = np.array(
         [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=float
     )
-    # Where a wide lens bends the corners away, straight lines through the matrix do for a picture.
+    # Without distortion, because wide lenses may have no rays at the corners.
     rays = camera.pinhole().rays(corners)[1]
     rays /= np.abs(rays @ camera.rotation[2])[:, None]
     ends = panel.at(camera.center_m + length * rays)
-    place = panel.at(camera.center_m[None])[0]
+    apex = panel.at(camera.center_m[None])[0]
     for end in ends:
-        stroke(picture, np.array([place, end]), LEFT)
+        stroke(picture, np.array([apex, end]), LEFT)
     stroke(picture, ends, LEFT, closed=True)
-    dot(picture, place, 4, LEFT)
-    back = place - panel.at((camera.center_m + camera.rotation[2])[None])[0]
+    dot(picture, apex, 4, LEFT)
+    back = apex - panel.at((camera.center_m + camera.rotation[2])[None])[0]
     back /= np.linalg.norm(back) + 1e-9
-    x = place[0] + 14 * back[0] - (text_width(camera.name, 14) if back[0] < 0 else 0)
+    x = apex[0] + 14 * back[0] - (text_width(camera.name, 14) if back[0] < 0 else 0)
     x = np.clip(x, 2, picture.shape[1] - text_width(camera.name, 14) - 2)
-    write_text(picture, camera.name, round(float(x)), round(place[1] + 14 * back[1] + 5), 14, INK)
+    write_text(picture, camera.name, round(float(x)), round(apex[1] + 14 * back[1] + 5), 14, INK)

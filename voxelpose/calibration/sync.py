@@ -1,4 +1,4 @@
-"""By how much the cameras of a recording are out of step, and timestamps.csv to put them in step."""
+"""Clock offsets between a recording's cameras, and the timestamps.csv that corrects them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.agreement import picture_scale
+from calib.agreement import image_scale
 from calib.errors import InputError
 from calib.synchronise import Synchronisation, synchronise
 from calib.tangency import Outline, OutlineTrack
@@ -24,28 +24,28 @@ _DOUBTFUL_PX = 0.8  # of a picture of 480 x 360
 
 @dataclass(frozen=True)
 class SyncSettings:
-    """How offsets are looked for.
+    """Settings of the synchronisation.
 
     Attributes:
-        most_s: the largest offset between two cameras, s.
-        seconds: how much of the recording is looked at, from its middle.
-        reference: the camera whose clock counts; None for the first.
-        rates: frames per second by camera name, where the files do not tell or are wrong.
-        unit: unit of the calibration's lengths, where the file does not say it.
+        max_offset_s: largest offset between two cameras, s.
+        seconds: length of the middle part of the recording that is used, s.
+        reference: camera whose clock is the reference; None for the first.
+        rates: frames per second by camera name, if missing or wrong in the files.
+        unit: unit of the calibration's lengths, if the file does not state it.
     """
 
-    most_s: float = 2.0
+    max_offset_s: float = 2.0
     seconds: float = 12.0
     reference: str | None = None
     rates: dict[str, float] | None = None
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        """Checks what the user gave."""
-        if not (np.isfinite(self.most_s) and self.most_s > 0):
+        """Checks the values."""
+        if not (np.isfinite(self.max_offset_s) and self.max_offset_s > 0):
             raise InputError(
-                f"offsets of at most {self.most_s:g} s cannot be looked for: give a positive number"
-                " of seconds"
+                f"offsets of at most {self.max_offset_s:g} s cannot be looked for: give a positive"
+                " number of seconds"
             )
         if not (np.isfinite(self.seconds) and self.seconds > 0):
             raise InputError(
@@ -55,14 +55,17 @@ class SyncSettings:
 
 @dataclass(frozen=True, eq=False)
 class Sync:
-    """A recording's synchronisation.
+    """Synchronisation of a recording.
 
-    Attributes: found: the offsets. times: when every camera's frames were taken by its own clock,
-        s: the files' rates from a common start. fps: each camera's rate. notes: what makes the
-        answer less sure.
+    Attributes:
+        result: the offsets.
+        times: times of every camera's frames by its own clock, s, from the files' rates and a
+            common start.
+        fps: rate of each camera.
+        notes: limitations of this result.
     """
 
-    found: Synchronisation
+    result: Synchronisation
     times: dict[str, Times]
     fps: dict[str, float]
     notes: tuple[str, ...]
@@ -70,7 +73,8 @@ class Sync:
     def write(self, path: Path) -> None:
         """Writes timestamps.csv in the reference's time."""
         write_timestamps(
-            path, {name: one - self.found.late_s[name] for name, one in self.times.items()}
+            path,
+            {name: times_s - self.result.offset_s[name] for name, times_s in self.times.items()},
         )
 
 
@@ -80,38 +84,35 @@ def sync_recording(
     cameras: Sequence[str] | None = None,
     reporter: Reporter | None = None,
 ) -> Sync:
-    """Finds the offsets between a recording's cameras. A timestamps.csv that is there already is
-    not looked at.
+    """Estimates the clock offsets of a recording's cameras. An existing timestamps.csv is ignored.
 
     Args:
         folder: the recording folder; its videos may differ in length and rate.
-        settings: how.
-        cameras: names of the cameras to use; None means all.
-        reporter: told of every stage.
-
-    Returns:
-        The offsets.
+        settings: settings; None for the defaults.
+        cameras: names of the cameras used; None for all.
+        reporter: receives the progress.
 
     Raises:
         InputError: something is missing, or nobody moves.
     """
     settings, reporter = settings or SyncSettings(), reporter or SilentReporter()
     folder = Path(folder)
-    known = pictures_by_camera(folder) or pictures_by_camera(folder / "masks")
-    names = list(known) if cameras is None else list(cameras)
+    pictures = pictures_by_camera(folder) or pictures_by_camera(folder / "masks")
+    names = list(pictures) if cameras is None else list(cameras)
     if len(names) < 2:
         raise InputError(f"{folder} has one camera: there is nothing that it could be in step with")
-    alone = {name: _open(folder, name, settings) for name in names}
+    recordings = {name: _open(folder, name, settings) for name in names}
     times = {
-        name: np.arange(one.readers[name].frame_count) / one.fps for name, one in alone.items()
+        name: np.arange(recording.readers[name].frame_count) / recording.fps
+        for name, recording in recordings.items()
     }
     begin, end = _window(times, settings)
-    tracks, guessed = [], []
-    for name, recording in alone.items():
+    tracks, without_background = [], []
+    for name, recording in recordings.items():
         used = np.flatnonzero((times[name] >= begin) & (times[name] <= end))
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
-        guessed += silhouettes.without_background
+        without_background += silhouettes.without_background
         outlines = []
         for frame in recording.readers[name].frames(int(used[0]), int(used[-1]) + 1):
             outlines.append(
@@ -121,22 +122,27 @@ def sync_recording(
         tracks.append(OutlineTrack(recording.rig[name], times[name][used], tuple(outlines)))
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
-    found = synchronise(tracks, min(settings.most_s, 0.5 * shortest), settings.reference)
+    result = synchronise(tracks, min(settings.max_offset_s, 0.5 * shortest), settings.reference)
     notes = (
-        [f"no empty view of {', '.join(guessed)}: the temporal median served as background"]
-        if guessed
+        [
+            f"no empty view of {', '.join(without_background)}: the temporal median served as"
+            " background"
+        ]
+        if without_background
         else []
     )
-    if found.agreed and found.after_px > _DOUBTFUL_PX * picture_scale(tracks):
+    if result.agreed and result.after_px > _DOUBTFUL_PX * image_scale(tracks):
         notes.append(
             "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
             " calibrate check` names it"
         )
-    return Sync(found, times, {name: one.fps for name, one in alone.items()}, tuple(notes))
+    return Sync(
+        result, times, {name: recording.fps for name, recording in recordings.items()}, tuple(notes)
+    )
 
 
 def _open(folder: Path, name: str, settings: SyncSettings) -> Recording:
-    """Opens one camera of a recording, by its own rate."""
+    """One camera of a recording, with its own rate."""
     rate = (settings.rates or {}).get(name)
     if rate is None:
         path = (pictures_by_camera(folder) or pictures_by_camera(folder / "masks")).get(name)
@@ -152,7 +158,7 @@ def _open(folder: Path, name: str, settings: SyncSettings) -> Recording:
 
 
 def _window(times: dict[str, Times], settings: SyncSettings) -> tuple[float, float]:
-    """Returns the part of the recording to look at, s."""
-    shortest = min(float(one[-1]) for one in times.values())
+    """Start and end of the part of the recording that is used, s."""
+    shortest = min(float(times_s[-1]) for times_s in times.values())
     middle = 0.5 * shortest
     return middle - 0.5 * settings.seconds, middle + 0.5 * settings.seconds

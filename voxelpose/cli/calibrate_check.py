@@ -4,64 +4,65 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import camera_names, frame_range
+from voxelpose.cli.arguments import (
+    Cameras,
+    Fps,
+    Frames,
+    OptionalFile,
+    OverwriteFile,
+    RecordingFolder,
+    Unit,
+    camera_names,
+    frame_range,
+    refuse_existing,
+)
 
 if TYPE_CHECKING:
     from voxelpose.calibration.check import Check
 
 
 @dataclass(frozen=True)
-class CalibrationCheck:
-    """The arguments of `voxelpose calibrate check`."""
+class CalibrateCheck:
+    """Arguments of `voxelpose calibrate check`."""
 
-    help: ClassVar[
-        str
-    ] = """Checks from silhouettes alone whether cameras, calibration and videos agree.
+    help: ClassVar[str] = """Checks from silhouettes whether cameras, calibration and videos agree.
 
-Names a camera that was bumped or moved, swapped with another, letterboxed or scaled, or is out of step, and says by how much.
-No board is needed: somebody who moves about in view of all cameras is enough. Exit code 0: all agree; 1: one does not.
+Names a camera that was moved, exchanged with another, cropped, scaled or padded, or is out of step,
+and by how much. No board is needed: a person who moves in view of all cameras is enough.
+Exit code 0: all cameras agree; 1: one does not.
 
   voxelpose calibrate check walk
   voxelpose calibrate check walk --png check.png
-  voxelpose calibrate check walk --repair repaired      writes repaired/calibration.toml (and timestamps.csv)
+  voxelpose calibrate check walk --repair repaired
 """
 
-    recording: Annotated[Positional[Path], arg(metavar="RECORDING")]
-    """Recording folder."""
+    recording: RecordingFolder
     repair: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
-    """Folder to be made for a calibration in which the camera that is wrong has been put right."""
-    png: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Picture to be written: every camera with what the others say of it."""
+    """Folder to be made for a repaired calibration.toml (and timestamps.csv, if needed)."""
+    png: OptionalFile = None
+    """PNG to be written: every camera with the outlines that the others predict."""
     moments: Annotated[int, arg(metavar="N")] = 12
-    """How many frames are looked at, spread over the recording."""
+    """Number of time steps to check, spread over the recording."""
     most_late: Annotated[int, arg(metavar="FRAMES")] = 12
-    """How far out of step a camera may be to be noticed as such."""
-    frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="")] = None
-    """First frame and one past the last. Left out: all."""
-    cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
-    """Cameras to look at, by name. Left out: all."""
-    unit: Annotated[
-        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
-    ] = None
-    """Unit of the calibration's lengths, where the file does not say it."""
-    fps: Annotated[float | None, arg(metavar="N", help_behavior_hint="")] = None
-    """Frames per second, where the recording does not say it or says it wrongly."""
-    overwrite: bool = False
-    """Replace FILE if it exists."""
+    """Largest time offset of a camera that is searched for."""
+    frames: Frames = None
+    cameras: Cameras = None
+    unit: Unit = None
+    fps: Fps = None
+    overwrite: OverwriteFile = False
 
     def run(self) -> int:
-        """Checks."""
+        """Checks the recording; returns the exit code."""
         from voxelpose.cli.progress import Progress
 
-        if self.png is not None and self.png.exists() and not self.overwrite:
-            raise InputError(f"{self.png} exists: choose another name, or say --overwrite")
+        refuse_existing([self.png], self.overwrite, "--png")
         if self.repair is not None and self.repair.exists():
-            raise InputError(f"{self.repair} exists: choose another name")
+            raise InputError(f"{self.repair} exists: give --repair another name")
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.check import CheckSettings, check_recording, write_repair
@@ -82,21 +83,21 @@ No board is needed: somebody who moves about in view of all cameras is enough. E
             from voxelpose.calibration.files import write_png
 
             write_png(draw_check(check), self.png)
-            print(f"{self.png}: every camera with what the others say of it")
+            print(f"{self.png}: every camera with the outlines that the others predict")
         if self.repair is not None:
-            if check.found.agrees:
+            if check.agreement.agrees:
                 print("nothing to repair")
             else:
                 write_repair(check, recording, self.repair)
                 print(
-                    f"{self.repair}: repaired; put what is in it into a copy of the recording,"
-                    " check that, and fit it"
+                    f"{self.repair}: repaired; copy its files into a copy of the recording, check"
+                    " that, and fit it"
                 )
-        return 0 if check.found.agrees else 1
+        return 0 if check.agreement.agrees else 1
 
 
 def print_check(check: Check) -> None:
-    """Prints a line per camera, what is wrong, and the remedy."""
+    """Prints one line per camera, the faults and their remedies."""
     from rich.console import Console
     from rich.table import Table
 
@@ -110,24 +111,22 @@ def print_check(check: Check) -> None:
         if repair.with_camera
         for name in (repair.camera, repair.with_camera)
     }
-    for line in check.found.table:
-        bad = line.camera in check.found.culprits or line.camera in swapped
-        verdict = (
-            "[red]does not agree[/red]"
-            if bad
-            else ("agrees" if check.found.agrees or check.found.culprits else "?")
-        )
+    for line in check.agreement.table:
+        bad = line.camera in check.agreement.culprits or line.camera in swapped
+        verdict = "agrees" if check.agreement.agrees or check.agreement.culprits else "?"
+        if bad:
+            verdict = "[red]does not agree[/red]"
         table.add_row(
             line.camera, f"{line.error_px:.1f}", f"{line.others_px:.1f}", str(line.planes), verdict
         )
     console.print(table)
-    console.print(check.found.words, soft_wrap=True)
+    console.print(check.agreement.summary, soft_wrap=True)
     for repair in check.repairs:
-        console.print(f"[bold]{repair.words}[/bold]", soft_wrap=True)
+        console.print(f"[bold]{repair.summary}[/bold]", soft_wrap=True)
         console.print(f"  {remedy(check, repair.camera)}", soft_wrap=True)
     if check.after is not None:
-        console.print(f"with that put right: {check.after.words}", soft_wrap=True)
-    if not check.found.agrees and not check.repairs and len(check.found.table) > 2:
+        console.print(f"with that put right: {check.after.summary}", soft_wrap=True)
+    if not check.agreement.agrees and not check.repairs and len(check.agreement.table) > 2:
         console.print(
             "calibrate again; if the videos were not started together, first `voxelpose calibrate"
             " sync`",
@@ -138,7 +137,7 @@ def print_check(check: Check) -> None:
 
 
 def remedy(check: Check, camera: str) -> str:
-    """Returns what to do about a camera."""
+    """Returns what the user can do about a camera that does not agree."""
     repair = next(repair for repair in check.repairs if repair.camera == camera)
     if repair.kind == "swapped":
         return f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}"

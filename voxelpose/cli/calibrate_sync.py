@@ -3,62 +3,60 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import camera_names
+from voxelpose.cli.arguments import (
+    Cameras,
+    OptionalFile,
+    OptionalName,
+    OverwriteFile,
+    RecordingFolder,
+    Unit,
+    camera_names,
+    refuse_existing,
+)
 
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
 
 
 @dataclass(frozen=True)
-class CalibrationSync:
-    """The arguments of `voxelpose calibrate sync`."""
+class CalibrateSync:
+    """Arguments of `voxelpose calibrate sync`."""
 
-    help: ClassVar[
-        str
-    ] = """Finds by how much cameras are out of step, from whoever moves before them.
+    help: ClassVar[str] = """Estimates the time offsets of cameras from a person's movement.
 
-No clap and no flash is needed. Videos may differ in length and in rate. With --out it writes when every frame was taken; put that
-beside the videos as timestamps.csv, and all commands take the frames that belong together.
+No clap and no flash is needed; videos may differ in length and rate. With --out, the time of every
+frame is written; save the file as timestamps.csv in the recording, and all commands use the frames
+that match in time.
 
   voxelpose calibrate sync walk
   voxelpose calibrate sync walk --out walk/timestamps.csv
 """
 
-    recording: Annotated[Positional[Path], arg(metavar="RECORDING")]
-    """Recording folder."""
-    out: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Table of times to be written (cam_id,frame_time). Left out: offsets are printed only."""
-    reference: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    """Camera whose clock counts. Left out: the first."""
+    recording: RecordingFolder
+    out: OptionalFile = None
+    """Table of times to be written (cam_id,frame_time). Default: offsets are only printed."""
+    reference: OptionalName = None
+    """Camera to which the offsets refer. Default: the first."""
     most: Annotated[float, arg(metavar="S")] = 2.0
-    """The largest offset that is looked for, in seconds."""
+    """Largest offset that is searched for, in seconds."""
     seconds: Annotated[float, arg(metavar="S")] = 12.0
-    """How much of the recording is looked at, from its middle."""
+    """Length of the part of the recording to use, around its middle."""
     rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
-    """Frames per second of cameras whose files do not say it or say it wrongly, as in
-    cam_1=30,cam_2=15.
-    """
-    cameras: Annotated[str | None, arg(metavar="NAME,NAME", help_behavior_hint="")] = None
-    """Cameras to use, by name. Left out: all."""
-    unit: Annotated[
-        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
-    ] = None
-    """Unit of the calibration's lengths, where the file does not say it."""
-    overwrite: bool = False
-    """Replace FILE if it exists."""
+    """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
+    cameras: Cameras = None
+    unit: Unit = None
+    overwrite: OverwriteFile = False
 
     def run(self) -> int:
-        """Synchronises."""
+        """Estimates the offsets; returns the exit code."""
         from voxelpose.cli.progress import Progress
 
-        if self.out is not None and self.out.exists() and not self.overwrite:
-            raise InputError(f"{self.out} exists: choose another name, or say --overwrite")
+        refuse_existing([self.out], self.overwrite)
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.sync import SyncSettings, sync_recording
@@ -69,21 +67,25 @@ beside the videos as timestamps.csv, and all commands take the frames that belon
             sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
         print_sync(sync)
         if self.out is not None:
-            if not sync.found.agreed:
+            if not sync.result.agreed:
                 raise InputError(
                     f"the cameras agree at no offset, so {self.out} was not written: calibrate"
                     " first, then synchronise"
                 )
             sync.write(self.out)
             print(
-                f"{self.out}: when every frame was taken; as timestamps.csv in the recording all"
-                " commands use it"
+                f"{self.out}: time of every frame; as timestamps.csv in the recording, all commands"
+                " use it"
             )
         return 0
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:
-    """Reads cam_1=30,cam_2=15."""
+    """Reads frames per second by camera name, as in cam_1=30,cam_2=15.
+
+    Raises:
+        InputError: the text is not understood.
+    """
     if text is None:
         return None
     rates = {}
@@ -100,7 +102,7 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 
 def print_sync(sync: Sync) -> None:
-    """Prints a line per camera."""
+    """Prints one line per camera."""
     from rich.console import Console
     from rich.table import Table
 
@@ -108,30 +110,30 @@ def print_sync(sync: Sync) -> None:
     table = Table(
         "camera", "fps", "late by, frames", "ms", "+- ms (95 %)", box=None, padding=(0, 2, 0, 0)
     )
-    for line in sync.found.offsets:
-        if line.camera == sync.found.reference:
+    for line in sync.result.offsets:
+        if line.camera == sync.result.reference:
             table.add_row(line.camera, f"{sync.fps[line.camera]:g}", "its clock counts", "", "")
         else:
-            sure = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
+            interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
             table.add_row(
                 line.camera,
                 f"{sync.fps[line.camera]:g}",
                 f"{line.frames:+.2f}",
-                f"{1000 * line.late_s:+.1f}",
-                sure,
+                f"{1000 * line.offset_s:+.1f}",
+                interval,
             )
     console.print(table)
-    found = sync.found
+    found = sync.result
     console.print(
         f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
         " these offsets",
         soft_wrap=True,
     )
     if not found.agreed:
-        words = (
-            "the cameras agree at no offset: the offsets above rest on how fast outlines move, and"
-            " are rough; check the calibration first"
+        console.print(
+            "the cameras agree at no offset: the offsets above follow from the speed of the"
+            " outlines only, and are rough; check the calibration first",
+            soft_wrap=True,
         )
-        console.print(words, soft_wrap=True)
     for note in sync.notes:
         console.print(f"note: {note}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Do the cameras agree: each with the fitted body, and their outlines with one another?"""
+"""Agreement of the cameras with the fitted body, and of their outlines with one another."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ from calib.agreement import agreement
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.tangency import OutlineTrack
-from silhouette_core.body.model import BodyModel
-from silhouette_core.image.raster import render_parts
+from voxelpose.view.images.figure import body_parts
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 _MOMENTS = 12
-_APART = 0.06  # from the median camera
+_OUTLIER = 0.06  # below the overlap of the median camera
 
 
 @dataclass(frozen=True)
 class CameraLine:
-    """One camera's agreement.
+    """Agreement of one camera.
 
-    Attributes: camera: its name. overlap: mean intersection over union of the fitted body's outline
-        and the silhouette, 0 to 1. uncovered: mean share of the silhouette that the body leaves
-        free. beyond: mean share of the body's outline that lies outside the silhouette. moments: at
-        how many moments it saw the body. outline_px: how far its outlines are from fitting to the
-        others', whatever the body; None where that cannot be measured. apart: whether it agrees
-        clearly less than the others.
+    Attributes:
+        camera: its name.
+        overlap: mean intersection over union of the projected body and the silhouette, 0 to 1.
+        uncovered: mean fraction of the silhouette that the body does not cover.
+        beyond: mean fraction of the projected body that lies outside the silhouette.
+        moments: number of moments at which the camera shows the body.
+        outline_px: error of its outlines against those of the other cameras, independent of the
+            body; None where it cannot be measured.
+        apart: whether it agrees clearly less than the others.
     """
 
     camera: str
@@ -42,23 +44,22 @@ class CameraLine:
 
 @dataclass(frozen=True)
 class CameraCheck:
-    """All cameras.
+    """Agreement of all cameras.
 
     Attributes:
-        lines: one per camera that saw the body.
-        words: what the outlines alone say, in a sentence; empty where they say nothing.
+        lines: one per camera that shows the body.
+        summary: result of comparing the outlines alone, as a sentence; empty where there is none.
     """
 
     lines: tuple[CameraLine, ...] = ()
-    words: str = ""
+    summary: str = ""
 
 
 def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
-    """Lays the fitted body over the silhouettes, and the outlines over one another, at moments
-    spread over the recording.
+    """Compares body and silhouettes, and the outlines, at moments spread over the recording.
 
     Returns:
-        The check; empty where the recording is gone.
+        The check; empty where the recording is missing.
 
     Raises:
         InputError: the recording cannot be read.
@@ -68,34 +69,27 @@ def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
         return CameraCheck()
     rows = np.unique(np.linspace(0, len(motion) - 1, min(moments, len(motion))).round().astype(int))
     masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in scenes.rig.names}
-    seen: dict[str, list[tuple[float, float, float]]] = {name: [] for name in scenes.rig.names}
+    compared: dict[str, list[tuple[float, float, float]]] = {name: [] for name in masks}
     cameras: dict[str, Camera] = {}
     for frame in motion.frames[rows].tolist():
         body = scenes.body(frame)
         for camera_frame in scenes.camera_frames(frame):
-            if body is not None and camera_frame.mask is not None:
-                cameras[camera_frame.camera.name] = camera_frame.camera
-                masks[camera_frame.camera.name].append(camera_frame.mask)
-                drawn = _outline(motion.model, body.vertices_m, camera_frame.camera)
-                if drawn.any() and camera_frame.mask.any():
-                    seen[camera_frame.camera.name].append(_compare(drawn, camera_frame.mask))
+            camera, mask = camera_frame.camera, camera_frame.mask
+            if body is not None and mask is not None:
+                cameras[camera.name] = camera
+                masks[camera.name].append(mask)
+                drawn = body_parts(motion.model, body.vertices_m, camera, cull_back=True) > 0
+                if drawn.any() and mask.any():
+                    compared[camera.name].append(_compare(drawn, mask))
     pixels, culprits, words = _outlines(cameras, masks, motion.time_s[rows])
-    means = {name: np.mean(found, axis=0) for name, found in seen.items() if found}
+    means = {name: np.mean(values, axis=0) for name, values in compared.items() if values}
     middle = float(np.median([mean[0] for mean in means.values()])) if means else 0.0
     lines = []
     for name, (overlap, uncovered, beyond) in means.items():
-        apart = name in culprits or (len(means) > 2 and bool(overlap < middle - _APART))
-        lines.append(
-            CameraLine(
-                name,
-                float(overlap),
-                float(uncovered),
-                float(beyond),
-                len(seen[name]),
-                pixels.get(name),
-                apart,
-            )
-        )
+        apart = name in culprits or (len(means) > 2 and bool(overlap < middle - _OUTLIER))
+        fractions = float(overlap), float(uncovered), float(beyond)
+        moments = len(compared[name])
+        lines.append(CameraLine(name, *fractions, moments, pixels.get(name), apart))
     return CameraCheck(tuple(lines), words)
 
 
@@ -104,32 +98,20 @@ def _outlines(
     masks: dict[str, list[NDArray[np.bool_]]],
     times_s: NDArray[np.float64],
 ) -> tuple[dict[str, float], tuple[str, ...], str]:
-    """Returns every camera's error in px, the cameras to blame, and a sentence."""
+    """Error of every camera in pixels, the cameras that cause it, and a sentence."""
     if len(cameras) < 2:
         return {}, (), ""
+    tracks = [
+        OutlineTrack.from_masks(camera, times_s, masks[name]) for name, camera in cameras.items()
+    ]
     try:
-        found = agreement(
-            [
-                OutlineTrack.from_masks(camera, times_s, masks[name])
-                for name, camera in cameras.items()
-            ],
-            times_s,
-        )
-    except InputError:  # too little is seen at once
+        result = agreement(tracks, times_s)
+    except InputError:  # too few moments at which several cameras show the person
         return {}, (), ""
-    return {line.camera: line.error_px for line in found.table}, found.culprits, found.words
-
-
-def _outline(
-    model: BodyModel, vertices_m: NDArray[np.float64], camera: Camera
-) -> NDArray[np.bool_]:
-    in_camera = vertices_m @ camera.rotation.T + camera.translation
-    parts, _ = render_parts(
-        in_camera, model.faces, model.face_part, camera.matrix, camera.size, cull_back=True
-    )
-    return parts > 0
+    return {line.camera: line.error_px for line in result.table}, result.culprits, result.summary
 
 
 def _compare(drawn: NDArray[np.bool_], mask: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Overlap, uncovered and beyond, as of `CameraLine`."""
     common, body, person = (np.count_nonzero(pixels) for pixels in (drawn & mask, drawn, mask))
     return common / (body + person - common), 1 - common / person, 1 - common / body

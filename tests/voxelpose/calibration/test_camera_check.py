@@ -9,7 +9,7 @@ import pytest
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import apart
+from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
 from calib.rotation import matrix_from_rodrigues
 from tests.sources import figure_masks, ring, write_figure
@@ -80,7 +80,7 @@ def test_a_bumped_camera_is_named_and_repaired(tmp_path: Path, rig, films, capsy
     assert "calibrate it again, or run with --repair" in said
     assert "with that put right: all 4 cameras agree" in said
     assert sorted(path.name for path in out.iterdir()) == ["calibration.toml"]
-    assert apart(read_rig(out / "calibration.toml")["cam_3"], rig["cam_3"])[1] < 0.4
+    assert pose_difference(read_rig(out / "calibration.toml")["cam_3"], rig["cam_3"])[1] < 0.4
     (folder / "calibration.toml").write_bytes((out / "calibration.toml").read_bytes())
     assert checked(capsys, str(folder))[0] == 0
 
@@ -164,8 +164,8 @@ def test_walk4s_videos_agree(shared: Path, capsys):
 def test_balancing4s_third_camera_is_found_and_the_rest_agrees(shared: Path):
     """Its fit comes nearer to the truth with that camera put back: see docs/results.md."""
     recording = Recording.open(shared / "data" / "balancing4")
-    check = check_recording(recording, CheckSettings(moments=8, most_late=0))
-    assert check.found.culprits == ("cam_3",)
+    check = check_recording(recording, CheckSettings(moments=8, max_offset_frames=0))
+    assert check.agreement.culprits == ("cam_3",)
     assert check.repairs[0].kind in ("turned", "moved")
     assert check.after is not None
     assert check.after.agrees

@@ -11,10 +11,17 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.board_scene import FACE_UP, Film, held_poses, lost, room, waved_poses
+from benchmarks.board_scene import (
+    FACE_UP,
+    BoardCamera,
+    held_poses,
+    random_poses,
+    room,
+    without_poses,
+)
 from calib.board import Board
 from calib.camera import Rig
-from calib.extrinsics import apart
+from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
 from voxelpose.cli import run
 
@@ -46,13 +53,15 @@ def studio(truth, tmp_path_factory) -> Path:
     facing = truth.cameras[1].rotation.T
     walk = [
         floor,
-        *((facing @ turn, place) for turn, place in waved_poses(18, 3, (0, 0, 1.0), 0.4)),
+        *((facing @ turn, place) for turn, place in random_poses(18, 3, (0, 0, 1.0), 0.4)),
     ]
     (folder / "walk").mkdir()
     for number, camera in enumerate(truth):
-        film = Film(camera, BOARD, number)
+        film = BoardCamera(camera, BOARD, number)
         write_video(folder / "walk" / f"{camera.name}.avi", [film.picture(pose) for pose in walk])
-        own = Film(replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number)
+        own = BoardCamera(
+            replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number
+        )
         stills = folder / "stills" / camera.name
         stills.mkdir(parents=True)
         for index, pose in enumerate(held_poses(12, number, (1.5, 2.4))):
@@ -63,7 +72,7 @@ def studio(truth, tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def lenses(truth, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("lenses") / "lenses.toml"
-    write_rig(lost(truth), path)
+    write_rig(without_poses(truth), path)
     return path
 
 
@@ -131,7 +140,7 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
     rig = read_rig(rig_path)
     for camera in truth:
         moved = replace(camera, translation=camera.translation + camera.rotation @ corner)
-        millimetres, degrees = apart(rig[camera.name], moved)
+        millimetres, degrees = pose_difference(rig[camera.name], moved)
         assert millimetres < 30
         assert degrees < 0.7
     notes = tomllib.loads(rig_path.read_text())["metadata"]
@@ -142,7 +151,7 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
     assert run(["calibrate", "convert", str(rig_path), str(tmp_path / "easymocap")]) == 0
     again = read_rig(tmp_path / "easymocap")
     for camera in rig:
-        assert apart(again[camera.name], camera)[0] < 1e-6
+        assert pose_difference(again[camera.name], camera)[0] < 1e-6
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "calibration.toml",
         "calibration_places.json",
@@ -284,7 +293,7 @@ def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
     assert run(words) == 0
     assert "points that pairs of cameras share: cam_0-cam_1 12" in capsys.readouterr().out
     for camera in read_rig(tmp_path / "rig.json"):
-        assert apart(camera, truth[camera.name])[0] < 1
+        assert pose_difference(camera, truth[camera.name])[0] < 1
     points.write_text("\n".join(lines).replace("p3,", "p3,x", 1))
     assert "points.csv line 5: x_px, y_px must be numbers" in failure(capsys, *words, "--overwrite")
     points.write_text("camera,point,x_px\ncam_0,a,1")
