@@ -128,7 +128,7 @@ class Film:
                 f"{recording.folder} has {len(recording.rig)} cameras: choose one with --camera"
                 " NAME"
             )
-        lens = UndistortedView.of(recording.rig.cameras[0], LONG_SIDE_PX)
+        lens = UndistortedView.from_camera(recording.rig.cameras[0], LONG_SIDE_PX)
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         reporter.stage("silhouettes", recording.frame_count)
         bits = []
