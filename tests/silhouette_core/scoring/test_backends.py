@@ -1,7 +1,5 @@
 """One set of tests for every scoring backend: the project's own two and one registered outside."""
 
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,28 +10,18 @@ from calib.errors import InputError
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
-from silhouette_core.scoring.backend import GROUP, load_backend
+from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.reference import ReferenceBackend
 from silhouette_core.scoring.target import Target
+from tests.outside import install_backend
 
 REFERENCE = ReferenceBackend()
 
 
 @pytest.fixture(autouse=True)
-def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The metadata of an installed package of somebody else, as pip leaves it."""
-    metadata = tmp_path / "somebodys_backend-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: somebodys-backend\nVersion: 1.0\n"
-    )
-    module = "tests.silhouette_core.scoring.outside_backend"
-    (metadata / "entry_points.txt").write_text(
-        f"[{GROUP}]\narrays = {module}:ArrayBackend\nnothing = types:SimpleNamespace\n"
-    )
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, module, raising=False)
+def outside(tmp_path, monkeypatch):
+    install_backend(tmp_path, monkeypatch)
 
 
 @pytest.fixture(params=["reference-1", "cpu-1", "cpu-2", "arrays-1", "arrays-2"])
