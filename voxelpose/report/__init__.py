@@ -1,1 +1,1 @@
-"""report.html: one page that says what was found, how well, and what to do about the rest."""
+"""report.html: results, their quality and advice on one page."""

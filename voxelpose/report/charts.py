@@ -1,6 +1,4 @@
-"""Charts as SVG that can stand in a page: text stays text, colours follow the page, nothing points
-outside.
-"""
+"""Charts as self-contained SVG elements, whose text and colours follow the page."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from numpy.typing import NDArray
 
 from voxelpose.view.viewer.legend import overlap_colours
 
-# A colour that is replaced by the page's own.
+# Placeholder for the page's own text colour.
 _INK = "#123456"
 LEFT, RIGHT, MIDDLE, BAD = "#2f86d6", "#e8701a", "#8a8f98", "#d53e14"
 _STYLE: dict[Any, Any] = {
@@ -51,10 +49,10 @@ class TimeChart:
 
     Attributes:
         title: above the chart.
-        unit: beside it.
+        unit: of the values.
         curves: label -> (values (T,), colour).
-        limits: of the axis; None: as the values ask.
-        below: values under this are shaded as doubtful; None: none are.
+        limits: of the axis; None: from the values.
+        below: values below this are shaded as doubtful; None: none are.
     """
 
     title: str
@@ -70,11 +68,11 @@ def time_chart(
     name: str,
     size_in: tuple[float, float] = (3.7, 2.1),
 ) -> str:
-    """Draws curves.
+    """Chart of curves over time.
 
     Args:
-        chart: what.
-        time_s: (T,) seconds; gaps break the curves.
+        chart: the curves.
+        time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
         size_in: width and height, inches of 72 px.
 
@@ -86,9 +84,8 @@ def time_chart(
         axes = figure.add_subplot()
         times, gaps = _with_gaps(time_s)
         for label, (values, colour) in chart.curves.items():
-            axes.plot(
-                times, np.insert(np.asarray(values, float), gaps, np.nan), color=colour, label=label
-            )
+            drawn = np.insert(np.asarray(values, float), gaps, np.nan)
+            axes.plot(times, drawn, color=colour, label=label)
         axes.set_title(chart.title, fontsize=10, loc="left")
         axes.set_ylabel(chart.unit)
         if chart.limits:
@@ -96,20 +93,28 @@ def time_chart(
         if chart.below is not None:
             axes.axhspan(axes.get_ylim()[0], chart.below, color=BAD, alpha=0.12, lw=0)
         _time_axis(axes, time_s)
-        said = ", ".join(
+        ranges = ", ".join(
             f"{label or chart.title} from {np.nanmin(values):.3g} to {np.nanmax(values):.3g}"
             f" {chart.unit}"
             for label, (values, _) in chart.curves.items()
             if np.isfinite(values).any()
         )
-        return _svg(figure, axes, time_s, name, f"{chart.title} over time: {said}")
+        return _svg(figure, axes, time_s, name, f"{chart.title} over time: {ranges}")
 
 
 def part_chart(
     overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64], name: str
 ) -> str:
-    """Draws the share of every part inside the hull, a row per part: overlap (T, P), colours as in
-    the viewer.
+    """Chart of every part's fraction inside the hull, a row per part.
+
+    Args:
+        overlap: (T, P) fractions, drawn in the colours of the viewer.
+        labels: of the P parts.
+        time_s: (T,) seconds.
+        name: unique in the page.
+
+    Returns:
+        An svg element.
     """
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name, "axes.grid": False}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")
@@ -122,13 +127,8 @@ def part_chart(
         axes.imshow(colours, aspect="auto", interpolation="none", extent=extent)
         axes.set_yticks(range(len(labels)), labels, fontsize=7.5)
         _time_axis(axes, time_s)
-        return _svg(
-            figure,
-            axes,
-            time_s,
-            name,
-            "share of every body part inside the carved hull over time; a table follows",
-        )
+        words = "share of every body part inside the carved hull over time; a table follows"
+        return _svg(figure, axes, time_s, name, words)
 
 
 def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
@@ -138,36 +138,26 @@ def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
 
 
 def _with_gaps(time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Returns the times with one more in every gap, and where."""
-    steps = np.diff(time_s)
-    gaps = (
-        np.flatnonzero(steps > _GAP * np.median(steps)) + 1 if len(steps) else np.zeros(0, np.int64)
-    )
+    """Times with one more in every gap, and the positions of those."""
+    steps, gaps = np.diff(time_s), np.zeros(0, np.int64)
+    if len(steps):
+        gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
     return np.insert(time_s, gaps, time_s[gaps - 1]), gaps
 
 
 def _svg(figure: Figure, axes: Axes, time_s: NDArray[np.float64], name: str, words: str) -> str:
     buffer = io.StringIO()
-    figure.savefig(
-        buffer,
-        format="svg",
-        transparent=True,
-        metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
-    )
+    metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(buffer, format="svg", transparent=True, metadata=metadata)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = (
-        re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
-        .replace("xlink:href", "href")
-        .replace(_INK, "currentColor")
-    )
-    text = text.replace('id="cursor"', 'class="cursor"')
+    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    text = text.replace(_INK, "currentColor").replace('id="cursor"', 'class="cursor"')
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
-    # How far the cursor goes, so that the page's player can move it.
+    # Range of the cursor, for the page's player.
     width = axes.get_window_extent().width * 72 / figure.dpi
     span = f'data-from="{time_s[0]:.4f}" data-to="{time_s[-1]:.4f}" data-width="{width:.2f}"'
-    return re.sub(
-        r"<svg ", f'<svg role="img" aria-label="{escape(words)}" {span} ', text, count=1
-    ).replace("\n", " ")
+    tag = f'<svg role="img" aria-label="{escape(words)}" {span} '
+    return text.replace("<svg ", tag, 1).replace("\n", " ")

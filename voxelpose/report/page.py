@@ -1,8 +1,7 @@
-"""Puts the report together: everything a page needs is inside the one file."""
+"""The report's page, self-contained in one file."""
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,11 +16,13 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.atomic import replacing
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
 from voxelpose.results import Result
+from voxelpose.view.images.canvas import reduced
 from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
@@ -29,7 +30,7 @@ REPORT = "report.html"
 _GENERATOR = '<meta name="generator" content="voxelpose'
 _SHEET_PX = 1500
 
-# Title, what it means, and the angle; with {} for both sides.
+# Title, meaning and name of each angle, with {} for both sides.
 _ANGLES = (
     ("Hip flexion", "thigh forward", "{}_hip_flexion"),
     ("Knee flexion", "0° is straight", "{}_knee_flexion"),
@@ -41,39 +42,39 @@ _ANGLES = (
     ("Pelvis tilt", "tipped forward", "pelvis_tilt"),
 )
 _SETTINGS = {
-    "recording": "where the videos were, from this folder",
+    "recording": "folder of the videos, relative to this folder",
     "frames": "first frame, and one past the last",
     "cameras": "cameras that were used",
     "estimator": "method",
-    "stature_m": "height of the person that was given, metres",
-    "chest_m": "chest girth that was given, metres",
-    "sex": "whose proportions were started from",
-    "background": "how silhouettes were found",
+    "stature_m": "height of the person as given, metres",
+    "chest_m": "chest girth as given, metres",
+    "sex": "whose average proportions were the start",
+    "background": "method of finding silhouettes",
     "smooth": "whether the motion was smoothed over time",
     "threads": "processor threads",
     "options": "the method's own settings",
 }
 _FILES = {
-    "contact_sheet.png": "the pictures above, larger",
-    "overlay_*.mp4": "the fitted body over the whole videos, for VLC and other players",
+    "contact_sheet.png": "the contact sheet above, larger",
+    "overlay_*.mp4": "the fitted body drawn over the whole videos, for VLC and other players",
     "joints.csv": "positions of 15 joints in every frame, metres, with a confidence",
     "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
     "motion.safetensors": "joint angles, root and quality, for programs",
     "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
     "summary.json": "the numbers of this page, for programs",
-    "settings.toml": "what the fit was told",
+    "settings.toml": "settings of the fit",
     "calibration.toml": "the cameras that were used",
 }
 
 
 @dataclass(frozen=True)
 class ReportSettings:
-    """Where a report goes.
+    """Input and output of a report.
 
     Attributes:
         out: the file; None: report.html in the result.
-        recording: where the recording lies now, if it has moved.
-        overwrite: whether a file that is no report of ours may be replaced.
+        recording: where the recording is now, if it was moved.
+        overwrite: whether a file that is not a report may be replaced.
     """
 
     out: Path | None = None
@@ -84,12 +85,12 @@ class ReportSettings:
 def write_report(
     folder: Path, settings: ReportSettings | None = None, reporter: Reporter | None = None
 ) -> Path:
-    """Writes report.html: one page without anything outside of it.
+    """Writes report.html, one self-contained page.
 
     Args:
         folder: a result.
-        settings: where it goes.
-        reporter: told of every stage.
+        settings: input and output.
+        reporter: notified of every stage.
 
     Returns:
         The file.
@@ -109,13 +110,8 @@ def write_report(
         text = _render(_contents(result, scenes, reporter))
     finally:
         scenes.close()
-    beside = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(out)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise InputError(f"{out} cannot be written: {error.strerror or error}") from error
+    with replacing(out) as partial:
+        partial.write_text(text, encoding="utf-8")
     return out
 
 
@@ -134,8 +130,8 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
     cameras = check_cameras(scenes)
     reporter.stage("charts")
     summary: Any = result.summary
-    found = findings(result, cameras)
-    level, sentence = overall(found)
+    assessed = findings(result, cameras)
+    level, sentence = overall(assessed)
     angles, quality, parts = _charts(result)
     return {
         "summary": summary,
@@ -143,7 +139,7 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "made": time.strftime("%Y-%m-%d %H:%M"),
         "level": level,
         "sentence": sentence,
-        "findings": found,
+        "findings": assessed,
         "reel": preview,
         "sheet": sheet,
         "angles": angles,
@@ -153,7 +149,7 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "covered": COVERED,
         "doubtful": DOUBTFUL,
         "cameras": cameras.lines,
-        "agreement": cameras.words,
+        "agreement": cameras.summary,
         "missing": scenes.missing,
         "stages": _stages(summary["seconds"]),
         "settings": _settings_table(result.settings),
@@ -169,22 +165,15 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
 
 
 def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | None]:
-    """Returns angles with their notes, quality, and parts over time."""
+    """Charts of angles with their notes, of quality, and of parts over time."""
     motion = result.motion
-    found = anatomical_angles(motion)
+    values_deg = anatomical_angles(motion)
     angles = []
     for k, (title, note, name) in enumerate(_ANGLES):
-        sides = (
-            {"left": ("left", LEFT), "right": ("right", RIGHT)}
-            if "{}" in name
-            else {"": ("", MIDDLE)}
-        )
-        curves = {
-            label: (found[name.format(side)], colour) for label, (side, colour) in sides.items()
-        }
-        angles.append(
-            (time_chart(TimeChart(title, "degrees", curves), motion.time_s, f"angle{k}"), note)
-        )
+        sides = {"left": LEFT, "right": RIGHT} if "{}" in name else {"": MIDDLE}
+        curves = {side: (values_deg[name.format(side)], colour) for side, colour in sides.items()}
+        chart = TimeChart(title, "degrees", curves)
+        angles.append((time_chart(chart, motion.time_s, f"angle{k}"), note))
     quality = []
     for name, title, below in (
         ("confidence", "Confidence", DOUBTFUL),
@@ -213,15 +202,15 @@ def _part_table(result: Result) -> list[tuple[str, float, float]]:
         return []
     values = np.asarray(overlap, float)
     rows = [
-        (display_name(name), float(np.nanmean(values[:, k])), float(np.mean(values[:, k] < COVERED)))
-        for k, name in enumerate(result.motion.model.names)
-        if np.isfinite(values[:, k]).any()
+        (display_name(name), float(np.nanmean(column)), float(np.mean(column < COVERED)))
+        for name, column in zip(result.motion.model.names, values.T, strict=True)
+        if np.isfinite(column).any()
     ]
     return sorted(rows, key=lambda row: row[1])
 
 
 def _stages(seconds: Mapping[str, Any]) -> list[tuple[str, float, float | None, float]]:
-    """Returns stage, seconds in all, median milliseconds per step, and share of the longest."""
+    """Stage, total seconds, median milliseconds per step, and fraction of the longest."""
     rows = [
         (name, spread["sum"], 1000 * spread["median"] if "median" in spread else None)
         for name, spread in seconds["stages"].items()
@@ -235,43 +224,38 @@ def _settings_table(settings: Mapping[str, object]) -> list[tuple[str, str, str]
     rows = []
     for name, value in settings.items():
         if isinstance(value, Mapping):
-            said = ", ".join(f"{key} = {inner}" for key, inner in value.items()) or "none"
+            text = ", ".join(f"{key} = {inner}" for key, inner in value.items()) or "none"
         else:
-            said = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-        rows.append((name, said, _SETTINGS.get(name, "")))
+            text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+        rows.append((name, text, _SETTINGS.get(name, "")))
     return rows
 
 
 def _camera(camera: Any) -> dict[str, object]:
     width, height = camera.size
     wide = 2 * np.degrees(np.arctan(width / (2 * camera.matrix[0, 0])))
-    place = ", ".join(f"{value:.2f}" for value in camera.center_m)
+    position = ", ".join(f"{value:.2f}" for value in camera.center_m)
     return {
         "name": camera.name,
         "size": f"{width} × {height}",
         "wide": f"{wide:.0f}°",
-        "place": place,
-        "bends": not camera.is_pinhole,
+        "position": position,
+        "distorted": not camera.is_pinhole,
     }
 
 
 def _sheet(folder: Path) -> str | None:
-    """Returns the contact sheet, smaller, as a data URI."""
+    """The contact sheet, reduced, as a data URI; None where there is none."""
     path = folder / "contact_sheet.png"
     image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR) if path.exists() else None
     if image is None:
         return None
-    scale = min(1.0, _SHEET_PX / image.shape[1])
-    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
-    return data_uri(
-        np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), ".jpg", 82
-    )
+    return data_uri(reduced(np.asarray(image, np.uint8), _SHEET_PX / image.shape[1]), ".jpg", 82)
 
 
 def _render(contents: Mapping[str, object]) -> str:
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
-    return environment.from_string(
-        resources.files("voxelpose.report").joinpath("page.html").read_text("utf-8")
-    ).render(contents)
+    template = resources.files("voxelpose.report").joinpath("page.html").read_text("utf-8")
+    return environment.from_string(template).render(contents)

@@ -1,4 +1,4 @@
-"""What a result's numbers mean, in plain words."""
+"""Assessment of a result by its numbers, in plain words."""
 
 from __future__ import annotations
 
@@ -11,27 +11,29 @@ from numpy.typing import NDArray
 
 from voxelpose.report.cameras import CameraCheck
 from voxelpose.results import Result
+from voxelpose.view.viewer.legend import display_name
 
 Level = Literal["good", "look", "bad"]
 
-SURE, DOUBTFUL = 0.85, 0.7  # a frame's confidence from which it is sure; below which it is doubtful
-COVERED = 0.7  # of a part's volume inside the hull
-_LOST = 0.05  # share of frames
-_MANY = 0.1
-_STRETCHES = 6  # named one by one
+SURE = 0.85  # confidence from which a frame is reliable
+DOUBTFUL = 0.7  # confidence below which a frame is doubtful
+COVERED = 0.7  # fraction of a part's volume inside the hull
+_LOST = 0.05  # fraction of frames without a pose that is bad
+_MANY = 0.1  # fraction of frames in which a part is uncovered that is reported
+_RANGES = 6  # listed one by one
 _TRUNK = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "neck", "head")
 _SMALL = ("thumb", "fingers", "toes")
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing to know about a result.
+    """Assessment of one aspect of a result.
 
     Attributes:
-        level: how it is.
-        title: what was looked at.
-        words: what was found.
-        advice: what to do; empty where all is well.
+        level: "good", "look" closer, or "bad".
+        title: the aspect.
+        words: the assessment.
+        advice: what to do; empty where nothing is wrong.
     """
 
     level: Level
@@ -41,45 +43,39 @@ class Finding:
 
 
 def findings(result: Result, cameras: CameraCheck | None = None) -> list[Finding]:
-    """Judges a result by its own numbers, and by how its cameras agree where that was checked; the
-    most important first.
+    """Assesses a result by its own numbers and the agreement of its cameras, worst first.
+
+    Args:
+        result: the result.
+        cameras: agreement of its cameras; None where it was not checked.
     """
-    found = [
+    assessed = [
         _lost(result),
         *_confidence(result),
         *_parts(result),
         *_cameras(cameras or CameraCheck()),
     ]
-    return sorted(found, key=lambda finding: ("bad", "look", "good").index(finding.level))
+    return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
 
-def overall(found: Sequence[Finding]) -> tuple[Level, str]:
-    """Returns the worst level and a sentence for the top of the page."""
-    levels = {finding.level for finding in found}
+def overall(assessed: Sequence[Finding]) -> tuple[Level, str]:
+    """The worst level, and a sentence for the top of the page."""
+    levels: list[Level] = [finding.level for finding in assessed]
     if "bad" in levels:
-        return (
-            "bad",
-            (
-                "Parts of this result should not be relied on; what is wrong, and what helps, is"
-                " said below."
-            ),
-        )
+        words = "Parts of this result are not reliable; problems and remedies are listed below."
+        return "bad", words
     if "look" in levels:
-        return (
-            "look",
-            "Most of this result holds; look at the places named below before you rely on them.",
-        )
-    return (
-        "good",
-        (
-            "Nothing in the numbers speaks against this result. Look at the pictures all the same:"
-            " they show what no number does."
-        ),
+        words = "Most of this result is reliable; check the parts and frames listed below."
+        return "look", words
+    words = (
+        "The numbers show no problem with this result. Check the pictures nevertheless: they show"
+        " errors that no number does."
     )
+    return "good", words
 
 
-def stretches(frames: NDArray[np.int64], chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Returns first and last number of every run of chosen frames."""
+def frame_ranges(frames: NDArray[np.int64], chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last number of every run of chosen frames."""
     numbers = frames[chosen]
     if not len(numbers):
         return []
@@ -87,14 +83,12 @@ def stretches(frames: NDArray[np.int64], chosen: NDArray[np.bool_]) -> list[tupl
     return [(int(run[0]), int(run[-1])) for run in runs]
 
 
-def spoken_stretches(runs: Sequence[tuple[int, int]]) -> str:
-    """Says them: "frames 3–5, 9 and 4 more stretches"."""
-    named = [f"{first}–{last}" if last > first else f"{first}" for first, last in runs[:_STRETCHES]]
-    more = f" and {len(runs) - _STRETCHES} more stretches" if len(runs) > _STRETCHES else ""
-    return (
-        f"frame{'' if len(runs) == 1 and runs[0][0] == runs[0][1] else 's'}"
-        f" {', '.join(named)}{more}"
-    )
+def ranges_text(ranges: Sequence[tuple[int, int]]) -> str:
+    """Ranges as text: "frames 3–5, 9 and 4 more ranges"."""
+    listed = [f"{first}–{last}" if last > first else f"{first}" for first, last in ranges[:_RANGES]]
+    more = f" and {len(ranges) - _RANGES} more ranges" if len(ranges) > _RANGES else ""
+    single = len(ranges) == 1 and ranges[0][0] == ranges[0][1]
+    return f"frame{'' if single else 's'} {', '.join(listed)}{more}"
 
 
 def _lost(result: Result) -> Finding:
@@ -103,13 +97,13 @@ def _lost(result: Result) -> Finding:
     count = summary["frames"]["with_pose"] + len(lost)
     if not len(lost):
         return Finding("good", "Frames", f"All {count} frames have a pose.")
-    runs = stretches(lost, np.ones(len(lost), bool))
+    runs = ranges_text(frame_ranges(lost, np.ones(len(lost), bool)))
     return Finding(
         "bad" if len(lost) > _LOST * count else "look",
         "Frames",
-        f"{len(lost)} of {count} frames have no pose: {spoken_stretches(runs)}.",
-        "Nobody was found there. Was the person in the picture of at least two cameras? If so, look"
-        " at the silhouettes: voxelpose view shows them frame by frame.",
+        f"{len(lost)} of {count} frames have no pose: {runs}.",
+        "No person was detected there. If at least two cameras show the person, check the"
+        " silhouettes: voxelpose view shows them frame by frame.",
     )
 
 
@@ -122,19 +116,14 @@ def _confidence(result: Result) -> list[Finding]:
     level: Level = (
         "bad" if median < DOUBTFUL else "look" if median < SURE or doubtful.any() else "good"
     )
-    words = (
-        f"The body's outline and the silhouettes agree to {100 * median:.0f} % (median of all"
-        " frames)."
-    )
+    words = f"The body's outline and the silhouettes agree to {100 * median:.0f} % (median)."
     if doubtful.any():
-        words += (
-            f" Below {100 * DOUBTFUL:.0f} %:"
-            f" {spoken_stretches(stretches(result.motion.frames, doubtful))}."
-        )
+        runs = ranges_text(frame_ranges(result.motion.frames, doubtful))
+        words += f" Below {100 * DOUBTFUL:.0f} %: {runs}."
     advice = (
-        "Play the video at those frames. If the body misses the person, look at the silhouettes in"
+        "Play the video at those frames. If the body misses the person, check the silhouettes in"
         " voxelpose view: film the empty room, avoid clothes of the walls' colour, keep other"
-        " people out. If body and person are shifted in one camera only, that camera moved."
+        " people out. If body and person are shifted in one camera only, that camera was moved."
     )
     return [Finding(level, "Outlines", words, "" if level == "good" else advice)]
 
@@ -151,10 +140,10 @@ def _parts(result: Result) -> list[Finding]:
     ]
     weak = [k for k in measured if np.mean(np.asarray(overlap)[:, k] < COVERED) > _MANY]
     if not weak:
-        return [Finding("good", "Body parts", "Every limb lies where the cameras saw the person.")]
+        return [Finding("good", "Body parts", "Every limb lies inside the carved hull.")]
     level: Level = "bad" if any(names[k] in _TRUNK for k in weak) else "look"
-    said = ", ".join(
-        f"{names[k].replace('_', ' ')} ({100 * np.mean(np.asarray(overlap)[:, k] < COVERED):.0f} %"
+    listed = ", ".join(
+        f"{display_name(names[k])} ({100 * np.mean(np.asarray(overlap)[:, k] < COVERED):.0f} %"
         " of frames)"
         for k in weak
     )
@@ -162,9 +151,9 @@ def _parts(result: Result) -> list[Finding]:
         Finding(
             level,
             "Body parts",
-            f"Often outside of what the cameras saw: {said}.",
-            "Thin parts are lost where one camera's silhouette has a hole: look at it in voxelpose"
-            " view. Arms held to the trunk are hidden in it: cameras from other heights help.",
+            f"Often outside the carved hull: {listed}.",
+            "Thin parts are lost where one camera's silhouette has a hole: check it in voxelpose"
+            " view. Arms held against the trunk are occluded by it: cameras at other heights help.",
         )
     ]
 
@@ -174,19 +163,16 @@ def _cameras(check: CameraCheck) -> list[Finding]:
         return []
     apart = [line.camera for line in check.lines if line.apart]
     if not apart:
-        return [
-            Finding(
-                "good", "Cameras", f"The body agrees with all {len(check.lines)} cameras alike."
-            )
-        ]
+        words = f"The body agrees equally well with all {len(check.lines)} cameras."
+        return [Finding("good", "Cameras", words)]
     return [
         Finding(
             "look",
             "Cameras",
             f"{', '.join(apart)} {'agrees' if len(apart) == 1 else 'agree'} less than the others"
             " with the body, or with their outlines.",
-            "It may have been moved, be out of step, or have bad silhouettes: voxelpose calibrate"
-            " check RECORDING says which, and how to repair it. Fit once more without it (--cameras"
-            " names those to use).",
+            "It may have been moved, be out of synchrony, or have bad silhouettes: voxelpose"
+            " calibrate check RECORDING reports which, and how to repair it. Or fit again without"
+            " it (--cameras lists those to use).",
         )
     ]

@@ -1,4 +1,4 @@
-"""The report: whole, alone, and right."""
+"""The report: complete, self-contained, and right."""
 
 import re
 import shutil
@@ -33,7 +33,7 @@ VOID = {"meta", "link", "img", "input", "br", "hr"}
 
 
 class Page(HTMLParser):
-    """Gathers what a page refers to, and checks that its elements are nested rightly."""
+    """Collects the references of a page, and checks the nesting of its elements."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -43,11 +43,11 @@ class Page(HTMLParser):
         assert self.open == []
 
     def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.ids += [found["id"]] if "id" in found else []
+        attributes = dict(attrs)
+        self.ids += [attributes["id"]] if "id" in attributes else []
         self.references += [value for name, value in attrs if name in ("src", "href")]
-        if tag == "img" or found.get("role") == "img":
-            self.pictures.append(found.get("alt") or found.get("aria-label"))
+        if tag == "img" or attributes.get("role") == "img":
+            self.pictures.append(attributes.get("alt") or attributes.get("aria-label"))
         if tag not in VOID:
             self.open.append(tag)
 
@@ -77,29 +77,24 @@ def test_one_page_without_anything_outside(fitted, capsys):
     assert len(page.ids) == len(set(page.ids))
     assert all(reference.startswith(("data:", "#")) for reference in page.references)
     assert not re.search(r"https?://|url\((?!#)|@import|\bfetch\(", text)
-    assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(
-        page.ids
-    )
+    targets = {reference[1:] for reference in page.references if reference.startswith("#")}
+    assert targets <= set(page.ids)
     assert len(page.pictures) > 10 and all(page.pictures)
-    assert (
-        len(re.findall(r"data:image/webp", text)) == 6 + 1
-    )  # every frame, and the one shown first
+    assert text.count("data:image/webp") == 6 + 1  # every frame, and the one shown first
     assert "1 of 6 frames have no pose: frame 0." in text and "Careful." in text
     assert run(["report", "out"]) == 0  # replaces its own
 
 
-def test_what_cannot_be_shown_is_said(fitted):
+def test_missing_pictures_are_reported(fitted):
     assert run(["fit", "walk", "--out", "bare", "--estimator", "standing", "--no-pictures"]) == 0
     assert run(["report", "bare", "--out", "drawn.html"]) == 0
-    assert (fitted / "drawn.html").read_text().count("data:image/webp") == 6 + 1  # drawn anew
+    assert (fitted / "drawn.html").read_text().count("data:image/webp") == 6 + 1  # drawn again
     shutil.rmtree("walk")
     assert run(["report", "bare", "--out", "gone.html"]) == 0
     text = (fitted / "gone.html").read_text()
     Page(text)
-    assert (
-        text.count("is not there any more: say where with --recording") == 2
-        and "data:image/webp" not in text
-    )
+    assert text.count("is not there any more: say where with --recording") == 2
+    assert "data:image/webp" not in text
 
 
 @pytest.mark.parametrize(
@@ -124,7 +119,7 @@ def test_a_camera_that_was_moved_stands_out(desk):
     check = check_cameras(ResultScenes("out"))
     lines = check.lines
     assert len(lines) == 4 and not any(line.apart for line in lines)
-    assert check.words.startswith("all 4 cameras agree") and all(
+    assert check.summary.startswith("all 4 cameras agree") and all(
         line.outline_px < 1 for line in lines
     )
     assert all(
@@ -136,12 +131,11 @@ def test_a_camera_that_was_moved_stands_out(desk):
     )
     write_rig(moved_rig, desk / "out" / "calibration.toml")
     moved = check_cameras(ResultScenes("out"))
-    assert [line.camera for line in moved.lines if line.apart] == [
-        "cam_1"
-    ] and "cam_1" in moved.words
+    assert [line.camera for line in moved.lines if line.apart] == ["cam_1"]
+    assert "cam_1" in moved.summary
 
 
-def test_a_gap_breaks_a_curve_and_words_tell_the_range():
+def test_a_gap_interrupts_a_curve_and_the_label_has_the_range():
     time_s = np.array([0.0, 0.1, 0.2, 0.9, 1.0])
     text = time_chart(
         TimeChart(

@@ -1,4 +1,4 @@
-"""What the report says of a result's numbers."""
+"""The report's assessment of a result's numbers."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from tests.clips import waving
 from tests.sources import ring
 from voxelpose.report.cameras import CameraCheck, CameraLine
-from voxelpose.report.verdict import findings, overall, spoken_stretches, stretches
+from voxelpose.report.verdict import findings, frame_ranges, overall, ranges_text
 from voxelpose.results import Result
 
 
@@ -26,11 +26,10 @@ def result(tmp_path, lost=(), confidence=0.9, **overlaps):
 
 
 def test_all_is_well(tmp_path):
-    found = findings(result(tmp_path, left_thumb=0.0))
-    assert {finding.level for finding in found} == {"good"} and not any(
-        finding.advice for finding in found
-    )
-    assert overall(found)[0] == "good"
+    assessed = findings(result(tmp_path, left_thumb=0.0))
+    assert {finding.level for finding in assessed} == {"good"}
+    assert not any(finding.advice for finding in assessed)
+    assert overall(assessed)[0] == "good"
 
 
 @pytest.mark.parametrize(
@@ -45,11 +44,10 @@ def test_all_is_well(tmp_path):
     ],
 )
 def test_what_is_wrong_comes_first_with_what_to_do(tmp_path, change, level, words):
-    found = findings(result(tmp_path, **change))
-    assert found[0].level == level and words in found[0].words and found[0].advice
-    assert [finding.level for finding in found[1:]] == ["good", "good"] and overall(found)[
-        0
-    ] == level
+    first, *others = assessed = findings(result(tmp_path, **change))
+    assert first.level == level and words in first.words and first.advice
+    assert [finding.level for finding in others] == ["good", "good"]
+    assert overall(assessed)[0] == level
 
 
 def test_a_camera_apart_is_named(tmp_path):
@@ -57,19 +55,15 @@ def test_a_camera_apart_is_named(tmp_path):
         CameraLine(name, 0.9, 0.05, 0.05, 12, 0.2, name == "cam_2")
         for name in ("cam_1", "cam_2", "cam_3")
     )
-    found = findings(result(tmp_path), CameraCheck(lines))
-    assert (
-        found[0].level == "look"
-        and found[0].words.startswith("cam_2 agrees less")
-        and "calibrate check" in found[0].advice
-    )
+    first = findings(result(tmp_path), CameraCheck(lines))[0]
+    assert first.level == "look" and first.words.startswith("cam_2 agrees less")
+    assert "calibrate check" in first.advice
     whole = findings(result(tmp_path), CameraCheck(lines[::2]))
-    assert whole[-1].words == "The body agrees with all 2 cameras alike."
+    assert whole[-1].words == "The body agrees equally well with all 2 cameras."
 
 
-def test_many_stretches_are_not_all_named():
+def test_many_ranges_are_not_all_listed():
     frames = np.arange(100, 140)
-    runs = stretches(frames, frames % 4 == 0)
-    assert runs[:2] == [(100, 100), (104, 104)] and spoken_stretches(runs).endswith(
-        "120 and 4 more stretches"
-    )
+    ranges = frame_ranges(frames, frames % 4 == 0)
+    assert ranges[:2] == [(100, 100), (104, 104)]
+    assert ranges_text(ranges).endswith("120 and 4 more ranges")
