@@ -92,9 +92,9 @@ def choose_body(
     body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
     fits: dict[int, PoseFit] = {}
     for t, frame in frames.items():
-        found = find_pose(body, frame, matching)
-        if found:
-            fits[t] = found[0]
+        candidates = find_pose(body, frame, matching)
+        if candidates:
+            fits[t] = candidates[0]
         reporter.advance()
     smallest = min(fit.error for fit in fits.values())
     clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}

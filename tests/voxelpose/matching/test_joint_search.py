@@ -48,7 +48,7 @@ def test_search_is_as_good_as_trying_everything(group):
 
 
 def test_two_parts_that_both_like_the_same_voxels_share_them_out():
-    """What Fig. 2 of the paper is about: each part alone would take the larger lump."""
+    """What Fig. 2 of the paper is about: each part alone would take the larger set."""
     large, small = np.uint64(0b1111), np.uint64(0b110000)
     bits = [np.array([[large], [small]]), np.array([[large], [small]])]
     costs = [np.zeros(2), np.array([0.0, 0.5])]
@@ -115,11 +115,11 @@ def test_cover_against_sets_of_indices():
     for k in range(7):
         index = grid.indices(points @ rotations[k].T + translations[k])
         within = grid.contains(index)
-        found = voxel_set.ids[tuple(index[within].T)]
-        assert empty[k] == (~within).sum() + (found == FREE_FROM_BODY).sum()
-        assert inside[k] == (found == TAKEN).sum()
+        result = voxel_set.ids[tuple(index[within].T)]
+        assert empty[k] == (~within).sum() + (result == FREE_FROM_BODY).sum()
+        assert inside[k] == (result == TAKEN).sum()
         flat = np.unpackbits(bits[k].view(np.uint8), bitorder="little")
-        assert set(np.flatnonzero(flat)) == set(found[found >= 0])
+        assert set(np.flatnonzero(flat)) == set(result[result >= 0])
 
 
 def test_a_placement_falls_only_to_one_that_is_better_whatever_is_taken():
@@ -130,5 +130,5 @@ def test_a_placement_falls_only_to_one_that_is_better_whatever_is_taken():
     find_dominated(rows, gain, dominated)
     assert 5 < dominated.sum() < 40
     for taken in rng.integers(0, 2**12, 200).astype(np.uint64):
-        worth = gain + np.bitwise_count(rows[:, 0] & ~taken)
-        assert worth[~dominated].max() == worth.max()
+        score = gain + np.bitwise_count(rows[:, 0] & ~taken)
+        assert score[~dominated].max() == score.max()

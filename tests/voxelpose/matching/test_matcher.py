@@ -51,14 +51,14 @@ def scene():
 @pytest.mark.parametrize("name", [limb.name for limb in LIMBS if limb.parent])
 @pytest.mark.parametrize("around", [None, np.radians(30.0)])
 def test_samples_stay_within_limits_and_hold_the_present_angles(name, around):
-    found = sample_angles(LIMB[name], RELAXED_RAD, STEP, around)
-    np.testing.assert_array_equal(found[0], RELAXED_RAD)
-    assert within_limits(found).all() and len(found) > 5
+    result = sample_angles(LIMB[name], RELAXED_RAD, STEP, around)
+    np.testing.assert_array_equal(result[0], RELAXED_RAD)
+    assert within_limits(result).all() and len(result) > 5
     own = {name, LIMB[name].twist_of}
     strange = [k for k, dof in enumerate(BodyModel.dof_names) if dof.partition(".")[0] not in own]
-    assert (found[:, strange] == RELAXED_RAD[strange]).all()
+    assert (result[:, strange] == RELAXED_RAD[strange]).all()
     if around is not None and LIMB[name].swing:
-        assert np.abs(found - RELAXED_RAD).max() <= around + 1e-9
+        assert np.abs(result - RELAXED_RAD).max() <= around + 1e-9
 
 
 def test_a_full_search_reaches_both_ends_of_every_swing():
@@ -120,11 +120,11 @@ def test_interference_is_passed_on_from_part_to_part():
 def test_arms_apart_are_matched_singly_and_legs_together(body_volume, scene):
     _, _, grid, occupancy = scene
     start = stance(body_volume.model, TURNS)
-    found = match(body_volume, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
-    groups = [set(group) for group in found.groups]
+    result = match(body_volume, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
+    groups = [set(group) for group in result.groups]
     assert {"left_upper_arm"} in groups and {"right_upper_arm"} in groups
     assert {"left_thigh", "right_thigh"} in groups
-    assert sorted(name for group in found.groups for name in group) == sorted(
+    assert sorted(name for group in result.groups for name in group) == sorted(
         limb.name for limb in LIMBS
     )
     plain = match(
@@ -141,7 +141,7 @@ def test_arms_apart_are_matched_singly_and_legs_together(body_volume, scene):
 def test_what_one_group_decides_outlasts_the_next(body_volume, scene, interference):
     """Every group of a level keeps its angles, however many groups follow it."""
     body, truth, grid, occupancy = scene
-    found = match(
+    result = match(
         body_volume,
         grid,
         occupancy,
@@ -149,7 +149,9 @@ def test_what_one_group_decides_outlasts_the_next(body_volume, scene, interferen
         MatchSettings(interference=interference),
     )
     errors = dict(
-        zip(LANDMARK_NAMES, joint_errors_m(body_volume.model, found.pose, body, truth), strict=True)
+        zip(
+            LANDMARK_NAMES, joint_errors_m(body_volume.model, result.pose, body, truth), strict=True
+        )
     )
     # Both arms and the left leg are far from the stance that the search starts from.
     for name in ("left_elbow", "right_elbow", "left_knee"):
@@ -169,11 +171,11 @@ def test_full_search_finds_the_postures_of_others(body_volume):
     for seed, turns in ((0, TURNS), (1, seated), (2, TURNS), (4, seated)):
         body = other_body(seed)
         truth = stance(body, turns)
-        found = match(body_volume, *hull(views(), body, truth, 0.025), stance(body_volume.model))
-        errors.append(joint_errors_m(body_volume.model, found.pose, body, truth))
-        assert within_limits(found.pose.angles_rad)
+        result = match(body_volume, *hull(views(), body, truth, 0.025), stance(body_volume.model))
+        errors.append(joint_errors_m(body_volume.model, result.pose, body, truth))
+        assert within_limits(result.pose.angles_rad)
         # Six cameras leave a hull that is larger than the body.
-        assert 0.5 < found.explained < 0.9
+        assert 0.5 < result.explained < 0.9
     assert np.mean(errors) < 0.06
     assert np.mean(np.array(errors) > 0.15) < 0.07
 
@@ -181,7 +183,7 @@ def test_full_search_finds_the_postures_of_others(body_volume):
 def test_explained_share_counts_a_voxel_once(body_volume, scene):
     _, _, grid, occupancy = scene
     for interference in (True, False):
-        found = match(
+        result = match(
             body_volume,
             grid,
             occupancy,
@@ -191,9 +193,9 @@ def test_explained_share_counts_a_voxel_once(body_volume, scene):
         voxel_set = VoxelSet(grid, occupancy)
         union = np.zeros(voxel_set.words, np.uint64)
         for limb in LIMBS:
-            placed = body_volume.placements(limb, found.pose, found.pose.angles_rad[None])
+            placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
             union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
-        assert found.explained == pytest.approx(
+        assert result.explained == pytest.approx(
             np.bitwise_count(union).sum() / len(voxel_set), abs=0.01
         )  # a twist moves the bone above a little
 
@@ -223,29 +225,29 @@ def test_same_answer_for_any_number_of_threads(body_volume, scene):
 def test_an_empty_hull_leaves_the_pose_as_it_was(body_volume):
     grid, occupancy = hull(views(2), other_body(), stance(other_body()))
     start = stance(body_volume.model)
-    found = match(
+    result = match(
         body_volume, grid, np.zeros_like(occupancy), start, MatchSettings(step_rad=np.radians(40.0))
     )
-    assert found.explained == 0
-    assert within_limits(found.pose.angles_rad)
+    assert result.explained == 0
+    assert within_limits(result.pose.angles_rad)
 
 
 def test_movable_areas_of_a_posed_body(body_volume, scene):
     body, pose, grid, occupancy = scene
-    found = {
+    result = {
         area.limb.name: area
         for area in movable_areas(body_volume, grid, occupancy, stance(body_volume.model, TURNS))
     }
-    assert set(found) == {limb.name for limb in LIMBS if limb.parent}
-    for name, area in found.items():
+    assert set(result) == {limb.name for limb in LIMBS if limb.parent}
+    for name, area in result.items():
         assert occupancy[tuple(area.voxels.T)].all()
-        assert all(name in found[other].interferes for other in area.interferes)
+        assert all(name in result[other].interferes for other in area.interferes)
         shared, voxels = (
             set(map(tuple, voxels.tolist())) for voxels in (area.disputed, area.voxels)
         )
         assert shared <= voxels and bool(shared) == (len(area.interferes) > 1)
-    assert "right_thigh" in found["left_thigh"].interferes
-    assert "left_thigh" not in found["left_shin"].interferes
+    assert "right_thigh" in result["left_thigh"].interferes
+    assert "left_thigh" not in result["left_shin"].interferes
     hand = forward(
         body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
     )[1][0]
@@ -257,6 +259,8 @@ def test_movable_areas_of_a_posed_body(body_volume, scene):
     )
     theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
     assert (
-        len(theirs & set(map(tuple, found["left_forearm"].voxels.tolist()))) > 0.9 * len(theirs) > 0
+        len(theirs & set(map(tuple, result["left_forearm"].voxels.tolist())))
+        > 0.9 * len(theirs)
+        > 0
     )
-    assert not theirs & set(map(tuple, found["right_shin"].voxels.tolist()))
+    assert not theirs & set(map(tuple, result["right_shin"].voxels.tolist()))

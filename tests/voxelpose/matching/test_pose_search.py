@@ -53,12 +53,12 @@ def turned(pose: Pose, yaw_deg: float) -> Pose:
 def test_torso_is_among_the_first_placements(body):
     actor = other_body(1)
     truth = turned(stance(actor, TURNS), 50)
-    found = find_torso(body.body_volume, *hull(views(), actor, truth))
-    assert 2 <= len(found) <= 8
-    errors = [joint_errors_m(body.model, pose, actor, truth)[TORSO].mean() for pose in found]
+    result = find_torso(body.body_volume, *hull(views(), actor, truth))
+    assert 2 <= len(result) <= 8
+    errors = [joint_errors_m(body.model, pose, actor, truth)[TORSO].mean() for pose in result]
     assert min(errors) < 0.10
     # Front and back look alike to a torso: the other way round is offered as well.
-    facing = [pose.root_rotation[:, 1] @ truth.root_rotation[:, 1] for pose in found]
+    facing = [pose.root_rotation[:, 1] @ truth.root_rotation[:, 1] for pose in result]
     assert min(facing) < -0.7 < 0.7 < max(facing)
 
 
@@ -82,18 +82,18 @@ def test_a_limb_is_found_on_the_silhouettes_alone(body, chain, turns):
     """Everything but one limb stands right."""
     actor = other_body(1)
     truth, start = stance(actor, turns), stance(body.model)
-    found = place_limb(body.body_volume, observe(views(), actor, truth), start, CHAINS[chain])
+    result = place_limb(body.body_volume, observe(views(), actor, truth), start, CHAINS[chain])
     ends = [
         LANDMARK_NAMES.index(name)
         for name in (("left_elbow", "left_wrist"), ("right_knee", "right_ankle"))[chain > 1]
     ]
     before, after = (
-        joint_errors_m(body.model, pose, actor, truth)[ends] for pose in (start, found)
+        joint_errors_m(body.model, pose, actor, truth)[ends] for pose in (start, result)
     )
     assert before.max() > 0.3 and after.max() < 0.15
     own = {limb.name for limb in CHAINS[chain]}
     other = [k for k, name in enumerate(body.model.dof_names) if name.partition(".")[0] not in own]
-    np.testing.assert_array_equal(found.angles_rad[other], start.angles_rad[other])
+    np.testing.assert_array_equal(result.angles_rad[other], start.angles_rad[other])
 
 
 @pytest.mark.slow
@@ -106,11 +106,11 @@ def test_whole_search_from_nothing(body, seed, yaw_deg):
     frame = FrameObservation(
         seen_by, photograph(seen_by, actor, truth), *hull(seen_by, actor, truth)
     )
-    found = find_pose(body, frame, MatchSettings(), 4)
-    errors = joint_errors_m(body.model, found[0].pose, actor, truth)
+    result = find_pose(body, frame, MatchSettings(), 4)
+    errors = joint_errors_m(body.model, result[0].pose, actor, truth)
     assert errors.mean() < 0.05 and errors.max() < 0.15
-    assert [f.error for f in found] == sorted(f.error for f in found)
-    assert found[0].error < 0.2
+    assert [f.error for f in result] == sorted(f.error for f in result)
+    assert result[0].error < 0.2
 
 
 @pytest.mark.slow
