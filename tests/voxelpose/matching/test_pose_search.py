@@ -159,5 +159,5 @@ def test_a_motion_is_tracked_both_ways(body, monkeypatch):
     assert track.poses[5] is None and np.isinf(track.error[5])
     for t in range(5):
         assert joint_errors_m(body.model, track.poses[t], actor, truth[t]).mean() < 0.04, t
-    assert len(advanced) == 4 + 2 + 6
+    assert len(advanced) == 4 + 1 + 6
     assert len(carved) == 5 * 4 + 1  # four carves make one hull, one finds that nobody is there
