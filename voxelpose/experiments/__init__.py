@@ -1,1 +1,1 @@
-"""The papers' experiments, as commands."""
+"""Experiments of the papers."""

@@ -1,11 +1,9 @@
-"""The arm-swing experiment of paper A: what nwXOR and the occlusion-aware motion model are good
-for.
-"""
+"""The arm-swing experiment of paper A: effect of nwXOR and of the occlusion-aware motion model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +20,7 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.library.transitions import transitions
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.progress import Reporter
 from voxelpose.experiments.degrade import Degradation, degrade
@@ -31,9 +30,8 @@ from voxelpose.recording.folder import Recording
 
 LONG_SIDE_PX = 640  # the paper's camera
 FLOOR = 1e-6
-"""Share of the prior spread over the whole library. Next to nothing here: in the paper a lost track
-has no second chance.
-"""
+"""Fraction of the prior spread over the whole library: negligible, as the paper's tracker does not
+recover from a lost track."""
 _SEED = 0
 DEGRADATIONS = (
     Degradation(),
@@ -42,18 +40,18 @@ DEGRADATIONS = (
     Degradation(holes=4, hole_radius_px=8.0),
 )
 
-
 Paper = tuple[int, int, int] | None
 """Fail, Error and Success of 24 in the paper; None where it has no such row."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What the paper does not state; the same for all methods. docs/results.md shows what another
-    reading of (4) does.
+    """Interpretation of what the paper does not state; the same for all methods.
+
+    docs/results.md compares the interpretations of (4).
 
     Attributes:
-        sigma: of eq. (10), as a share of the silhouette's own weight.
+        sigma: of eq. (10), as a fraction of the silhouette's own weight.
         normalised: of eq. (4), see `silhouette_core.library.transitions.transitions`.
     """
 
@@ -63,11 +61,11 @@ class Reading:
 
 @dataclass(frozen=True)
 class Method:
-    """A row of the paper's table.
+    """A method of the paper's table.
 
     Attributes:
         weighting: of the silhouette distance.
-        occlusion_aware: DM2; else DM1.
+        occlusion_aware: motion model DM2; else DM1.
         paper: Fail, Error and Success of 24 in the paper.
     """
 
@@ -76,7 +74,7 @@ class Method:
     paper: tuple[int, int, int]
 
     def __str__(self) -> str:
-        """Calls it as the paper does."""
+        """Name in the paper."""
         return f"{self.weighting.replace('xor', 'XOR')}+DM{2 if self.occlusion_aware else 1}"
 
 
@@ -89,16 +87,16 @@ METHODS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Film:
-    """A recording's silhouettes, as one camera without distortion sees them.
+class SilhouetteVideo:
+    """Silhouettes of a recording of one camera.
 
     Attributes:
-        camera: that camera.
+        camera: the camera, without distortion.
         fps: frames per second.
         size: (height, width).
         bits: (T, height, width / 8) uint8, silhouettes packed along the columns.
-        distance_m: of the person in the first frame, if upright.
-        pitch_deg: how far a camera turned toward the person looks down.
+        distance_m: distance of the person in the first frame, assumed upright.
+        pitch_deg: downward angle of a camera turned toward the person.
     """
 
     camera: Camera
@@ -109,59 +107,67 @@ class Film:
     pitch_deg: float
 
     def __len__(self) -> int:
-        """Counts the frames."""
+        """Number of frames."""
         return len(self.bits)
 
     def mask(self, frame: int) -> NDArray[np.bool_]:
-        """Returns the silhouette of a frame, (height, width) bool."""
+        """Silhouette of a frame, (height, width) bool."""
         return np.unpackbits(self.bits[frame], axis=1, count=self.size[1]).view(bool)
 
     @classmethod
-    def of(cls, recording: Recording, stature_m: float, reporter: Reporter) -> Film:
-        """Takes the silhouettes of a recording of one camera.
+    def from_recording(
+        cls, recording: Recording, stature_m: float, reporter: Reporter
+    ) -> SilhouetteVideo:
+        """Finds the silhouettes of a recording.
+
+        Args:
+            recording: of one camera.
+            stature_m: of the person.
+            reporter: notified of every frame.
 
         Raises:
-            InputError: the first frame shows nobody, or there are several cameras.
+            InputError: the first frame shows no person, or there are several cameras.
         """
         if len(recording.rig) != 1:
             raise InputError(
                 f"{recording.folder} has {len(recording.rig)} cameras: choose one with --camera"
                 " NAME"
             )
-        lens = UndistortedView.from_camera(recording.rig.cameras[0], LONG_SIDE_PX)
+        view = UndistortedView.from_camera(recording.rig.cameras[0], LONG_SIDE_PX)
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         reporter.stage("silhouettes", recording.frame_count)
         bits = []
         for _, _, frames in recording:
-            person = find_person(lens.undistort(silhouettes.of(frames)[recording.rig.names[0]]))
-            mask = np.zeros(lens.pinhole.size[::-1], bool) if person is None else person.mask
+            person = find_person(view.undistort(silhouettes.of(frames)[recording.rig.names[0]]))
+            mask = np.zeros(view.pinhole.size[::-1], bool) if person is None else person.mask
             bits.append(np.packbits(mask, axis=1))
             reporter.advance()
-        width, height = lens.pinhole.size
-        film = cls(lens.pinhole, recording.fps, (height, width), np.stack(bits), 0.0, 0.0)
-        first = film.mask(0)
+        width, height = view.pinhole.size
+        video = cls(view.pinhole, recording.fps, (height, width), np.stack(bits), 0.0, 0.0)
+        first = video.mask(0)
         if not first.any():
             raise InputError(
                 f"the first frame of {recording.folder} shows nobody: the experiment wants an arm"
                 " that swings all the time"
             )
-        distance = upright_distance(film.camera, first, stature_m)
-        pitch = np.degrees(look_at(film.camera, first, distance, STATURE_PX / stature_m).pitch_rad)
-        return cls(film.camera, film.fps, film.size, film.bits, distance, float(np.round(pitch)))
+        distance = upright_distance(video.camera, first, stature_m)
+        window = look_at(video.camera, first, distance, STATURE_PX / stature_m)
+        pitch_deg = float(np.round(np.degrees(window.pitch_rad)))
+        return replace(video, distance_m=distance, pitch_deg=pitch_deg)
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """What a method made of a film.
+    """Result of one method on one video.
 
     Attributes:
         method: its name.
         degradation: of the silhouettes.
         counts: swings by verdict.
-        angles_deg: (T,) the estimated arm.
+        angles_deg: (T,) estimated angle of the right upper arm.
         error_deg: mean error of the angle over all frames.
-        lost: frames in which no pose of the library resembled the silhouette as usual.
-        paper: what the paper counted, where it has this row.
+        lost: number of frames in which the filter was lost.
+        paper: counts of the paper, where it has this row.
     """
 
     method: str
@@ -175,7 +181,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """How the arm really moved.
+    """True motion of the arm.
 
     Attributes:
         angles_deg: (T,) angle of the right upper arm.
@@ -193,23 +199,19 @@ class Truth:
         lost: int = 0,
         paper: Paper = None,
     ) -> Row:
-        """Judges an estimate; see Row."""
+        """Compares an estimate with the truth; see Row for the arguments."""
         error = np.abs(angles_deg - self.angles_deg)
         mean = float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
-        return Row(
-            method,
-            str(degradation),
-            count(self.angles_deg, angles_deg, self.swings),
-            angles_deg,
-            mean,
-            lost,
-            paper,
-        )
+        counts = count(self.angles_deg, angles_deg, self.swings)
+        return Row(method, str(degradation), counts, angles_deg, mean, lost, paper)
 
 
 def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
-    """Says whether the right shoulder is nearer to the camera than the left: truth_m (T, 15, 3),
-    world, m; its first known frame counts.
+    """Whether the right shoulder is nearer to the camera than the left.
+
+    Args:
+        truth_m: (T, 15, 3) metres, world; its first known frame decides.
+        camera: the camera.
     """
     first = truth_m[np.isfinite(truth_m).all(axis=(1, 2))][0]
     right, left = (
@@ -219,75 +221,69 @@ def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
     return bool(right < left)
 
 
-def follow(
-    film: Film,
+def track_arm(
+    video: SilhouetteVideo,
     library: PoseLibrary,
     method: Method,
     degradation: Degradation,
     reading: Reading,
     reporter: Reporter,
 ) -> tuple[NDArray[np.float64], int]:
-    """HypothesisTracker a film as the paper does: the likeliest sample of every frame, eq. (12) and
-    (13), from the past alone, unrefined.
+    """Tracks the right arm as the paper does.
 
-    The person stands at one place, at the distance of the first frame, so that distance is not
-    estimated.
+    The estimate of a frame is the most likely sample given the frames up to it, eq. (12) and (13),
+    without refinement. The person stays at the distance of the first frame, which is not estimated.
 
     Args:
-        film: the silhouettes.
-        library: poses, from about the film's side.
+        video: the silhouettes.
+        library: poses, seen from about the side of the video.
         method: distance and motion model.
-        degradation: what is done to the silhouettes first.
-        reading: of what the paper leaves open.
-        reporter: told of every frame.
+        degradation: applied to the silhouettes first.
+        reading: of what the paper does not state.
+        reporter: notified of every frame.
 
-    Returns: (T,) degrees: the right upper arm's angle; NaN where the silhouette is empty. And in
-        how many frames the filter was lost.
+    Returns:
+        (T,) degrees, the angle of the right upper arm, NaN where the silhouette is empty; and the
+        number of frames in which the filter was lost.
     """
-    matrix = transitions(
-        library, method.occlusion_aware, np.sqrt(30.0 / film.fps), NEIGHBOURS, reading.normalised
-    )
+    step = np.sqrt(FPS / video.fps)
+    matrix = transitions(library, method.occlusion_aware, step, NEIGHBOURS, reading.normalised)
     tree = TreeFilter(library, matrix, FilterSettings(sigma=reading.sigma, floor=FLOOR))
-    filtering = ForwardFilter(
-        tree, film.camera, facing=False, weighting=method.weighting, distance_m=film.distance_m
+    tracker = ForwardFilter(
+        tree, video.camera, facing=False, weighting=method.weighting, distance_m=video.distance_m
     )
-    joints = np.full((len(film), len(LANDMARK_NAMES), 3), np.nan)
+    joints = np.full((len(video), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0
-    for frame in range(len(film)):
-        person = find_person(
-            degrade(film.mask(frame), degradation, np.random.default_rng((_SEED, frame)))
-        )
+    for frame in range(len(video)):
+        rng = np.random.default_rng((_SEED, frame))
+        person = find_person(degrade(video.mask(frame), degradation, rng))
         if person is not None:
-            belief = filtering.step(frame, frame / film.fps, person)
-            lost += belief.lost
-            best = candidates_of(tree, belief, [0])
-            joints[frame] = landmarks(
-                library.model,
-                *forward(
-                    library.model, best.root_m, quaternions(best.root_rotation), best.angles_rad
-                ),
-            )[0]
+            posterior = tracker.step(frame, frame / video.fps, person)
+            lost += posterior.lost
+            best, model = candidates_of(tree, posterior, [0]), library.model
+            pose = best.root_m, quaternions(best.root_rotation), best.angles_rad
+            joints[frame] = landmarks(model, *forward(model, *pose))[0]
         reporter.advance()
     return arm_angles(joints), lost
 
 
-def experiment(
-    film: Film,
+def run_methods(
+    video: SilhouetteVideo,
     truth: Truth,
     library: PoseLibrary,
     degradations: Sequence[Degradation],
     reading: Reading,
     reporter: Reporter,
 ) -> list[Row]:
-    """Runs all methods on a film, as found and degraded.
+    """Runs all methods on a video, with all degradations.
 
     Args:
-        film: the silhouettes.
-        truth: how the arm moved.
+        video: the silhouettes.
+        truth: true motion of the arm.
         library: poses.
         degradations: of the silhouettes.
-        reading: of what the paper leaves open.
-        reporter: told of every frame.
+        reading: of what the paper does not state.
+        reporter: notified of every frame.
 
     Returns:
         A row per degradation and method.
@@ -295,8 +291,8 @@ def experiment(
     rows = []
     for degradation in degradations:
         for method in METHODS:
-            reporter.stage(f"{method}, {degradation}", len(film))
-            angles, lost = follow(film, library, method, degradation, reading, reporter)
+            reporter.stage(f"{method}, {degradation}", len(video))
+            angles, lost = track_arm(video, library, method, degradation, reading, reporter)
             paper = method.paper if degradation == Degradation() else None
             rows.append(truth.row(str(method), degradation, angles, lost, paper))
     return rows

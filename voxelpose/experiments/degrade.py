@@ -1,4 +1,4 @@
-"""Silhouettes as worse cameras and backgrounds give them: rough contours and holes of stated size."""
+"""Degradation of silhouettes, as by worse cameras and backgrounds: rough contours and holes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Degradation:
-    """What is done to a silhouette. Lengths in pixels of the recording.
+    """Degradation of a silhouette. Lengths in pixels of the recording.
 
-    Attributes: contour_px: standard deviation by which the contour is moved in and out. grain_px:
-        how long the bumps along it are (standard deviation of the Gaussian that smooths the noise).
-        holes: how many round holes. hole_radius_px: of each.
+    Attributes:
+        contour_px: standard deviation of the contour's displacement.
+        grain_px: standard deviation of the Gaussian that smooths the displacement along the
+            contour.
+        holes: number of round holes.
+        hole_radius_px: of each hole.
     """
 
     contour_px: float = 0.0
@@ -24,7 +27,7 @@ class Degradation:
     hole_radius_px: float = 0.0
 
     def __str__(self) -> str:
-        """Says it in words."""
+        """Description."""
         words = []
         if self.contour_px:
             words.append(f"contour moved by {self.contour_px:g} px (grain {self.grain_px:g} px)")
@@ -36,35 +39,30 @@ class Degradation:
 def degrade(
     mask: NDArray[np.bool_], degradation: Degradation, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Spoils a silhouette.
+    """Degraded silhouette.
 
     Args:
         mask: (h, w) bool.
-        degradation: how.
-        rng: decides where; the same gives the same.
+        degradation: kind and size.
+        rng: source of the random positions.
 
     Returns:
         (h, w) bool.
     """
-    spoilt = mask.copy()
+    degraded = mask.copy()
     if degradation.contour_px > 0 and mask.any() and not mask.all():
         pixels = mask.astype(np.uint8)
-        # Half a pixel each, so that both sides of the contour are equally far from it.
+        # Half a pixel less, so that both sides of the contour are at the same distance from it.
         inside = cv2.distanceTransform(pixels, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) - 0.5
         outside = cv2.distanceTransform(1 - pixels, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) - 0.5
-        noise = cv2.GaussianBlur(
-            rng.standard_normal(mask.shape).astype(np.float32), (0, 0), degradation.grain_px
-        )
-        spoilt = (
-            np.where(mask, inside, -outside) + degradation.contour_px / float(noise.std()) * noise
-            > 0
-        )
-    places = np.argwhere(mask)
-    if degradation.holes and len(places):
-        holes = np.zeros(mask.shape, np.uint8)
-        for row, column in places[rng.integers(len(places), size=degradation.holes)]:
-            cv2.circle(
-                holes, (int(column), int(row)), round(degradation.hole_radius_px), 1, cv2.FILLED
-            )
-        spoilt &= holes == 0
-    return spoilt
+        noise = rng.standard_normal(mask.shape).astype(np.float32)
+        noise = cv2.GaussianBlur(noise, (0, 0), degradation.grain_px)
+        amplitude = degradation.contour_px / float(noise.std())
+        degraded = np.where(mask, inside, -outside) + amplitude * noise > 0
+    pixels = np.argwhere(mask)
+    if degradation.holes and len(pixels):
+        holes, radius = np.zeros(mask.shape, np.uint8), round(degradation.hole_radius_px)
+        for row, column in pixels[rng.integers(len(pixels), size=degradation.holes)].tolist():
+            cv2.circle(holes, (column, row), radius, 1, cv2.FILLED)
+        degraded &= holes == 0
+    return degraded

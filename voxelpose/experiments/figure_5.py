@@ -1,6 +1,4 @@
-"""Fig. 5 of paper A: turning on the spot, a golf swing toward the camera, pointing with one hand;
-followed, scored and shown.
-"""
+"""Fig. 5 of paper A: a turn on the spot, a golf swing toward the camera, pointing with one hand."""
 
 from __future__ import annotations
 
@@ -26,11 +24,11 @@ PERFORMED = ("golf", "pointing")
 
 @dataclass(frozen=True)
 class Sequence:
-    """A recording to be followed.
+    """A recording to be tracked.
 
     Attributes:
-        folder: the recording; its truth.json is what it is scored against.
-        stature_m: of the person; None: as subject.toml says.
+        folder: the recording, with its truth.json.
+        stature_m: of the person; None: from subject.toml.
         camera: its name, where there are several.
     """
 
@@ -40,9 +38,7 @@ class Sequence:
 
 
 def performed(folder: Path, frames: int | None = None) -> dict[str, Sequence]:
-    """Films the demo's mannequin, whose body is none that is fitted, at the golf swing and
-    pointing.
-    """
+    """Renders the golf swing and the pointing with the demo's mannequin."""
     return {
         name: Sequence(make_recording(folder / name, frames, performance=name))
         for name in PERFORMED
@@ -52,25 +48,27 @@ def performed(folder: Path, frames: int | None = None) -> dict[str, Sequence]:
 def run_figure(
     sequences: Mapping[str, Sequence], library: Path | None, folder: Path, reporter: Reporter
 ) -> dict[str, Score]:
-    """Follows the sequences as `voxelpose track` does and scores them.
+    """Tracks the sequences as `voxelpose track` does and scores them.
 
-    Args: sequences: by name. library: a pose library; None: the default one. folder: gets a result
-        folder per sequence, whose contact_sheet.png is the figure, table.md and summary.json.
-        reporter: told of every stage.
+    Args:
+        sequences: by name.
+        library: a pose library; None: the default one.
+        folder: receives table.md, summary.json and a result folder per sequence, whose
+            contact_sheet.png is the figure.
+        reporter: notified of every stage.
 
     Returns:
         A score per sequence.
 
     Raises:
-        InputError: a recording cannot be followed, or has no truth.
+        InputError: a recording cannot be tracked, or has no truth.
     """
     options = {} if library is None else {"library": str(library)}
     scores: dict[str, Score] = {}
     for name, sequence in sequences.items():
         truth = read_truth(sequence.folder / "truth.json")
-        recording = Recording.open(
-            sequence.folder, cameras=None if sequence.camera is None else (sequence.camera,)
-        )
+        cameras = None if sequence.camera is None else (sequence.camera,)
+        recording = Recording.open(sequence.folder, cameras=cameras)
         if len(recording.rig) != 1:
             raise InputError(
                 f"{sequence.folder} has {len(recording.rig)} cameras: choose one with --camera NAME"

@@ -1,6 +1,4 @@
-"""The pose library of the arm-swing experiment: somebody standing in profile, the right arm moved
-in many ways.
-"""
+"""Pose library of the arm-swing experiment: standing in profile, the right arm in many poses."""
 
 from __future__ import annotations
 
@@ -20,12 +18,12 @@ from silhouette_core.progress import Reporter
 
 NEIGHBOURS = 512
 SAMPLES = 3417  # the paper's
-_NODE_SHARES = (693 / 3417, 3013 / 3417, 3318 / 3417)  # the paper's
+_NODE_FRACTIONS = (693 / 3417, 3013 / 3417, 3318 / 3417)  # the paper's
 _CLIPS, _KEYS, _BETWEEN_S = 6, 60, 0.7
-# From, to (degrees) of what moves, see silhouette_core.motion.keyposes.notation: the right arm
-# anywhere it reaches in profile ...
+# Ranges in degrees of the columns of silhouette_core.motion.keyposes.notation. The right arm is
+# anywhere within its reach in profile;
 _ARM = {"r.arm": (-70, 110), "r.out": (0, 35), "r.elbow": (0, 90), "r.turn": (-20, 40)}
-# ... and the rest as somebody stands, the same throughout a clip.
+# the other joints are those of a standing person, constant throughout a clip.
 _STANCE = {
     "l.arm": (-5, 10),
     "l.out": (5, 12),
@@ -39,10 +37,12 @@ _SEED = 3
 
 @dataclass(frozen=True)
 class ProfileSettings(LibrarySettings):
-    """A library that is seen from around one side only.
+    """Settings of a library with views of one side only.
 
-    Attributes: middle_deg: yaw of that side: 90 shows the right side, the body facing right in the
-        picture; -90 the left side. sides: how many yaws about it, `yaw_step_deg` apart.
+    Attributes:
+        middle_deg: yaw of that side: 90 shows the right side, the body facing right in the picture;
+            -90 the left side.
+        sides: number of yaws about it, `yaw_step_deg` apart.
     """
 
     middle_deg: float = 90.0
@@ -54,7 +54,7 @@ class ProfileSettings(LibrarySettings):
         return self.sides * len(self.pitches_deg)
 
     def views(self) -> NDArray[np.float64]:
-        """Returns (V, 2) yaw and pitch, radians."""
+        """Yaw and pitch (V, 2) of the views, radians."""
         yaws = self.middle_deg + self.yaw_step_deg * (np.arange(self.sides) - (self.sides - 1) / 2)
         return np.radians([[yaw, pitch] for pitch in self.pitches_deg for yaw in yaws])
 
@@ -66,17 +66,19 @@ def swing_library(
     reporter: Reporter | None = None,
     samples: int = SAMPLES,
 ) -> PoseLibrary:
-    """Makes the library.
+    """Builds the library.
 
     Args:
         model: the body.
-        near: the right side is toward the camera; else the trunk hides the right arm as it passes.
-        pitch_deg: how far the camera looks down.
-        reporter: told of every stage.
-        samples: how many at most.
+        near: whether the right side is toward the camera; else the trunk occludes the right arm as
+            it passes.
+        pitch_deg: downward angle of the camera.
+        reporter: notified of every stage.
+        samples: largest number of samples.
 
-    Returns: About as many samples as in the paper, and as many nodes; the arm goes from one place
-        to another at random, as in no recording.
+    Returns:
+        A library with about as many samples and nodes as in the paper. The arm moves between random
+        poses.
 
     Source: Okada and Stenger, section 7: mostly profile poses, the right arm moved in various ways.
     """
@@ -85,16 +87,15 @@ def swing_library(
         yaw_step_deg=8.0,
         pitches_deg=(pitch_deg,),
         mirror=False,
-        node_shares=_NODE_SHARES,
+        node_shares=_NODE_FRACTIONS,
         middle_deg=90.0 if near else -90.0,
     )
     rng = np.random.default_rng(_SEED)
     motions = {f"right arm {k + 1}": perform(_movement(rng), model) for k in range(_CLIPS)}
     library = build_library(base_poses(motions, settings), model, settings, reporter)
-    # Hidden arms reach hundreds of so few poses: more than a library usually keeps.
-    return replace(
-        library, neighbours=find_neighbours(library, min(NEIGHBOURS, len(library)), reporter)
-    )
+    # Of so few poses, occluded arms reach hundreds: more than a library usually stores.
+    neighbours = find_neighbours(library, min(NEIGHBOURS, len(library)), reporter)
+    return replace(library, neighbours=neighbours)
 
 
 def _movement(rng: np.random.Generator) -> Movement:

@@ -1,6 +1,4 @@
-"""What the arm-swing experiment found: the paper's table beside ours, and the arm's angle over
-time.
-"""
+"""Table and plot of the arm-swing experiment."""
 
 from __future__ import annotations
 
@@ -18,12 +16,10 @@ _SHOWN_SWINGS = 6
 
 
 def swing_table(rows: Sequence[Row]) -> str:
-    """Returns the rows as a Markdown table; the paper's counts stand where the paper has that row."""
+    """Rows as a Markdown table, with the paper's counts where the paper has that row."""
     lines = [
-        (
-            "| silhouettes | method | Fail | Error | Success | paper: Fail / Error / Success | mean"
-            " error of the angle, deg |"
-        ),
+        "| silhouettes | method | Fail | Error | Success | paper: Fail / Error / Success |"
+        " mean error of the angle, deg |",
         "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
@@ -36,10 +32,10 @@ def swing_table(rows: Sequence[Row]) -> str:
 
 
 def draw_angles(rows: Sequence[Row], truth: Truth, fps: float, path: Path) -> None:
-    """Draws the true and the estimated angle over the first few swings, a panel per row.
+    """Plots the true and the estimated angle over the first few swings, a panel per row.
 
     Args:
-        rows: what is drawn.
+        rows: results.
         truth: the true angle and the swings.
         fps: frames per second.
         path: the PNG.
@@ -50,21 +46,13 @@ def draw_angles(rows: Sequence[Row], truth: Truth, fps: float, path: Path) -> No
     figure = Figure(figsize=(9, 1.7 * len(rows) + 0.6), layout="constrained", dpi=110)
     panels = figure.subplots(len(rows), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for panel, row in zip(panels, rows, strict=True):
-        counted = ", ".join(f"{row.counts[verdict]} {verdict}" for verdict in VERDICTS)
-        panel.plot(time_s, truth_deg[shown], color=_TRUE, lw=1.4, label="true")
-        panel.plot(
-            time_s,
-            row.angles_deg[shown],
-            color=_ESTIMATED,
-            lw=1.2,
-            marker=".",
-            ms=3,
-            label="estimated",
-        )
-        panel.fill_between(
-            time_s, truth_deg[shown], row.angles_deg[shown], color=_WRONG, alpha=0.15, lw=0
-        )
-        panel.set_title(f"{row.method}, {row.degradation}: {counted}", loc="left", fontsize=9)
+        counts = ", ".join(f"{row.counts[verdict]} {verdict}" for verdict in VERDICTS)
+        true, estimated = truth_deg[shown], row.angles_deg[shown]
+        dots = {"marker": ".", "ms": 3, "label": "estimated"}
+        panel.plot(time_s, true, color=_TRUE, lw=1.4, label="true")
+        panel.plot(time_s, estimated, color=_ESTIMATED, lw=1.2, **dots)
+        panel.fill_between(time_s, true, estimated, color=_WRONG, alpha=0.15, lw=0)
+        panel.set_title(f"{row.method}, {row.degradation}: {counts}", loc="left", fontsize=9)
         panel.spines[["top", "right"]].set_visible(False)
         panel.grid(alpha=0.15)
     panels[0].legend(

@@ -21,12 +21,12 @@ from voxelpose import __version__
 from voxelpose.experiments.arm_swing import (
     DEGRADATIONS,
     FLOOR,
-    Film,
     Reading,
     Row,
+    SilhouetteVideo,
     Truth,
-    experiment,
     near_side,
+    run_methods,
 )
 from voxelpose.experiments.degrade import Degradation
 from voxelpose.experiments.swing_library import SAMPLES, swing_library
@@ -41,16 +41,16 @@ TABLE, PLOT = "table.md", "angles.png"
 
 @dataclass(frozen=True)
 class Study:
-    """What the experiment is made with.
+    """Settings of the experiment.
 
     Attributes:
         truth: file of the true joints.
-        stature_m: of the person; None: the recording's subject.toml says it.
-        library: a pose library; None: one is made for the experiment.
-        degraded: also with degraded silhouettes.
-        ours: also with the program's own estimator.
-        samples: of the library that is made.
-        reading: of what the paper leaves open.
+        stature_m: of the person; None: from the recording's subject.toml.
+        library: a pose library; None: one is built for the experiment.
+        degraded: whether degraded silhouettes are included.
+        ours: whether the program's own estimator is included.
+        samples: of the library that is built.
+        reading: of what the paper does not state.
     """
 
     truth: Path
@@ -92,30 +92,30 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
             f"{recording.folder} has no subject.toml that says how tall the person is: add"
             " --stature"
         )
-    film = Film.of(recording, stature, reporter)
+    video = SilhouetteVideo.from_recording(recording, stature, reporter)
     library = _library(
         study,
         stature,
-        near_side(joints, film.camera),
-        film.pitch_deg,
+        near_side(joints, video.camera),
+        video.pitch_deg,
         recording.subject.sex,
         reporter,
     )
     degradations = DEGRADATIONS if study.degraded else DEGRADATIONS[:1]
-    rows = experiment(film, truth, library, degradations, study.reading, reporter)
+    rows = run_methods(video, truth, library, degradations, study.reading, reporter)
     shown = rows[:4]
     if study.ours:
         rows.insert(4, _ours(recording, study, stature, truth, reporter))
         shown = rows[:5]
     (folder / TABLE).write_text(swing_table(rows), encoding="utf-8")
-    draw_angles(shown, truth, film.fps, folder / PLOT)
+    draw_angles(shown, truth, video.fps, folder / PLOT)
     about = {
         "voxelpose": __version__,
         "recording": recording.folder.resolve().name,
-        "frames": len(film),
+        "frames": len(video),
         "swings": len(truth.swings),
-        "right_arm": "near" if near_side(joints, film.camera) else "far",
-        "distance_m": film.distance_m,
+        "right_arm": "near" if near_side(joints, video.camera) else "far",
+        "distance_m": video.distance_m,
         "criterion": asdict(Criterion()),
         "filter": asdict(study.reading)
         | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": AREA_FRACTION},
@@ -156,8 +156,9 @@ def _library(
 def _ours(
     recording: Recording, study: Study, stature_m: float, truth: Truth, reporter: Reporter
 ) -> Row:
-    """HypothesisTracker the recording as `voxelpose track` does: balanced weights, DM2, distance
-    found, refined, looking ahead.
+    """Row of the program's own estimator, as `voxelpose track` runs it.
+
+    It has balanced weights and DM2, estimates the distance, refines poses and uses later frames.
     """
     options = {"start": "any"} | ({"library": str(study.library)} if study.library else {})
     settings = replace(Settings(stature_m=stature_m, options=options), sex=recording.subject.sex)

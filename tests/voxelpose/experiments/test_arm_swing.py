@@ -1,4 +1,4 @@
-"""The arm-swing experiment from recording to files, small."""
+"""The arm-swing experiment from recording to files, with few frames."""
 
 import json
 
@@ -18,11 +18,11 @@ from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 
 
-def test_methods_are_called_as_in_the_paper():
+def test_methods_have_the_papers_names():
     assert [str(method) for method in METHODS] == ["wXOR+DM1", "wXOR+DM2", "nwXOR+DM1", "nwXOR+DM2"]
 
 
-def test_views_stand_about_the_side():
+def test_views_are_about_the_side():
     settings = ProfileSettings(middle_deg=-90, sides=3, yaw_step_deg=8, pitches_deg=(5.0,))
     np.testing.assert_allclose(np.degrees(settings.views()), [(-98, 5), (-90, 5), (-82, 5)])
     assert settings.views_count == 3
@@ -37,7 +37,7 @@ def test_mannequin_swings_the_same_way_on_either_side(tmp_path, performance, nea
 
 
 @pytest.mark.slow
-def test_far_arm_is_hidden_at_times():
+def test_far_arm_is_occluded_at_times():
     model = BodyModel.from_sizes(BodySizes(1.7))
     library = swing_library(model, near=False, pitch_deg=5.0, samples=120)
     right, left = (
@@ -58,9 +58,8 @@ def test_two_swings(tmp_path):
     assert rows[3].counts["success"] == 2
     assert rows[3].error_deg < 20
     assert (tmp_path / "angles.png").exists()
-    assert (
-        "| as found | nwXOR+DM2 | 0 | 0 | 2 | 0 / 10 / 14 |" in (tmp_path / "table.md").read_text()
-    )
+    table = (tmp_path / "table.md").read_text()
+    assert "| as found | nwXOR+DM2 | 0 | 0 | 2 | 0 / 10 / 14 |" in table
     about = json.loads((tmp_path / "summary.json").read_text())
     assert about["right_arm"] == "near" and about["rows"][3]["success"] == 2
 

@@ -1,4 +1,4 @@
-"""The criterion of the arm-swing experiment, its table, and what spoils silhouettes."""
+"""Criterion and table of the arm-swing experiment, and degradation of silhouettes."""
 
 from itertools import pairwise
 
@@ -10,26 +10,24 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.experiments.arm_swing import METHODS, Row, Truth
 from voxelpose.experiments.degrade import Degradation, degrade
 from voxelpose.experiments.swing_report import draw_angles, swing_table
-from voxelpose.experiments.swings import arm_angles, count, judge, split_swings
+from voxelpose.experiments.swings import VERDICTS, arm_angles, count, judge, split_swings
 
 SWING = np.concatenate([np.linspace(-55, 75, 13)[:-1], np.linspace(75, -55, 13)[:-1]])
 
 
 def joints(angle_deg, yaw_deg=0.0, out_deg=0.0):
-    """A body of points, upright, whose right upper arm is swung forward; 0 faces -y, left toward
-    +x.
-    """
+    """Joints of an upright body whose right upper arm is raised forward; at yaw 0 it faces -y."""
     angle, out, yaw = np.radians([angle_deg, out_deg, yaw_deg])
-    found = np.zeros((1, len(LANDMARK_NAMES), 3))
+    joints_m = np.zeros((1, len(LANDMARK_NAMES), 3))
     arm = np.array([-np.sin(out), -np.sin(angle) * np.cos(out), -np.cos(angle) * np.cos(out)])
-    for name, place in (
+    for name, position in (
         ("left_shoulder", (0.2, 0, 1.4)),
         ("right_shoulder", (-0.2, 0, 1.4)),
         ("right_elbow", (-0.2, 0, 1.4) + 0.3 * arm),
     ):
-        found[0, LANDMARK_NAMES.index(name)] = place
+        joints_m[0, LANDMARK_NAMES.index(name)] = position
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    return found @ turn.T
+    return joints_m @ turn.T
 
 
 @pytest.mark.parametrize("yaw", [0, 90, 200])
@@ -45,7 +43,7 @@ def test_left_arm_has_its_own_angle():
     assert arm_angles(body, "left") == pytest.approx(-90)
 
 
-def test_swings_are_divided_at_the_hindmost_angle():
+def test_swings_are_divided_at_the_backmost_angle():
     swings = split_swings(np.tile(SWING, 5))
     assert [(swing.start, swing.stop) for swing in swings] == [
         (24 * k, 24 * k + 24) for k in range(5)
@@ -94,25 +92,14 @@ def test_counts_add_up():
     assert count(truth, estimate, split_swings(truth)) == {"fail": 1, "error": 1, "success": 1}
 
 
-def test_table_stands_beside_the_papers():
+def test_the_table_has_the_papers_counts():
     method = METHODS[3]
     rows = [
-        Row(
-            str(method),
-            "as found",
-            {"fail": 0, "error": 3, "success": 21},
-            SWING,
-            9.87,
-            0,
-            method.paper,
-        ),
-        Row(
-            str(method),
-            "4 holes of radius 8 px",
-            {"fail": 24, "error": 0, "success": 0},
-            SWING,
-            51.0,
-        ),
+        Row(str(method), silhouettes, dict(zip(VERDICTS, counts, strict=True)), SWING, *others)
+        for silhouettes, counts, others in (
+            ("as found", (0, 3, 21), (9.87, 0, method.paper)),
+            ("4 holes of radius 8 px", (24, 0, 0), (51.0,)),
+        )
     ]
     lines = swing_table(rows).splitlines()
     assert lines[2] == "| as found | nwXOR+DM2 | 0 | 3 | 21 | 0 / 10 / 14 | 9.9 |"
@@ -131,41 +118,40 @@ MASK = np.zeros((120, 160), bool)
 MASK[20:100, 60:100] = True
 
 
-def test_contour_moves_by_what_was_asked():
-    spoilt = degrade(MASK, Degradation(contour_px=3.0), np.random.default_rng(0))
+def test_contour_moves_by_the_requested_distance():
+    degraded = degrade(MASK, Degradation(contour_px=3.0), np.random.default_rng(0))
     inner, outer = MASK[32:88, 72:88], np.pad(np.zeros((56, 16), bool), 0)
-    assert spoilt[32:88, 72:88].sum() > 0.99 * inner.sum()
+    assert degraded[32:88, 72:88].sum() > 0.99 * inner.sum()
     assert not outer.any()
-    # Along the left side, the contour's mean place stays and its spread is about the 3 px.
-    left = np.array([np.flatnonzero(row)[0] for row in spoilt[35:85]])
+    # Along the left side, the contour's mean stays and its standard deviation is about 3 px.
+    left = np.array([np.flatnonzero(row)[0] for row in degraded[35:85]])
     assert abs(left.mean() - 60) < 3
     assert 1.0 < left.std() < 6.0
     assert not degrade(MASK, Degradation(contour_px=3.0), np.random.default_rng(0))[:, 130:].any()
 
 
-def test_holes_take_away_what_was_asked():
-    spoilt = degrade(MASK, Degradation(holes=1, hole_radius_px=5.0), np.random.default_rng(2))
-    assert not (spoilt & ~MASK).any()
-    assert 20 <= (MASK & ~spoilt).sum() <= 81
+def test_holes_have_the_requested_size():
+    degraded = degrade(MASK, Degradation(holes=1, hole_radius_px=5.0), np.random.default_rng(2))
+    assert not (degraded & ~MASK).any()
+    assert 20 <= (MASK & ~degraded).sum() <= 81
 
 
 def test_same_seed_same_silhouette():
-    how = Degradation(contour_px=2.0, holes=3, hole_radius_px=4.0)
-    first, again, other = (degrade(MASK, how, np.random.default_rng(seed)) for seed in (1, 1, 2))
-    assert (first == again).all()
+    degradation = Degradation(contour_px=2.0, holes=3, hole_radius_px=4.0)
+    first, second, other = (
+        degrade(MASK, degradation, np.random.default_rng(seed)) for seed in (1, 1, 2)
+    )
+    assert (first == second).all()
     assert (first != other).any()
 
 
-def test_nothing_asked_nothing_done():
+def test_no_degradation_changes_nothing():
     assert (degrade(MASK, Degradation(), np.random.default_rng(0)) == MASK).all()
-    assert not degrade(
-        np.zeros_like(MASK),
-        Degradation(contour_px=2.0, holes=2, hole_radius_px=3.0),
-        np.random.default_rng(0),
-    ).any()
+    degradation = Degradation(contour_px=2.0, holes=2, hole_radius_px=3.0)
+    assert not degrade(np.zeros_like(MASK), degradation, np.random.default_rng(0)).any()
 
 
-def test_degradation_says_its_sizes():
+def test_description_of_degradation_has_its_sizes():
     assert str(Degradation()) == "as found"
     assert (
         str(Degradation(2.0, 4.0, 3, 8.0))
