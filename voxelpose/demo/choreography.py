@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
 
 _ALL_CAMERAS = ("cam_1", "cam_2", "cam_3", "cam_4")
@@ -160,11 +160,7 @@ class Performance:
         return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _rotations(values)
 
 
-def _linear(times: NDArray[np.float64], keys: NDArray[np.float64]) -> Callable:
-    """Interpolates key poses at constant speed."""
-    return make_interp_spline(times, keys, k=1)
-
-
+_linear = partial(make_interp_spline, k=1)
 PERFORMANCES = {
     "three_seconds": Performance(
         "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out"
@@ -187,7 +183,9 @@ PERFORMANCES = {
         "yaw r_arm", _ARM_SWING - (0.0, 180.0, 0.0), 15, 24, ("cam_3",), _linear
     ),
     "walk": Performance(
-        "x y yaw l_hip l_knee r_hip r_knee l_arm r_arm straddle", _walk(), rounds=1
+        "x y yaw l_hip l_knee r_hip r_knee l_arm r_arm straddle",
+        _walk(),
+        interpolation=CubicSpline,
     ),
 }
 """By name: "three_seconds" is two steps while turning, a wave with the right hand and a squat;

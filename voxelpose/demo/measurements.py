@@ -23,6 +23,8 @@ _TRUNK_GROWTH = np.array([1.0, 1.0, 1.0, 0.6, 0.35])
 # Likewise the legs, by that of the hip, and the arms, by that of the chest.
 _LEG_GROWTH = np.array([(0.09, 0.0), (0.17, 0.5), (0.42, 0.9), (0.515, 0.8), (0.86, 1.3)]).T
 _ARM_GROWTH = np.array([(0.80, 0.05), (0.88, 0.15), (1.05, 0.4), (1.11, 0.5), (1.30, 0.8)]).T
+# Mean and standard deviation of legs, arms, shoulders and head; the standard actor has long legs.
+_PROPORTIONS = ((0.95, 0.015), (1.0, 0.02), (1.0, 0.03), (1.0, 0.025))
 _DEPTH_POWER = 1.3  # trunks grow more in depth than in width
 _STANDING_OUT = np.radians(8.0)  # abduction of the arms in most key poses
 _MOST_OUT = np.radians(20.0)
@@ -59,7 +61,7 @@ class Measurements:
     def with_variation(self, rng: np.random.Generator) -> Measurements:
         """Draws limb proportions, clothing and soles within the usual range of adults."""
         legs, arms, shoulders, head = (
-            1 + sigma * float(np.clip(rng.normal(), -2, 2)) for sigma in (0.015, 0.02, 0.03, 0.025)
+            mean + sigma * float(np.clip(rng.normal(), -2, 2)) for mean, sigma in _PROPORTIONS
         )
         return replace(
             self,

@@ -61,15 +61,15 @@ class Recipe:
             InputError: it cannot be written.
             ValueError: the recipe has an unknown performance or camera.
         """
-        stamp = folder / _STAMP
-        if not stamp.is_file() or stamp.read_text(encoding="utf-8") != f"{self}\n":
+        stamp, text = folder / _STAMP, f"{self}\n{self.person}\n"
+        if not stamp.is_file() or stamp.read_text(encoding="utf-8") != text:
             beside = folder.with_name(f".{folder.name}.{os.getpid()}")
             cameras = [f"cam_{number}" for number in self.cameras]
             try:
                 make_recording(
                     beside, self.frames, self.seed, self.performance, cameras, self.person
                 )
-                (beside / _STAMP).write_text(f"{self}\n", encoding="utf-8")
+                (beside / _STAMP).write_text(text, encoding="utf-8")
                 shutil.rmtree(folder, ignore_errors=True)
                 beside.rename(folder)
             finally:
