@@ -1,4 +1,4 @@
-"""What an estimator is, and how estimators are found.
+"""Protocol of an estimator, its settings and result, and the registry of estimators.
 
 An estimator is a class without constructor arguments, registered under the entry point group
 `silhouette_core.estimators`:
@@ -6,20 +6,22 @@ An estimator is a class without constructor arguments, registered under the entr
     [project.entry-points."silhouette_core.estimators"]
     multiview = "voxelpose.multiview:MultiViewEstimator"
 
-All take the same frames and give the same Motion; nothing downstream knows which one ran.
+All estimators take the same frames and return the same Motion; nothing downstream knows which one
+ran.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from dataclasses import dataclass, field, fields
+from importlib.metadata import EntryPoint
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from silhouette_core.entry_points import load_registered, registered
 from silhouette_core.progress import Reporter
 
 if TYPE_CHECKING:
@@ -33,7 +35,7 @@ Frame = NDArray[np.uint8]
 
 
 class FrameSource(Protocol):
-    """Frames of one or several synchronous cameras: a Recording, or anything that looks like one."""
+    """Frames of one or several synchronous cameras, such as a Recording."""
 
     @property
     def rig(self) -> Rig:
@@ -47,7 +49,7 @@ class FrameSource(Protocol):
 
     @property
     def frame_count(self) -> int:
-        """How many time steps an iteration yields."""
+        """Number of time steps that an iteration yields."""
         ...
 
     @property
@@ -56,31 +58,36 @@ class FrameSource(Protocol):
         ...
 
     def backgrounds(self) -> Mapping[str, Iterable[Frame]]:
-        """Returns frames of the empty view for each camera that has them."""
+        """Frames of the empty view, by camera name, for the cameras that have them."""
         ...
 
     def regions(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Returns where the person may be, (H, W) bool, for each camera that is told."""
+        """Regions in which the person may be, (H, W) bool, by camera name, where given."""
         ...
 
     def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:
-        """Yields (frame number in the recording, time in seconds, a frame per camera name); may be
-        started more than once.
+        """Yields frame number, time in seconds and the frames by camera name.
+
+        Every call starts again at the first frame.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What an estimator is told.
+    """Settings of an estimation.
 
-    Attributes: stature_m: height of the person, metres; None: estimated. chest_m: chest girth,
-        metres; None: usual for the stature. sex: whose proportions. background: `paper` is Okada
-        and Stenger 5.1 as written; `refined` adds what this project does against shadows and noise.
-        smooth: smooth the finished motion over time (off-line, without lag). threads: None: all
-        cores. options: settings of one estimator only, by name (`interference`, `voxel_size_m` of
-        the multi-view one). An estimator refuses
-            names that it does not know with an InputError.
+    Attributes:
+        stature_m: height of the person, metres; None: estimated.
+        chest_m: chest girth, metres; None: usual for the stature.
+        sex: sex of the person, which decides the proportions.
+        background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
+            does against shadows and noise.
+        smooth: smooth the finished motion over time (off-line, without lag).
+        threads: number of threads; None: all cores.
+        backend: scoring backend, a name as for `silhouette_core.scoring.backend.load_backend`.
+        options: settings of one estimator only, by name (`interference`, `voxel_size_m` of the
+            multi-view one); see `read_options`.
     """
 
     stature_m: float | None = None
@@ -89,18 +96,47 @@ class Settings:
     background: Literal["refined", "paper"] = "refined"
     smooth: bool = True
     threads: int | None = None
+    backend: str = "cpu"
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)
+
+
+Options = TypeVar("Options")
+
+
+def read_options(
+    kind: type[Options], options: Mapping[str, bool | int | float | str], estimator: str
+) -> Options:
+    """Options of one estimator as its dataclass, which checks the values.
+
+    Args:
+        kind: the dataclass; its fields are the options that exist.
+        options: options by name, see `Settings`.
+        estimator: name of the estimator, for the message.
+
+    Raises:
+        InputError: an option does not exist, or has a value that the dataclass refuses.
+    """
+    known = [option.name for option in fields(kind)]  # type: ignore[arg-type]
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        raise InputError(
+            f"the {estimator} estimator has no option {unknown[0]!r}: it has {', '.join(known)}"
+        )
+    return kind(**options)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What an estimator gives.
+    """Result of an estimation.
 
-    Attributes: motion: the poses. stage_s: stage -> (n,) float64 seconds, one value per frame (or a
-        single one for a stage that runs once). facts: what else is worth keeping in summary.json
-        (numbers, words, lists of them): the estimated stature, the voxel size, ... hypotheses:
-        other poses that the frames allow: (frame number, probabilities (n,), joints (n, 15, 3)
-        world m) each, likeliest first.
+    Attributes:
+        motion: the estimated poses.
+        stage_s: stage -> (n,) float64 seconds, one value per frame (or a single one for a stage
+            that runs once).
+        facts: further entries of summary.json (numbers, strings, lists of them), such as the
+            estimated stature or the voxel size.
+        hypotheses: alternative poses of each frame: frame number, probabilities (n,) and joints
+            (n, 15, 3) in the world, m, likeliest first.
     """
 
     motion: Motion
@@ -111,51 +147,41 @@ class Estimate:
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Frames in, motion out."""
+    """Estimates the motion of a person from frames."""
 
     name: str
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """Estimates the motion.
 
-        Args: source: the frames. Held one time step at a time: memory must not grow with the
-            recording's length. settings: see Settings. reporter: told of every stage and step.
+        Args:
+            source: the frames. Held one time step at a time: memory must not grow with the
+                recording's length.
+            settings: see Settings.
+            reporter: informed of every stage and step.
 
         Returns:
-            The motion, how long each stage took, and facts.
+            The motion, the durations of the stages, and facts.
 
-        Raises: InputError: the source or the settings cannot be used, in one line that names the
-            remedy.
+        Raises:
+            InputError: the source or the settings cannot be used; one line that names the remedy.
         """
         ...
 
 
 def available_estimators() -> dict[str, EntryPoint]:
-    """Returns the registered estimators by name, without importing any."""
-    return {point.name: point for point in entry_points(group=GROUP)}
+    """Registered estimators by name, without importing any."""
+    return registered(GROUP)
 
 
 def load_estimator(name: str) -> Estimator:
-    """Imports and makes an estimator.
+    """New instance of a registered estimator.
 
     Args:
-        name: as registered.
-
-    Returns:
-        A new one.
+        name: name of its entry point.
 
     Raises:
-        InputError: none is registered under this name.
-        TypeError: what is registered is not an estimator.
+        InputError: no estimator is registered under this name.
+        TypeError: the registered object is not an estimator.
     """
-    points = available_estimators()
-    if name not in points:
-        raise InputError(
-            f"no estimator is called {name!r}: installed are {', '.join(sorted(points)) or 'none'}"
-        )
-    made = points[name].load()()
-    if not isinstance(made, Estimator):
-        raise TypeError(
-            f"{points[name].value} is registered as an estimator but has no name or no estimate()"
-        )
-    return made
+    return load_registered(GROUP, "estimator", Estimator, name)

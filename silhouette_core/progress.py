@@ -1,4 +1,4 @@
-"""Progress of long work: what is told of it, and how long its stages took."""
+"""Progress reports of long work, and durations of its stages."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from typing import Protocol
 
 
 class Reporter(Protocol):
-    """Hears how far an estimator is. The command line draws it; libraries stay silent."""
+    """Receives the progress of an estimator; the command line draws it, libraries stay silent."""
 
     def stage(self, name: str, total: int | None = None) -> None:
-        """A stage begins, of `total` steps (None: unknown); the stage before is over."""
+        """Begins a stage of `total` steps (None: unknown) and ends the previous one."""
         ...
 
     def advance(self, steps: int = 1) -> None:
-        """So many steps of the stage are done."""
+        """Counts finished steps of the stage."""
         ...
 
     def note(self, text: str) -> None:
-        """Something the user should know that is no error: an assumption made, a camera left out."""
+        """Informs the user of something that is no error, such as an assumption."""
         ...
 
 
 class SilentReporter:
-    """The reporter that tells nobody."""
+    """Reporter without output."""
 
     def stage(self, name: str, total: int | None = None) -> None:
         """Does nothing."""
@@ -40,10 +40,14 @@ class SilentReporter:
 
 
 class StageClock:
-    """How long every stage took, per frame."""
+    """Durations of the stages, per frame.
+
+    Attributes:
+        seconds: durations by stage, in order.
+    """
 
     def __init__(self) -> None:
-        """Starts with nothing."""
+        """Starts without stages."""
         self.seconds: dict[str, array[float]] = defaultdict(lambda: array("d"))
 
     @contextmanager

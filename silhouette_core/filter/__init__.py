@@ -1,3 +1,1 @@
-"""The monocular estimator: Bayesian filtering over a tree of silhouettes, and what it takes beyond
-the paper.
-"""
+"""Monocular estimator: Bayesian filter over a silhouette tree, and tracking beyond the paper."""

@@ -1,4 +1,4 @@
-"""The forward pass: frame by frame from silhouette to posterior."""
+"""Forward pass of the filter: from the silhouette of each frame to its posterior."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
 from silhouette_core.filter.evidence import Evidence
-from silhouette_core.filter.motion_cost import PoseCandidates, turned
+from silhouette_core.filter.motion_cost import PoseCandidates, yaw_rotations
 from silhouette_core.filter.person import Person, upright_distance
 from silhouette_core.filter.tree_filter import Posterior, TreeFilter
 from silhouette_core.filter.window import Window, look_at
 from silhouette_core.image.distance import Weighting
 from silhouette_core.library.rendering import STATURE_PX
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
 
-_FIRST_REACH, _FIRST_COUNT = (
-    0.30,
-    9,
-)  # logarithm of the distance, either way: somebody may crouch, or hold the arms up
-_STEP = 0.05
+# Range, as a logarithm, and number of the distances tried in a first frame: the person may crouch,
+# or hold the arms up.
+_FIRST_RANGE, _FIRST_COUNT = 0.30, 9
+_DISTANCE_STEP = 0.05
 _DISTANCE_GAIN = 0.4
 _PITCH_SIGMA_RAD = np.radians(8.0)
-_LOST = 2.5  # times the usual distance of the best node
-_LOST_BY = 0.05
-_GAP_S = 1.0
-_FPS = 30.0  # of the motion model's steps
+# A frame is lost where the best node's distance exceeds the usual one by this factor and excess.
+_LOST_FACTOR, _LOST_EXCESS = 2.5, 0.05
+_LONGEST_GAP_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class FilterFrame:
-    """A frame and what the filter believes of it.
+    """A frame and its posterior.
 
     Attributes:
-        number: of the frame, time_s: its time.
-        person: the silhouette.
-        windows: through which the library was compared.
-        posterior: over the library.
-        distance_m: of the person, after this frame.
-        lost: no node fits as nodes usually do.
+        number: number of the frame in the recording.
+        time_s: time of the frame.
+        person: the observed silhouette.
+        windows: virtual views of the silhouette, one for each assumed distance.
+        posterior: distribution over the library.
+        distance_m: estimated distance of the person.
+        lost: no node fits about as well as the best nodes of earlier frames.
     """
 
     number: int
@@ -55,12 +55,15 @@ class FilterFrame:
 
 
 class ForwardFilter:
-    """Filters one frame after the other.
+    """Recursive filter over the frames of one camera.
 
-    Args: tree: the filter. camera: without distortion. facing: upright and facing the camera is
-        likelier in the first frame; else all poses are alike. weighting: of the silhouette
-        distance. distance_m: where the person stands all the time, as in the paper; None: found,
-        frame by frame.
+    Args:
+        tree: the tree filter.
+        camera: pinhole camera without distortion.
+        facing: True: the initial prior prefers upright poses that face the camera; False: uniform.
+        weighting: pixel weights of the silhouette distance.
+        distance_m: constant distance of the person, as in the paper; None: estimated frame by
+            frame.
     """
 
     def __init__(
@@ -71,77 +74,87 @@ class ForwardFilter:
         weighting: Weighting = "balanced",
         distance_m: float | None = None,
     ):
-        """Starts without belief."""
+        """Starts without a posterior."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
         self._distance_m = distance_m
         self._facing = facing
         self._last: FilterFrame | None = None
-        self._usual: list[float] = []
+        self._recent_best: list[float] = []
 
     def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
-        """Filters a frame."""
+        """Posterior of the next frame.
+
+        Args:
+            number: number of the frame in the recording.
+            time_s: time of the frame.
+            person: the observed silhouette.
+        """
         last, library = self._last, self.tree.library
-        fresh = last is None or last.lost or time_s - last.time_s > _GAP_S
+        restarted = last is None or last.lost or time_s - last.time_s > _LONGEST_GAP_S
         if self._distance_m is not None:
             middle, factors = self._distance_m, np.ones(1)
-        elif last is None or fresh:
+        elif last is None or restarted:
             middle = upright_distance(self.camera, person.mask, library.model.sizes.stature_m)
-            factors = np.exp(np.linspace(-_FIRST_REACH, _FIRST_REACH, _FIRST_COUNT))
+            factors = np.exp(np.linspace(-_FIRST_RANGE, _FIRST_RANGE, _FIRST_COUNT))
             if last is not None:
                 middle = float(np.sqrt(middle * last.distance_m))
         else:
-            middle, factors = last.distance_m, np.exp(np.array([0.0, -_STEP, _STEP]))
+            middle, factors = (
+                last.distance_m,
+                np.exp(np.array([0.0, -_DISTANCE_STEP, _DISTANCE_STEP])),
+            )
         metre_px = STATURE_PX / library.model.sizes.stature_m
         windows = tuple(
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
         )
-        prior = self._prior(windows[0], last, time_s, fresh)
-        posterior = self.tree.update(prior, Evidence(windows, self.weighting))
+        prior = self._prior(windows[0], last, time_s, restarted)
+        posterior = self.tree.update(prior, Evidence(windows, self.weighting, self.tree.backend))
         best = float(posterior.distance[0])
-        usual = float(np.median(self._usual)) if self._usual else best
-        lost = best > _LOST * usual + _LOST_BY
+        usual = float(np.median(self._recent_best)) if self._recent_best else best
+        lost = best > _LOST_FACTOR * usual + _LOST_EXCESS
         if not lost:
-            self._usual = [*self._usual[-60:], best]
-        found = float(
+            self._recent_best = [*self._recent_best[-60:], best]
+        measured = float(
             np.exp(
                 posterior.probability
                 @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])
             )
         )
-        gain = 1.0 if fresh else _DISTANCE_GAIN
+        gain = 1.0 if restarted else _DISTANCE_GAIN
         filter_frame = FilterFrame(
             number,
             time_s,
             person,
             windows,
             posterior,
-            float(middle * (found / middle) ** gain),
+            float(middle * (measured / middle) ** gain),
             lost,
         )
         self._last = filter_frame
         return filter_frame
 
     def correct(self, distance_m: float) -> None:
-        """Takes over the person's distance (m, along the virtual optical axis) from somebody who
-        knows better: the refined poses.
+        """Replaces the estimated distance of the person by that of the refined poses.
+
+        Args:
+            distance_m: along the optical axis of the virtual camera.
         """
         if self._last is not None:
             self._last = replace(self._last, distance_m=distance_m)
 
     def _prior(
-        self, window: Window, last: FilterFrame | None, time_s: float, fresh: bool
+        self, window: Window, last: FilterFrame | None, time_s: float, restarted: bool
     ) -> NDArray[np.float64]:
         library = self.tree.library
-        if last is None or (fresh and not last.lost):
+        if last is None or (restarted and not last.lost):
             prior = self._initial()
         else:
-            steps = int(np.clip(round(((time_s - last.time_s) * _FPS) ** 2), 1, 9))
+            steps = int(np.clip(round(((time_s - last.time_s) * FPS) ** 2), 1, 9))
             prior = self.tree.predict(last.posterior, steps)
             if last.lost:
                 prior = 0.5 * prior + 0.5 / len(prior)
-        # Only views from about this height count; they are a property of the camera, not of the
-        # motion.
+        # The pitch of a view is a property of the camera and not of the motion.
         pitch = library.views[library.sample_view, 1]
         prior = prior * np.exp(-0.5 * ((pitch - window.pitch_rad) / _PITCH_SIGMA_RAD) ** 2)
         return prior / prior.sum()
@@ -154,8 +167,7 @@ class ForwardFilter:
         tilt = Rotation.from_quat(library.base_quaternion, scalar_first=True).magnitude()[
             library.sample_base
         ]
-        # A person who is about to be recorded mostly looks at the camera; how the limbs are held is
-        # left open.
+        # Unlike the paper's initial Gaussian, this leaves the limbs open.
         prior = np.exp(2.0 * (np.cos(yaw) - 1) - 0.5 * (tilt / np.radians(20)) ** 2)
         return prior / prior.sum()
 
@@ -163,26 +175,32 @@ class ForwardFilter:
 def candidates_of(
     tree: TreeFilter, filter_frame: FilterFrame, rows: Sequence[int] | NDArray[np.integer]
 ) -> PoseCandidates:
-    """Returns some of a posterior's samples, by row, as poses in the world."""
+    """Samples of a posterior as poses in the world.
+
+    Args:
+        tree: the tree filter.
+        filter_frame: the frame.
+        rows: (M,) rows of the posterior.
+    """
     library, posterior = tree.library, filter_frame.posterior
     rows = np.asarray(rows)
     sample = posterior.samples[rows]
     base, view = library.sample_base[sample], library.sample_view[sample]
     window = filter_frame.windows[0]
-    rotation = turned(window.heading_rad + library.views[view, 0]) @ rotation_matrices(
+    rotation = yaw_rotations(window.heading_rad + library.views[view, 0]) @ rotation_matrices(
         library.base_quaternion[base]
     )
-    places = np.empty((len(rows), 3))
+    root = np.empty((len(rows), 3))
     for scale in np.unique(posterior.scale[rows]):
-        own = posterior.scale[rows] == scale
-        one = filter_frame.windows[scale]
-        places[own] = one.place(
-            library.pelvis_px[sample[own]] + posterior.shift_px[rows[own]], one.distance_m
+        selected = posterior.scale[rows] == scale
+        own = filter_frame.windows[scale]
+        root[selected] = own.unproject(
+            library.pelvis_px[sample[selected]] + posterior.shift_px[rows[selected]], own.distance_m
         )
     sigma = tree.settings.sigma
     occluded = library.occluded[sample][:, library.model.dof_part].astype(bool)
     return PoseCandidates(
-        places,
+        root,
         rotation,
         library.base_angles[base].astype(float),
         occluded,

@@ -1,4 +1,4 @@
-"""The likeliest poses of every frame, so that what one camera leaves open can be seen."""
+"""Likeliest poses of every frame, which show the ambiguity of a single view."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from silhouette_core.motion.kinematics import forward as place
 from silhouette_core.motion.kinematics import landmarks, quaternions
 
 COUNT = 5
-_LOOKED_AT = 120
-_ALIKE_M = 0.10  # mean distance of the joints within which two samples count as one hypothesis
+_SAMPLES = 120
+_SAME_M = 0.10  # mean distance of the joints within which two samples are one hypothesis
 
 
 def top_hypotheses(
     tree: TreeFilter, filter_frame: FilterFrame, count: int = COUNT
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Groups a posterior's samples into poses that differ.
+    """Likeliest groups of similar poses among the samples of a posterior.
 
     Args:
-        tree: the filter.
-        filter_frame: a frame's posterior.
-        count: how many at most.
+        tree: the tree filter.
+        filter_frame: a frame and its posterior.
+        count: largest number of groups.
 
-    Returns: probabilities (n,), falling, and the 15 joints (n, 15, 3) of each group's likeliest
-        sample, world, m.
+    Returns:
+        Probabilities (n,) of the groups, decreasing, and the joints (n, 15, 3) of each group's
+        likeliest sample in the world, m.
     """
     model = tree.library.model
-    rows = np.arange(min(len(filter_frame.posterior.samples), _LOOKED_AT))
+    rows = np.arange(min(len(filter_frame.posterior.samples), _SAMPLES))
     poses = candidates_of(tree, filter_frame, rows)
     joints = landmarks(
         model, *place(model, poses.root_m, quaternions(poses.root_rotation), poses.angles_rad)
@@ -43,7 +44,7 @@ def top_hypotheses(
     probability = np.zeros(len(rows))
     for row in rows:
         near = apart[row, chosen]
-        if len(near) and near.min() < _ALIKE_M:
+        if len(near) and near.min() < _SAME_M:
             probability[chosen[int(near.argmin())]] += filter_frame.posterior.probability[row]
         else:
             chosen.append(int(row))
@@ -53,17 +54,17 @@ def top_hypotheses(
 
 
 class HypothesisStore:
-    """Hypotheses of all frames, kept in a scratch file, so that memory does not grow with time."""
+    """Hypotheses of all frames in a temporary file, so that memory does not grow with time."""
 
     def __init__(self) -> None:
-        """Makes the scratch file; it vanishes with the process."""
+        """Creates the file, which is deleted with the process."""
         self._file = tempfile.TemporaryFile()  # noqa: SIM115
         self._frames, self._counts = array("q"), array("q")
 
     def put(
         self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]
     ) -> None:
-        """Keeps a frame's n hypotheses: probabilities (n,) and joints (n, 15, 3), world, m."""
+        """Stores a frame's n hypotheses: probabilities (n,) and joints (n, 15, 3), world, m."""
         rows = np.concatenate(
             [probability[:, None], joints_m.reshape(len(probability), -1)], axis=1
         )

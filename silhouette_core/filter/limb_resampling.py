@@ -1,10 +1,9 @@
-"""From the filter's whole poses to poses that no library holds: limbs recombined over time, then
-drawn onto the contour.
+"""Resampling of limbs over time, and refinement of the resulting trajectory on the contours.
 
-Beyond paper A. Whole poses are coarse: for each arm and leg every recorded placement is weighed on
-the same silhouette distance, and the course through the best ones that moves least is taken, so
-that a limb that hides itself stays where the motion model puts it. The refinement is continuous,
-and pulled toward that course where the silhouette is silent, which is mostly in depth.
+Beyond paper A. A library's whole poses are coarse. Every recorded placement of each arm and leg is
+scored by the same silhouette distance, and the cheapest trajectory through the best ones is chosen,
+so that an occluded limb stays where the motion model predicts it. The refinement is continuous; its
+prior is that trajectory, which decides where the silhouette does not, mostly in depth.
 """
 
 from __future__ import annotations
@@ -19,53 +18,54 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.limb_silhouette import LIMB_NAMES, LimbShape, SignedWeights
 from silhouette_core.filter.motion_cost import PoseCandidates, ProcessNoise, viterbi
 from silhouette_core.library.thinning import thin_poses
+from silhouette_core.motion.dynamics import STEP_SIGMA_RAD, neighbour_middle
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.pose import STEP_SIGMA_RAD, Pose
+from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
 from silhouette_core.refinement.surface import Surface
 
-_GRAIN_RAD = np.radians(12.0)
-_KEPT = 60
+_SPACING_RAD = np.radians(12.0)
+_KEPT = 60  # placements of a limb per frame
 _SIGMA = 0.04
-_AWAY_RAD = np.radians(60.0)
-_MIDDLE = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
+_DEVIATION_RAD = np.radians(60.0)
+_FIRST = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _POLISH = RefineSettings(reaches_m=(0.08, 0.06, 0.06))
 _ROUNDS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class PoseFrame:
-    """A frame and its pose so far.
+    """A frame and its current pose.
 
     Attributes:
-        pose: to be improved.
-        mask: (h, w) bool, the silhouette in the camera's picture.
-        picture: the same as a sum, for the limbs.
-        distance_m: of the person.
-        time_s: of the frame.
+        pose: estimate to be improved.
+        mask: (h, w) bool, the silhouette in the camera's image.
+        weights: signed pixel weights of the silhouette's window, for the limbs.
+        distance_m: distance of the person from the camera.
+        time_s: time of the frame.
     """
 
     pose: Pose
     mask: NDArray[np.bool_]
-    picture: SignedWeights
+    weights: SignedWeights
     distance_m: float
     time_s: float
 
 
 class LimbResampler:
-    """Improves courses of poses.
+    """Improves a trajectory of poses limb by limb.
 
     Args:
         model: the body.
         views: the camera.
-        library_angles: (B, D) recorded joint angles, from which limbs are taken.
+        library_angles: (B, D) recorded joint angles, radians, from which limbs are sampled.
     """
 
     def __init__(self, model: BodyModel, views: PinholeViews, library_angles: NDArray[np.float64]):
-        """Cuts the limbs out of the body and thins what was recorded of each."""
+        """Prepares the limbs' shapes and thins the recorded placements of each."""
         self.model, self.views = model, views
         self.surface = Surface(model)
-        self.limbs = [LimbShape.of(model, name) for name in LIMB_NAMES]
+        self.limbs = [LimbShape.from_model(model, name) for name in LIMB_NAMES]
         self.placements = [
             _thinned(library_angles[:, limb.dofs], ~model.dof_fixed[limb.dofs])
             for limb in self.limbs
@@ -74,11 +74,11 @@ class LimbResampler:
     def resample(
         self, pose_frames: Sequence[PoseFrame], before: PoseFrame | None = None
     ) -> list[PoseFrame]:
-        """Chooses every limb's course anew, one limb after the other.
+        """Frames with every limb's trajectory chosen again, one limb after the other.
 
         Args:
-            pose_frames: consecutive frames with a course of poses.
-            before: the frame before the first, whose pose the course continues.
+            pose_frames: consecutive frames.
+            before: the frame before the first, whose pose the trajectory continues.
         """
         pose_frames = list(pose_frames)
         for limb, placements in zip(self.limbs, self.placements, strict=True):
@@ -92,11 +92,13 @@ class LimbResampler:
                     )
                 ]
             )
-            taken = viterbi(
+            chosen = viterbi(
                 [*start, *frames],
-                ProcessNoise(STEP_SIGMA_RAD[limb.dofs], grain_rad=np.radians(6.0), jump=30.0),
+                ProcessNoise(
+                    STEP_SIGMA_RAD[limb.dofs], spacing_rad=np.radians(6.0), restart_cost=30.0
+                ),
             )
-            for k, (choice, frame) in enumerate(zip(taken[len(start) :], frames, strict=True)):
+            for k, (choice, frame) in enumerate(zip(chosen[len(start) :], frames, strict=True)):
                 pose = pose_frames[k].pose
                 angles = pose.angles_rad.copy()
                 angles[limb.dofs] = frame.angles_rad[choice]
@@ -108,23 +110,30 @@ class LimbResampler:
     def refine(
         self, pose_frames: Sequence[PoseFrame], before: PoseFrame | None = None
     ) -> list[PoseFrame]:
-        """Draws every pose onto its contour, first alone, then toward the middle of its neighbours."""
+        """Frames refined on their contours, first alone, then with their neighbours as prior."""
         dofs = self.model.dof_count
         near = np.concatenate([[0.08] * 3, [0.15] * 3, np.full(dofs, 0.15)])
-        smooth = np.concatenate([[0.02] * 3, [0.04] * 3, np.maximum(STEP_SIGMA_RAD, 0.03)])
-        seen = [
-            Observation.of(self.views, [pose_frame.mask], pose_frame.distance_m)
+        between = np.concatenate([[0.02] * 3, [0.04] * 3, np.maximum(STEP_SIGMA_RAD, 0.03)])
+        observations = [
+            Observation.from_masks(self.views, [pose_frame.mask], pose_frame.distance_m)
             for pose_frame in pose_frames
         ]
         poses = [
-            self._refined(view, pose_frame.pose, PosePrior(pose_frame.pose, near), _MIDDLE)
-            for view, pose_frame in zip(seen, pose_frames, strict=True)
+            self._refined(observation, pose_frame.pose, PosePrior(pose_frame.pose, near), _FIRST)
+            for observation, pose_frame in zip(observations, pose_frames, strict=True)
         ]
         for _ in range(_ROUNDS):
             row = [None if before is None else before.pose, *poses, None]
             poses = [
-                self._refined(view, here, PosePrior(_middle(left, here, right), smooth), _POLISH)
-                for view, left, here, right in zip(seen, row, poses, row[2:], strict=False)
+                self._refined(
+                    observation,
+                    here,
+                    PosePrior(neighbour_middle(left, here, right), between),
+                    _POLISH,
+                )
+                for observation, left, here, right in zip(
+                    observations, row, poses, row[2:], strict=False
+                )
             ]
         return [
             replace(pose_frame, pose=pose)
@@ -132,26 +141,22 @@ class LimbResampler:
         ]
 
     def _refined(
-        self, seen: Observation, pose: Pose, prior: PosePrior, settings: RefineSettings
+        self, observation: Observation, pose: Pose, prior: PosePrior, settings: RefineSettings
     ) -> Pose:
-        return refine(self.surface, seen, pose, prior, settings).pose
+        return refine(self.surface, observation, pose, prior, settings).pose
 
     def _candidates(
         self, limb: LimbShape, placements: NDArray[np.float64], pose_frame: PoseFrame
     ) -> PoseCandidates:
-        """Keeps the likeliest placements, the pose's own among them."""
+        """Likeliest placements of a limb, the pose's own among them."""
         angles = np.concatenate([pose_frame.pose.angles_rad[None, limb.dofs], placements])
-        distance = pose_frame.picture.limb_distances(self.model, limb, pose_frame.pose, angles)
-        # A limb near its place in the whole pose is likelier: the library knows which limbs go
-        # together.
-        away = (((angles - angles[0]) / _AWAY_RAD) ** 2).sum(1)
-        log_likelihood = -0.5 * ((distance / _SIGMA) ** 2 + away)
+        distance = pose_frame.weights.limb_distances(self.model, limb, pose_frame.pose, angles)
+        # A limb near its placement in the whole pose is likelier: the library knows which limb
+        # placements occur together.
+        deviation = (((angles - angles[0]) / _DEVIATION_RAD) ** 2).sum(1)
+        log_likelihood = -0.5 * ((distance / _SIGMA) ** 2 + deviation)
         kept = np.unique(np.concatenate([[0], np.argsort(-log_likelihood, kind="stable")[:_KEPT]]))
         return _limb_candidates(limb, pose_frame, angles[kept], log_likelihood[kept])
-
-
-def _middle(left: Pose | None, here: Pose, right: Pose | None) -> Pose:
-    return here if left is None or right is None else left.moved(0.5 * right.minus(left))
 
 
 def _limb_candidates(
@@ -171,4 +176,4 @@ def _limb_candidates(
 
 
 def _thinned(angles: NDArray[np.float64], shown: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return angles[thin_poses(np.ascontiguousarray(angles[:, shown]), _GRAIN_RAD)]
+    return angles[thin_poses(np.ascontiguousarray(angles[:, shown]), _SPACING_RAD)]

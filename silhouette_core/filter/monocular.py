@@ -1,9 +1,9 @@
-"""The monocular estimator: one camera's silhouettes in, motion out."""
+"""Monocular estimator: motion from the silhouettes of one camera."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Estimate, FrameSource, Settings
+from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.filter.forward import FilterFrame, ForwardFilter
 from silhouette_core.filter.hypothesis_store import HypothesisStore, top_hypotheses
 from silhouette_core.filter.hypothesis_tracker import TrackerSettings
@@ -27,26 +27,28 @@ from silhouette_core.library.default import default_library
 from silhouette_core.library.pose_library import PoseLibrary, require_body
 from silhouette_core.library.store import read_library
 from silhouette_core.library.transitions import transitions
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.smoothing import smooth, smooth_quaternions
+from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.scoring.backend import load_backend
 
 _LONG_SIDE_PX = 960
 _USUAL_STATURE_M = 1.70
-_TOGETHER = 150
+_BLOCK = 150  # frames copied into arrays together
 
 
 @dataclass(frozen=True)
 class _Options:
-    """What only this estimator is told, checked.
+    """Options of this estimator only, checked.
 
     Attributes:
-        library: path of a pose library; empty: the default one.
+        library: path of a pose library; empty: the default library.
         start: "facing" or "any", see `ForwardFilter`.
-        refine: whether limbs are recombined and the poses refined.
-        weighting: of the silhouette distance.
-        motion_model: "DM2" lets hidden parts go farther, eq. (5), "DM1" does not.
+        refine: whether limbs are resampled and poses refined.
+        weighting: pixel weights of the silhouette distance.
+        motion_model: "DM2" with the occlusion-aware eq. (5), "DM1" without.
     """
 
     library: str = ""
@@ -55,37 +57,32 @@ class _Options:
     weighting: Weighting = "balanced"
     motion_model: str = "DM2"
 
-    @classmethod
-    def read(cls, options: Mapping[str, object]) -> _Options:
-        unknown = sorted(set(options) - set(cls.__dataclass_fields__))
-        if unknown:
+    def __post_init__(self) -> None:
+        if not isinstance(self.refine, bool) or not isinstance(self.library, str):
             raise InputError(
-                f"the monocular estimator has no option {unknown[0]!r}: it has"
-                f" {', '.join(cls.__dataclass_fields__)}"
-            )
-        read = cls(**options)  # type: ignore[arg-type]
-        if not isinstance(read.refine, bool) or not isinstance(read.library, str):
-            raise InputError(
-                f"refine {read.refine!r} must be true or false, and library {read.library!r} the"
+                f"refine {self.refine!r} must be true or false, and library {self.library!r} the"
                 " path of a file"
             )
-        for name, value, allowed in (
-            ("start", read.start, ("facing", "any")),
-            ("weighting", read.weighting, WEIGHTINGS),
-            ("motion_model", read.motion_model, ("DM1", "DM2")),
+        for name, allowed in (
+            ("start", ("facing", "any")),
+            ("weighting", WEIGHTINGS),
+            ("motion_model", ("DM1", "DM2")),
         ):
+            value = getattr(self, name)
             if value not in allowed:
                 raise InputError(f"{name} {value!r} is not known: use {' or '.join(allowed)}")
-        return read
 
 
 @dataclass
 class _Counts:
-    """What was seen on the way.
+    """Statistics of a recording.
 
-    Attributes: absent, cut, lost: numbers of frames without a person, with one that the picture's
-        border cuts, and in which the filter lost it. scored: nodes scored, the levels of one frame
-        after the other. levels: of the tree.
+    Attributes:
+        absent: numbers of the frames without a person.
+        cut: numbers of the frames whose border cuts the person.
+        lost: numbers of the frames in which the filter lost the person.
+        scored: numbers of nodes scored, level by level, frame by frame.
+        levels: number of levels of the tree.
     """
 
     absent: list[int] = field(default_factory=list)
@@ -106,15 +103,15 @@ class _Counts:
 class MonocularEstimator:
     """Estimates motion from one camera.
 
-    Source: Okada and Stenger; the window, the recombination of limbs and the refinement go beyond
-    the paper, see docs/papers.md.
+    Source: Okada and Stenger; the window, the resampling of limbs and the refinement go beyond the
+    paper, see docs/papers.md.
     """
 
     name = "monocular"
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
-        options = _Options.read(settings.options)
+        options = read_options(_Options, settings.options, "monocular")
         if len(source.rig) != 1:
             raise InputError(
                 f"{len(source.rig)} cameras are too many for the monocular estimator: choose one"
@@ -122,36 +119,37 @@ class MonocularEstimator:
             )
         set_threads(settings.threads)
         library = _library(options, settings, reporter)
-        lens = UndistortedView.of(source.rig.cameras[0], _LONG_SIDE_PX)
+        lens = UndistortedView.from_camera(source.rig.cameras[0], _LONG_SIDE_PX)
         reporter.stage("motion model")
         tree = TreeFilter(
             library,
             transitions(
                 library,
                 options.motion_model == "DM2",
-                sigma_scale=SIGMA_SCALE * np.sqrt(30.0 / source.fps),
+                sigma_scale=SIGMA_SCALE * np.sqrt(FPS / source.fps),
             ),
+            backend=load_backend(settings.backend),
         )
         clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()
         facing = options.start == "facing"
         forward = ForwardFilter(tree, lens.pinhole, facing, options.weighting)
-        following = TrackerSettings(options.refine, options.weighting, facing)
-        course = PoseTrajectory(tree, lens.pinhole, following, settings.smooth, clock)
+        tracking = TrackerSettings(options.refine, options.weighting, facing)
+        trajectory = PoseTrajectory(tree, lens.pinhole, tracking, settings.smooth, clock)
 
-        def followed() -> Iterator[FrameEstimate]:
+        def estimates() -> Iterator[FrameEstimate]:
             for filter_frame in _filter_frames(
                 source, settings, lens, forward, clock, reporter, counts
             ):
                 counts.add(filter_frame)
                 hypotheses.put(filter_frame.number, *top_hypotheses(tree, filter_frame))
-                decided = course.add(filter_frame)
+                decided = trajectory.add(filter_frame)
                 if options.refine:
-                    forward.correct(course.distance_m)
+                    forward.correct(trajectory.distance_m)
                 yield from decided
             reporter.stage("last frames")
-            yield from course.finish()
+            yield from trajectory.finish()
 
-        motion = _motion(followed(), library, source.fps, settings.smooth)
+        motion = _motion(estimates(), library, source.fps, settings.smooth)
         if motion is None:
             raise InputError(
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
@@ -167,7 +165,7 @@ class MonocularEstimator:
 
 
 def _library(options: _Options, settings: Settings, reporter: Reporter) -> PoseLibrary:
-    """Opens the library, scaled to the person: its pictures are in units of the stature."""
+    """Library scaled to the person; its silhouettes are relative to the stature."""
     stature = settings.stature_m
     if not options.library:
         if stature is None:
@@ -180,20 +178,20 @@ def _library(options: _Options, settings: Settings, reporter: Reporter) -> PoseL
         )
         return _scaled(library, stature or _USUAL_STATURE_M)
     library = read_library(Path(options.library))
-    made = library.model.sizes
+    sizes = library.model.sizes
     if settings.sex != "unknown" or settings.chest_m is not None:
         require_body(
-            library, BodySizes(made.stature_m, _chest(settings, made.stature_m), settings.sex)
+            library, BodySizes(sizes.stature_m, _chest(settings, sizes.stature_m), settings.sex)
         )
     if stature is None:
         return library
-    if abs(made.stature_m - stature) > 0.01:
-        reporter.note(f"the library's body of {made.stature_m:.2f} m is scaled to {stature:.2f} m")
+    if abs(sizes.stature_m - stature) > 0.01:
+        reporter.note(f"the library's body of {sizes.stature_m:.2f} m is scaled to {stature:.2f} m")
     return _scaled(library, stature)
 
 
 def _chest(settings: Settings, stature_m: float) -> float | None:
-    """Returns the chest girth that somebody of the same proportions and that stature has."""
+    """Chest girth of a body of the same proportions and another stature."""
     if settings.chest_m is None or settings.stature_m is None:
         return settings.chest_m
     return round(settings.chest_m * stature_m / settings.stature_m, 2)
@@ -215,7 +213,7 @@ def _filter_frames(
     reporter: Reporter,
     counts: _Counts,
 ) -> Iterator[FilterFrame]:
-    """Filters every frame that shows somebody."""
+    """Posteriors of the frames that show a person."""
     reporter.stage("background")
     silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
     name = source.rig.names[0]
@@ -241,11 +239,11 @@ def _filter_frames(
 
 
 def _motion(
-    decided: Iterable[FrameEstimate], library: PoseLibrary, fps: float, smoothed: bool
+    estimates: Iterable[FrameEstimate], library: PoseLibrary, fps: float, smoothed: bool
 ) -> Motion | None:
-    """Puts frames together as they come; None: there are none."""
-    frames, blocks = iter(decided), []
-    while block := list(islice(frames, _TOGETHER)):
+    """Motion of all frames, or None if there are none."""
+    frames, blocks = iter(estimates), []
+    while block := list(islice(frames, _BLOCK)):
         blocks.append(_stacked(block))
     if not blocks:
         return None
@@ -254,9 +252,7 @@ def _motion(
         whole[name] for name in ("root", "rotation", "angles", "number", "hidden")
     )
     if smoothed:
-        for run in np.split(np.arange(len(root)), np.flatnonzero(np.diff(numbers) > 1) + 1):
-            root[run], angles[run] = smooth(root[run], fps), smooth(angles[run], fps)
-            rotation[run] = smooth_quaternions(rotation[run], fps)
+        smooth_runs(root, rotation, angles, numbers, fps)
     confidence = np.clip(1 - whole["error"], 0.0, 1.0)
     quality = {
         "confidence": confidence,
@@ -271,7 +267,7 @@ def _motion(
 
 
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
-    """Copies frames into arrays, so that nothing else of them is kept."""
+    """Arrays of frames, which keep nothing else of them in memory."""
     poses = [frame.pose for frame in frames]
     return {
         "root": np.stack([pose.root_m for pose in poses]),

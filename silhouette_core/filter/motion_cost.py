@@ -1,4 +1,4 @@
-"""The likeliest course through the candidates of a finished recording."""
+"""Cost of a step from pose to pose, and the cheapest trajectory through candidate poses."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.library.occlusion import MAGNIFICATION
+from silhouette_core.motion.dynamics import ROOT_STEP_M, elapsed_steps
+
 
 @dataclass(frozen=True, eq=False)
 class PoseCandidates:
-    """Poses that one frame allows. M of them, with D joint angles.
+    """Candidate poses of one frame: M poses with D joint angles.
 
     Attributes:
-        root_m: (M, 3) float64, world.
+        root_m: (M, 3) float64, position of the pelvis joint in the world, m.
         root_rotation: (M, 3, 3) float64, world from body.
-        angles_rad: (M, D) float64.
-        occluded: (M, D) bool, whether the part that an angle turns is hidden, eq. (3).
+        angles_rad: (M, D) float64, joint angles.
+        occluded: (M, D) bool, whether the part that an angle turns is occluded, eq. (3).
         log_likelihood: (M,) float64.
-        time_s: when.
+        time_s: time of the frame.
     """
 
     root_m: NDArray[np.float64]
@@ -34,38 +37,49 @@ class PoseCandidates:
 
 @dataclass(frozen=True, eq=False)
 class ProcessNoise:
-    """How far a body moves within 1/30 s. D joint angles.
+    """Standard deviations of a body's step within 1 / `dynamics.FPS`. D joint angles.
 
-    Attributes: angles_rad: (D,) float64. turn_rad: of the whole body. place_m: of the whole body.
-        occluded: how many times farther hidden parts go, m of eq. (5). jump: what a transition
-        costs at most, as a number of nats: beyond it the track is taken to start anew. grain_rad:
-        distance of neighbouring poses in the library, which no motion can be finer than.
+    Attributes:
+        sigma_rad: (D,) float64, of the joint angles.
+        root_rad: of the orientation of the whole body.
+        root_m: of its position, along each axis.
+        magnification: factor on the sigma of occluded parts, m of eq. (5).
+        restart_cost: largest cost of a step, in nats; beyond it the trajectory restarts.
+        spacing_rad: distance of neighbouring poses in the library, the resolution of any motion.
     """
 
-    angles_rad: NDArray[np.float64]
-    turn_rad: float = 0.10
-    place_m: float = 0.05
-    occluded: float = 5.0
-    jump: float = 40.0
-    grain_rad: float = 0.10
+    sigma_rad: NDArray[np.float64]
+    root_rad: float = 0.10
+    root_m: float = ROOT_STEP_M
+    magnification: float = MAGNIFICATION
+    restart_cost: float = 40.0
+    spacing_rad: float = 0.10
 
 
 def transition_cost(
-    before: PoseCandidates, after: PoseCandidates, rest: ProcessNoise
+    before: PoseCandidates, after: PoseCandidates, noise: ProcessNoise
 ) -> NDArray[np.float64]:
-    """Returns (M, M') float64: the negative logarithm of eq. (4) between all candidates of two
-    frames, up to a constant each.
+    """Negative logarithm of the transition probability between all candidates of two frames.
 
-    Source: Okada and Stenger, eq. (4) and (5): the source pose decides how far its hidden parts may
-    go.
+    The random walk of :eq:`okada-4` and :eq:`okada-5` over joint angles, orientation and position;
+    the source pose decides which parts are occluded. Beyond the paper, the spacing of the library
+    is added to the variances, and the cost is bounded.
+
+    Args:
+        before: M candidates of a frame.
+        after: M' candidates of the next frame.
+        noise: standard deviations of a step.
+
+    Returns:
+        (M, M') float64, nats, up to a constant for each source.
+
+    Source: Okada and Stenger, eq. (4), (5); spacing and bound are ours.
     """
-    pace = max(abs(after.time_s - before.time_s) * 30.0, 0.5)
-    sigma = np.sqrt(
-        (rest.angles_rad * pace * np.where(before.occluded, rest.occluded, 1.0)) ** 2
-        + rest.grain_rad**2
-    )
+    steps = elapsed_steps(before.time_s, after.time_s)
+    magnified = np.where(before.occluded, noise.magnification, 1.0)  # eq. (5)
+    sigma = np.sqrt((noise.sigma_rad * steps * magnified) ** 2 + noise.spacing_rad**2)
     scaled = before.angles_rad / sigma
-    # |a - b|^2 with a's own scale: expanded, so that no (M, M', D) array is made.
+    # Eq. (4): |a - b|^2 with a's own scale, expanded so that no (M, M', D) array is made.
     precision = 1.0 / sigma**2
     cost = (
         (scaled**2).sum(1)[:, None]
@@ -75,39 +89,39 @@ def transition_cost(
     # The angle between rotations from the trace of their quotient.
     trace = np.einsum("aij,bij->ab", before.root_rotation, after.root_rotation)
     turn = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
-    cost += turn**2 / ((rest.turn_rad * pace) ** 2 + rest.grain_rad**2)
+    cost += turn**2 / ((noise.root_rad * steps) ** 2 + noise.spacing_rad**2)
     gap = before.root_m[:, None] - after.root_m[None]
-    cost += (gap**2).sum(-1) / ((rest.place_m * pace) ** 2 + 0.05**2)
-    return np.minimum(0.5 * np.maximum(cost, 0.0), rest.jump)
+    cost += (gap**2).sum(-1) / ((noise.root_m * steps) ** 2 + 0.05**2)
+    return np.minimum(0.5 * np.maximum(cost, 0.0), noise.restart_cost)
 
 
 def viterbi(
-    frames: Sequence[PoseCandidates], rest: ProcessNoise, start: NDArray[np.float64] | None = None
+    frames: Sequence[PoseCandidates], noise: ProcessNoise, start: NDArray[np.float64] | None = None
 ) -> NDArray[np.int64]:
-    """Finds the course of least cost.
+    """Trajectory of least cost through the candidates of T frames.
 
     Args:
-        frames: the candidates of T frames, each at least one.
-        rest: how the body moves.
-        start: (M,) log prior of the first frame's candidates; None: all alike.
+        frames: the candidates of each frame, at least one.
+        noise: standard deviations of a step.
+        start: (M,) log prior of the first frame's candidates; None: uniform.
 
     Returns:
-        (T,) int64, the candidate taken in every frame.
+        (T,) int64, the chosen candidate of every frame.
 
     Source: Viterbi's algorithm over the samples that Okada and Stenger's filter leaves.
     """
     cost = -frames[0].log_likelihood - (0.0 if start is None else start)
     back: list[NDArray[np.int64]] = []
     for before, after in pairwise(frames):
-        total = cost[:, None] + transition_cost(before, after, rest)
+        total = cost[:, None] + transition_cost(before, after, noise)
         back.append(total.argmin(0))
         cost = total.min(0) - after.log_likelihood
-    taken = [int(cost.argmin())]
-    for choice in back[::-1]:
-        taken.append(int(choice[taken[-1]]))
-    return np.array(taken[::-1], np.int64)
+    chosen = [int(cost.argmin())]
+    for best_source in back[::-1]:
+        chosen.append(int(best_source[chosen[-1]]))
+    return np.array(chosen[::-1], np.int64)
 
 
-def turned(heading_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the rotations (N, 3, 3) about the vertical by (N,) headings."""
+def yaw_rotations(heading_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotations (N, 3, 3) about the vertical by (N,) headings."""
     return Rotation.from_rotvec(np.asarray(heading_rad)[:, None] * [0.0, 0.0, 1.0]).as_matrix()

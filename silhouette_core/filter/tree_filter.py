@@ -1,6 +1,4 @@
-"""Bayesian filtering over the tree of silhouettes: from the posterior of one frame to that of the
-next.
-"""
+"""Bayesian filter over the silhouette tree: from the posterior of a frame to that of the next."""
 
 from __future__ import annotations
 
@@ -13,23 +11,28 @@ from scipy.sparse import csr_matrix
 
 from silhouette_core.filter.evidence import Alignment, Evidence
 from silhouette_core.library.pose_library import PoseLibrary
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
 
 SIGMA_SCALE = 2.5
-"""Factor on the motion model's sigmas: beside a library's few dozens of neighbours the joint
-angles' own are so narrow that a wrong turn could not be left again (with 54 angles, two samples
-would hold nearly all of a transition)."""
+"""Factor on the motion model's sigmas (ours). With 54 joint angles, the measured sigmas would leave
+nearly all of a transition to two samples, and the filter could not recover from a wrong pose."""
 
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """How the filter believes and prunes.
+    """Parameters of likelihood and pruning.
 
-    Attributes: sigma: standard deviation of the silhouette distance of a right pose, eq. (10), as a
-        share of the silhouette's own weight. coarse: by how much sigma grows with every level above
-        the last: a representative stands for its whole node there. survivors: share of the best
-        node's posterior that a node must reach for its children to be scored. most: nodes per level
-        that are kept at most. floor: share of the prior spread evenly over the library, so that a
-        lost track recovers.
+    Attributes:
+        sigma: standard deviation of the silhouette distance of the true pose, eq. (10), as a
+            fraction of the silhouette's own weight.
+        coarse: factor on sigma for every level above the last, where a representative stands for
+            a larger node.
+        survivors: a node's children are scored if its posterior reaches this fraction of the best
+            node's.
+        most: largest number of nodes kept per level.
+        floor: fraction of the prior that is spread evenly over the library, so that the filter
+            recovers from a wrong pose.
     """
 
     sigma: float = 0.07
@@ -41,14 +44,15 @@ class FilterSettings:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What is believed after a frame. M samples of the surviving leaves, likeliest first.
+    """Posterior of a frame: M samples of the surviving leaves, likeliest first.
 
     Attributes:
-        samples: (M,) int64, numbers in the library.
+        samples: (M,) int64, indices into the library.
         probability: (M,) float64, summing to 1.
         distance: (M,) float64, the silhouette distance of each sample's leaf.
-        scale: (M,) int64, shift_px: (M, 2) int64, see `Alignment`.
-        scored: nodes that were scored, per level.
+        scale: (M,) int64, index of the window of the least distance, see `Alignment`.
+        shift_px: (M, 2) int64, shift (right, down) of the least distance, see `Alignment`.
+        scored: number of nodes scored, per level.
     """
 
     samples: NDArray[np.int64]
@@ -60,66 +64,120 @@ class Posterior:
 
 
 class TreeFilter:
-    """Tree-based filtering.
+    """Tree-based filter over a pose library.
 
-    Args: library: poses and their tree. transitions: (N, N) sparse, row i the distribution of the
-        next pose after sample i, eq. (4) and (5). settings: see FilterSettings.
+    Args:
+        library: poses and their tree; N samples.
+        transitions: (N, N) sparse, row i is the distribution of the pose after sample i, see
+            `silhouette_core.library.transitions.transitions`.
+        settings: parameters of likelihood and pruning.
+        backend: scores the nodes, and the poses of whoever follows what they lead to.
 
     Source: Okada and Stenger, section 6.
     """
 
     def __init__(
-        self, library: PoseLibrary, transitions: csr_matrix, settings: FilterSettings | None = None
+        self,
+        library: PoseLibrary,
+        transitions: csr_matrix,
+        settings: FilterSettings | None = None,
+        backend: Backend = CPU,
     ):
-        """Prepares which samples hang on every node."""
-        self.library = library
+        """Indexes the children of every node."""
+        self.library, self.backend = library, backend
         self.settings = settings or FilterSettings()
         self.transitions = transitions
-        # Children are stored together, in the order of their parents: where those of every node
-        # begin.
+        # Children are stored in the order of their parents: where those of every node begin.
         self._children = [
             np.searchsorted(level.parent, np.arange(len(above) + 1))
             for above, level in pairwise(library.levels)
         ]
 
     def predict(self, posterior: Posterior, steps: int = 1) -> NDArray[np.float64]:
-        """Returns the prior (N,) of the next frame.
+        r"""Prior of the next frame.
+
+        The prediction
+
+        .. math::
+            :label: okada-2
+
+            p(x_t|z_{1:t-1}) = \int p(x_t|x_{t-1})\, p(x_{t-1}|z_{1:t-1})\, dx_{t-1}
+
+        becomes a sum over the samples of the library,
+
+        .. math::
+            :label: okada-14
+
+            p(x_t^{njL}|z_{1:t-1}) =
+            \sum_{i=1}^{N_R} p(x_t^{njL}|x_{t-1}^i)\, p(x_{t-1}^i|z_{1:t-1})
+
+        where :math:`x_t` is the state (position and joint angles) at frame :math:`t`,
+        :math:`z_{1:t}` are the observed silhouettes, :math:`x_t^{njL}` is sample :math:`n` of leaf
+        :math:`j` at the last level :math:`L`, and :math:`N_R` the number of samples. Here it is a
+        product with the sparse matrix of transitions, of the samples that survived only, and a
+        floor of even probability is added, which the paper does not have.
 
         Args:
-            posterior: of this frame.
-            steps: how many steps of the motion model lie between the frames.
+            posterior: posterior of this frame.
+            steps: number of steps of the motion model between the frames.
 
-        Source: Okada and Stenger, eq. (14), as a sparse product; the floor is ours.
+        Returns:
+            (N,) float64, summing to 1.
+
+        Source: Okada and Stenger, eq. (2), (14); several steps and the floor are ours.
         """
-        # The first step starts from few samples: their rows alone are added up.
+        # The first step starts from few samples: only their rows are summed.
         rows = self.transitions[posterior.samples]
-        sigma = rows.data * np.repeat(posterior.probability, np.diff(rows.indptr))
-        belief = np.bincount(rows.indices, sigma, minlength=len(self.library))
+        terms = rows.data * np.repeat(posterior.probability, np.diff(rows.indptr))
+        prior = np.bincount(rows.indices, terms, minlength=len(self.library))  # eq. (2), (14)
         for _ in range(steps - 1):
-            belief = self.transitions.T @ belief
-        belief /= max(belief.sum(), 1e-300)
-        return (1 - self.settings.floor) * belief + self.settings.floor / len(belief)
+            prior = self.transitions.T @ prior
+        prior /= max(prior.sum(), 1e-300)
+        return (1 - self.settings.floor) * prior + self.settings.floor / len(prior)
 
     def update(self, prior: NDArray[np.float64], evidence: Evidence) -> Posterior:
-        """Finds the posterior of a frame.
+        r"""Posterior of a frame.
+
+        .. math::
+            :label: okada-1
+
+            p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
+
+        with the normalising constant :math:`c_t`. The tree is descended level by level; a node is
+        scored if its parent survived (`score_level`). Within a surviving leaf :math:`\theta_t^{jL}`
+        all poses look alike: its likelihood counts for each of its samples :math:`x_t^{njL}`, with
+        the sample's own prior:
+
+        .. math::
+            :label: okada-12
+
+            p(x_t^{njL}|z_{1:t}) = c_t\, p(z_t|x_t^{njL})\, p(x_t^{njL}|z_{1:t-1})
+
+        .. math::
+            :label: okada-13
+
+            p(x_t^{njL}|z_{1:t}) \approx c_t\, p(z_t|\theta_t^{jL})\, p(x_t^{njL}|z_{1:t-1})
 
         Args:
-            prior: (N,) over the library's samples.
+            prior: (N,) float64, over the library's samples.
             evidence: the frame's silhouette.
 
-        Source: Okada and Stenger, eq. (10) to (13).
+        Returns:
+            The samples of the surviving leaves; all others have probability 0.
+
+        Source: Okada and Stenger, eq. (1), (12), (13).
         """
         library = self.library
-        belief = self._of_nodes(prior)
+        node_prior = self._of_nodes(prior)
         nodes = np.arange(len(library.levels[0]))
         scored = [len(nodes)]
-        found, log_likelihood, kept = self._level(0, nodes, belief[0], evidence)
+        alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0], evidence)
         for depth, first in enumerate(self._children, 1):
             nodes = _ranges(first[nodes[kept]], first[nodes[kept] + 1])
             scored.append(len(nodes))
-            found, log_likelihood, kept = self._level(depth, nodes, belief[depth], evidence)
-        # Within a leaf all poses look alike: its likelihood counts for each of its samples, with
-        # the sample's own prior (12), (13).
+            alignment, log_likelihood, kept = self.score_level(
+                depth, nodes, node_prior[depth], evidence
+            )
         leaf = nodes[kept]
         counts = library.leaf_offsets[leaf + 1] - library.leaf_offsets[leaf]
         samples = library.leaf_samples[
@@ -127,40 +185,73 @@ class TreeFilter:
         ]
         of_leaf = np.repeat(kept, counts)
         with np.errstate(divide="ignore"):
-            log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])
+            log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
         probability = np.exp(log_posterior - log_posterior.max())
-        probability /= probability.sum()
+        probability /= probability.sum()  # eq. (1): c_t
         order = np.argsort(-probability, kind="stable")
         of_leaf = of_leaf[order]
         return Posterior(
             samples[order].astype(np.int64),
             probability[order],
-            found.distance[of_leaf],
-            found.scale[of_leaf],
-            found.shift_px[of_leaf],
+            alignment.distance[of_leaf],
+            alignment.scale[of_leaf],
+            alignment.shift_px[of_leaf],
             tuple(scored),
         )
 
-    def _level(
-        self, depth: int, nodes: NDArray[np.int64], belief: NDArray[np.float64], evidence: Evidence
+    def score_level(
+        self,
+        depth: int,
+        nodes: NDArray[np.int64],
+        node_prior: NDArray[np.float64],
+        evidence: Evidence,
     ) -> tuple[Alignment, NDArray[np.float64], NDArray[np.int64]]:
-        """Scores nodes of a level: how they lie on the silhouette, their log likelihoods, and which
-        (by place) survive.
+        r"""Likelihood of nodes of one level, and which of them survive.
+
+        .. math::
+            :label: okada-10
+
+            p(z_t|x_t) \propto \exp\left(-\frac{d_{sil}(P_o, P_m)^2}{2\sigma^2}\right)
+
+        with the silhouette distance :math:`d_{sil}` between the observation :math:`P_o` and the
+        projection :math:`P_m` of pose :math:`x_t`. A node :math:`\theta_t^{jl}`, number :math:`j`
+        of level :math:`l`, takes the likelihood of its representative :math:`\bar{x}_t^{jl}`:
+
+        .. math::
+            :label: okada-11
+
+            p(z_t|\theta_t^{jl}) \approx p(z_t|\bar{x}_t^{jl})\, \mathrm{vol}(S^{jl})
+
+        The volume of the node's set :math:`S^{jl}` counts as constant, as in the paper. The
+        distance is relative to the observation's own weight (see `relative_weights`), and
+        :math:`\sigma` grows with every level above the last, which the paper does not say.
+
+        Args:
+            depth: 0 for the coarsest level.
+            nodes: (K,) int64, indices of the nodes to be scored.
+            node_prior: (K_l,) float64, prior of all nodes of the level.
+            evidence: the frame's silhouette.
+
+        Returns:
+            Alignments of the K nodes, their log likelihoods (K,) float64 without the constant
+            factor, and the positions (n,) int64 of the survivors among them.
+
+        Source: Okada and Stenger, eq. (10), (11).
         """
         settings, levels_below = self.settings, len(self.library.levels) - 1 - depth
-        found = evidence.distances(self.library.levels[depth].spans, nodes, 2**levels_below)
+        alignment = evidence.distances(self.library.levels[depth].spans, nodes, 2**levels_below)
         log_likelihood = (
-            -0.5 * (found.distance / (settings.sigma * settings.coarse**levels_below)) ** 2
-        )  # (10), (11)
+            -0.5 * (alignment.distance / (settings.sigma * settings.coarse**levels_below)) ** 2
+        )  # eq. (10), (11)
         with np.errstate(divide="ignore"):
-            log_posterior = log_likelihood + np.log(belief[nodes])
+            log_posterior = log_likelihood + np.log(node_prior[nodes])
             kept = np.flatnonzero(log_posterior >= log_posterior.max() + np.log(settings.survivors))
         if len(kept) > settings.most:
             kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])
-        return found, log_likelihood, kept
+        return alignment, log_likelihood, kept
 
     def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Sums the samples' prior over the nodes of every level."""
+        """Prior of the nodes of every level: the sums over their samples."""
         library = self.library
         sums = np.concatenate([[0.0], np.cumsum(prior[library.leaf_samples])])
         of_level = [sums[library.leaf_offsets[1:]] - sums[library.leaf_offsets[:-1]]]
@@ -172,7 +263,7 @@ class TreeFilter:
 
 
 def _ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Returns first[0] .. last[0] - 1, first[1] .. last[1] - 1, ... one after the other."""
+    """Concatenated ranges first[0] .. last[0] - 1, first[1] .. last[1] - 1, ..."""
     counts = (last - first).astype(np.int64)
     ends = np.cumsum(counts)
     return (

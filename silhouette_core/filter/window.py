@@ -1,11 +1,9 @@
-"""A virtual camera turned toward the person, so that a silhouette anywhere in the picture compares
-with the library's.
+"""Virtual camera turned toward the person, whose view compares with the library's silhouettes.
 
-The library shows every pose from one distance, its silhouette's centroid in the middle. An observed
-silhouette is brought into the same
-form: a camera at the same place is turned until the centroid lies on its axis, held level, and
-zoomed until a body of the library's stature at the assumed distance has the library's size. Beyond
-paper A, whose person stays in one place.
+The library shows every pose from one distance, with the silhouette's centroid in the middle. An
+observed silhouette is brought into the same form: a level camera at the same position is turned
+until the centroid lies on its axis, and zoomed until a body of the library's stature at the assumed
+distance has the library's size. Beyond paper A, whose person stays in one place.
 """
 
 from __future__ import annotations
@@ -21,17 +19,16 @@ from calib.checks import check_array
 
 SIZE = (320, 240)
 _OVERSAMPLE = 2
-_TURNS = 3  # each brings the centroid nearer to the axis; the third moves it by less than a pixel
+_TURNS = 3  # the third turn moves the centroid by less than a pixel
 _CENTER = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2])
-_SEEN = 0.999
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """An observed silhouette as the library would show it.
+    """An observed silhouette in the form of the library's.
 
     Attributes:
-        picture: (240, 320) bool, the silhouette.
+        mask: (240, 320) bool, the silhouette.
         seen: (240, 320) bool, where the camera's picture reaches; elsewhere nothing is known.
         world_from_virtual: (3, 3) float64, the virtual camera's orientation (x right, level; y
             down; z forward).
@@ -41,7 +38,7 @@ class Window:
         distance_m: assumed distance of the person.
     """
 
-    picture: NDArray[np.bool_]
+    mask: NDArray[np.bool_]
     seen: NDArray[np.bool_]
     world_from_virtual: NDArray[np.float64]
     center_m: NDArray[np.float64]
@@ -51,27 +48,25 @@ class Window:
 
     @property
     def pitch_rad(self) -> float:
-        """How far the virtual camera looks down."""
+        """Angle of the virtual camera's axis below the horizontal."""
         return float(np.arcsin(np.clip(-self.world_from_virtual[2, 2], -1.0, 1.0)))
 
     @property
     def heading_rad(self) -> float:
-        """Heading about the vertical of a body that faces this camera squarely (0: toward -y)."""
+        """Heading about the vertical of a body that faces this camera (0: toward -y)."""
         toward_x, toward_y = -self.world_from_virtual[0, 2], -self.world_from_virtual[1, 2]
         return float(np.arctan2(toward_x, -toward_y))
 
-    def place(self, pixel: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
-        """Returns the world points (N, 3) m at pixels (N, 2) of the window, at a distance along the
-        optical axis.
-        """
+    def unproject(self, pixel: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
+        """World points (N, 3), m, at pixels (N, 2) and a distance along the optical axis."""
         offset = (np.atleast_2d(pixel) - self.axis_px) / self.focal_px
         rays = np.concatenate([offset, np.ones((len(offset), 1))], axis=1)
         return self.center_m + distance_m * rays @ self.world_from_virtual.T
 
     def pixels(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns where world points (N, 3) m lie in the window, (N, 2) px."""
-        seen = (np.atleast_2d(points_m) - self.center_m) @ self.world_from_virtual
-        return self.axis_px + self.focal_px * seen[:, :2] / seen[:, 2:]
+        """Pixels (N, 2) of world points (N, 3), m, in the window."""
+        in_camera = (np.atleast_2d(points_m) - self.center_m) @ self.world_from_virtual
+        return self.axis_px + self.focal_px * in_camera[:, :2] / in_camera[:, 2:]
 
 
 def look_at(
@@ -81,19 +76,19 @@ def look_at(
     pixels_per_metre: float,
     toward_px: NDArray[np.float64] | None = None,
 ) -> Window:
-    """Turns a virtual camera toward a silhouette.
+    """Window of a virtual camera that is turned toward a silhouette.
 
     Args:
-        camera: without distortion; (h, w) are its size.
+        camera: pinhole camera without distortion, of size (w, h).
         mask: (h, w) bool, the silhouette, not empty.
-        distance_m: where the person is assumed, along the virtual optical axis.
-        pixels_per_metre: size of the library's pictures at that distance.
-        toward_px: (2,) a pixel of the window's middle; None: the silhouette's centroid, as the
-            library's pictures have it.
+        distance_m: assumed distance of the person along the virtual optical axis.
+        pixels_per_metre: scale of the library's silhouettes at that distance.
+        toward_px: (2,), pixel of the camera that becomes the window's middle; None: the
+            silhouette's centroid, as in the library.
 
     Returns:
         The window. Its silhouette's centroid is within half a pixel of the middle, unless
-        `toward_px` was given.
+        `toward_px` is given.
 
     Raises:
         ValueError: the silhouette is empty, or of another size than the camera's.
@@ -119,10 +114,10 @@ def look_at(
             ray = camera_from_virtual @ np.array([off[0], off[1], 1.0])
             target = camera.matrix[:2, :2] @ (ray[:2] / ray[2]) + camera.matrix[:2, 2]
             camera_from_virtual = _turned(camera, target)
-    picture = _warp(camera, mask, camera_from_virtual, focal, SIZE)
+    warped = _warp(camera, mask, camera_from_virtual, focal, SIZE)
     seen = _warp(camera, np.ones_like(mask), camera_from_virtual, focal, SIZE)
     return Window(
-        picture,
+        warped,
         seen,
         camera.rotation.T @ camera_from_virtual,
         camera.center_m,
@@ -138,14 +133,12 @@ def _centroid(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
 
 
 def _turned(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns camera_from_virtual (3, 3): the level camera that looks along a pixel's ray."""
+    """Rotation camera_from_virtual (3, 3) of the level camera that looks along a pixel's ray."""
     forward = np.linalg.solve(camera.matrix, np.array([pixel[0], pixel[1], 1.0]))
     forward /= np.linalg.norm(forward)
     up = camera.rotation[:, 2]  # the world's vertical as the camera sees it
     right = np.cross(forward, up)
-    if (
-        np.linalg.norm(right) < 0.05
-    ):  # looking straight down or up: the camera's own x is as good as any
+    if np.linalg.norm(right) < 0.05:  # looking straight down or up: no direction is level
         right = np.cross(forward, [0.0, -1.0, 0.0])
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(forward, right), forward], axis=1)
@@ -158,7 +151,7 @@ def _warp(
     focal: float,
     size: tuple[int, int],
 ) -> NDArray[np.bool_]:
-    """Returns the mask as the virtual camera sees it, each pixel from the majority of its samples."""
+    """Mask as the virtual camera sees it; each pixel is the majority of its samples."""
     width, height = size
     fine = _OVERSAMPLE
     virtual = np.array(

@@ -1,1 +1,1 @@
-"""Poses seen from all sides, and the tree in which their silhouettes are searched."""
+"""Pose library: poses seen from all sides, and a tree over their silhouettes."""

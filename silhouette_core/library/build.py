@@ -1,4 +1,4 @@
-"""From base poses to a library: pictures from all sides, thresholds, three levels."""
+"""Build of a library from base poses: views from all sides, thresholds, and the tree."""
 
 from __future__ import annotations
 
@@ -14,30 +14,27 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
 from silhouette_core.library.base_poses import BasePoses
 from silhouette_core.library.checkpoint import Arrays, Checkpoint
+from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.library.rendering import (
     SIZES_PX,
-    Pictures,
+    RenderedViews,
     join_spans,
     pose_surfaces,
+    render_views,
     select_spans,
     silhouette_levels,
     spans_of,
-    take_pictures,
 )
 from silhouette_core.library.store import VERSION
 from silhouette_core.library.thresholds import first_threshold, next_threshold
-from silhouette_core.library.transitions import find_neighbours, turned_orientations
-from silhouette_core.library.tree import Nodes, Poses, Scorer, Split, divide
+from silhouette_core.library.transitions import find_neighbours, view_orientations
+from silhouette_core.library.tree import Nodes, PoseSpace, Scorer, Split, divide
 from silhouette_core.progress import Reporter, SilentReporter
 
-OCCLUDED_SHARE = 0.15
-"""T_A of eq. (3): a part is hidden where it shows less than this share of its usual largest area
-(the 99th percentile over the library).
-"""
-_AT_ONCE = 480  # pictures held in memory together
-_PER_STEP = 4800  # pictures between two savings
-_SAVE_EVERY = 400  # representatives of the first level between two savings
+_AT_ONCE = 480  # views held in memory together
+_PER_STEP = 4800  # views between two checkpoints
+_SAVE_EVERY = 400  # representatives of the first level between two checkpoints
 _RUNS = ("rows", "starts", "ends", "offsets")
 
 
@@ -48,14 +45,19 @@ def build_library(
     reporter: Reporter | None = None,
     partial: Path | None = None,
 ) -> PoseLibrary:
-    """Makes a library.
+    """Library of base poses seen from all sides.
 
-    Args: bases: the poses. model: the body. settings: see LibrarySettings. reporter: told of every
-        stage. partial: folder for half-done work, which is gone on with if it is there; the caller
-        removes it once the library is written.
+    Args:
+        bases: the base poses.
+        model: the body.
+        settings: settings of the library.
+        reporter: informed of every stage.
+        partial: folder for checkpoints, from which an interrupted build resumes; the caller removes
+            it once the library is written.
 
-    Returns: The library. The same inputs give the same library, for any number of threads,
-        interrupted or not.
+    Returns:
+        The library. The same inputs give the same library, for any number of threads, interrupted
+        or not.
 
     Raises:
         InputError: `partial` cannot be written.
@@ -68,12 +70,12 @@ def build_library(
     count = len(bases.angles) * len(views)
     base = np.repeat(np.arange(len(bases.angles), dtype=np.int32), len(views))
     view = np.tile(np.arange(len(views), dtype=np.int16), len(bases.angles))
-    taken = _all_pictures(bases, model, views, checkpoint, reporter)
+    rendered = _render_all(bases, model, views, checkpoint, reporter)
     spans = [
-        Spans(*(taken[f"level{number}.{name}"] for name in _RUNS))
+        Spans(*(rendered[f"level{number}.{name}"] for name in _RUNS))
         for number in range(len(SIZES_PX))
     ]
-    poses = Poses(bases.angles, base, turned_orientations(bases.quaternion[base], views[view]))
+    poses = PoseSpace(bases.angles, base, view_orientations(bases.quaternion[base], views[view]))
     nodes, thresholds = _tree(count, spans, poses, settings, checkpoint, reporter)
     levels = tuple(
         Level(
@@ -85,23 +87,22 @@ def build_library(
         )
         for level, runs, size, threshold in zip(nodes, spans, SIZES_PX, thresholds, strict=True)
     )
-    usual = np.percentile(taken["areas"], 99, axis=0)
-    made = PoseLibrary(
+    library = PoseLibrary(
         model=model,
         settings=settings,
         base_angles=bases.angles,
         base_quaternion=bases.quaternion,
-        base_height_m=taken["heights"],
+        base_height_m=rendered["heights"],
         base_source=bases.source,
         base_mirrored=bases.mirrored,
         clips=bases.clips,
         views=views,
         sample_base=base,
         sample_view=view,
-        pelvis_px=taken["pelvis_px"],
-        areas=taken["areas"],
-        occluded=taken["areas"] < OCCLUDED_SHARE * usual,
-        cut=taken["cut"] > 0,
+        pelvis_px=rendered["pelvis_px"],
+        areas=rendered["areas"],
+        occluded=occluded_parts(rendered["areas"], usual_areas(rendered["areas"])),
+        cut=rendered["cut"] > 0,
         levels=levels,
         leaf_offsets=nodes[-1].offsets,
         leaf_samples=nodes[-1].members,
@@ -109,13 +110,15 @@ def build_library(
         root_sigma_rad=bases.root_sigma_rad,
     )
     return replace(
-        made,
-        neighbours=checkpoint.step("neighbours", lambda: find_neighbours(made, reporter=reporter)),
+        library,
+        neighbours=checkpoint.step(
+            "neighbours", lambda: find_neighbours(library, reporter=reporter)
+        ),
     )
 
 
 def _digest(bases: BasePoses, model: BodyModel, settings: LibrarySettings) -> str:
-    """Names all that decides the result."""
+    """Digest of everything that determines the result."""
     digest = hashlib.sha256(
         json.dumps([VERSION, asdict(settings), asdict(model.sizes), bases.root_sigma_rad]).encode()
     )
@@ -132,57 +135,57 @@ def _digest(bases: BasePoses, model: BodyModel, settings: LibrarySettings) -> st
     return digest.hexdigest()
 
 
-def _all_pictures(
+def _render_all(
     bases: BasePoses,
     model: BodyModel,
     views: NDArray[np.float64],
     checkpoint: Checkpoint,
     reporter: Reporter,
 ) -> dict[str, NDArray]:
-    """Takes all samples' pictures; returns their runs at every level, areas, pelvis_px, cut, and
-    the heights of the base poses.
+    """Arrays of all samples: silhouettes at every level, areas, pelvis_px and cut, and the heights
+    of the base poses.
     """
     per_step = max(1, _PER_STEP // len(views))
     starts = range(0, len(bases.angles), per_step)
     reporter.stage("taking pictures", len(bases.angles) * len(views))
-    found: list[Arrays] = []
+    parts: list[Arrays] = []
     for number, start in enumerate(starts):
         which = slice(start, min(start + per_step, len(bases.angles)))
-        found.append(
+        parts.append(
             checkpoint.step(
-                f"pictures{number}", lambda which=which: _some_pictures(bases, model, views, which)
+                f"pictures{number}", lambda which=which: _render_some(bases, model, views, which)
             )
         )
         reporter.advance((which.stop - which.start) * len(views))
     joined = {
-        name: np.concatenate([part[name] for part in found])
+        name: np.concatenate([part[name] for part in parts])
         for name in ("areas", "pelvis_px", "cut", "heights")
     }
     for number in range(len(SIZES_PX)):
         runs = join_spans(
-            [Spans(*(part[f"level{number}.{name}"] for name in _RUNS)) for part in found]
+            [Spans(*(part[f"level{number}.{name}"] for name in _RUNS)) for part in parts]
         )
         joined |= {f"level{number}.{name}": getattr(runs, name) for name in _RUNS}
     return joined
 
 
-def _some_pictures(
+def _render_some(
     bases: BasePoses, model: BodyModel, views: NDArray[np.float64], which: slice
 ) -> Arrays:
-    """Takes the pictures of some of the base poses, from all views."""
+    """Arrays of some of the base poses, from all views, see `_render_all`."""
     surfaces, heights = pose_surfaces(model, bases.quaternion[which], bases.angles[which])
-    taken: list[Pictures] = []
+    rendered: list[RenderedViews] = []
     runs: list[list[Spans]] = [[] for _ in SIZES_PX]
     at_once = max(1, _AT_ONCE // len(views))
     for start in range(0, len(surfaces), at_once):
-        some = surfaces[start : start + at_once]
-        base = np.repeat(np.arange(len(some)), len(views))
-        pictures = take_pictures(model, some, base, np.tile(views, (len(some), 1)))
-        for kept, masks in zip(runs, silhouette_levels(pictures.windows > 0), strict=True):
+        block = surfaces[start : start + at_once]
+        base = np.repeat(np.arange(len(block)), len(views))
+        seen = render_views(model, block, base, np.tile(views, (len(block), 1)))
+        for kept, masks in zip(runs, silhouette_levels(seen.windows > 0), strict=True):
             kept.append(spans_of(masks))
-        taken.append(pictures)
+        rendered.append(seen)
     arrays = {
-        name: np.concatenate([getattr(pictures, name) for pictures in taken])
+        name: np.concatenate([getattr(seen, name) for seen in rendered])
         for name in ("areas", "pelvis_px", "cut")
     }
     for number, parts in enumerate(runs):
@@ -194,65 +197,69 @@ def _some_pictures(
 def _tree(
     count: int,
     spans: list[Spans],
-    poses: Poses,
+    poses: PoseSpace,
     settings: LibrarySettings,
     checkpoint: Checkpoint,
     reporter: Reporter,
 ) -> tuple[list[Nodes], list[float]]:
-    """Divides the whole library level by level."""
+    """Nodes and thresholds of all levels."""
     sets = [np.arange(count, dtype=np.int64)]
     nodes: list[Nodes] = []
     thresholds: list[float] = []
     for number, (runs, size) in enumerate(zip(spans, SIZES_PX, strict=True)):
         score = Scorer(runs, size, settings.weighting)
-        done = checkpoint.load(f"tree{number}")
-        if done is None:
-            wanted = round(settings.node_shares[number] * count)
-            known = checkpoint.load(f"threshold{number}")
+        finished = checkpoint.load(f"tree{number}")
+        if finished is None:
+            target = round(settings.node_shares[number] * count)
+            chosen = checkpoint.load(f"threshold{number}")
             if settings.thresholds is not None:
                 threshold = settings.thresholds[number]
-            elif known is not None:
-                threshold = float(known["threshold"][0])
+            elif chosen is not None:
+                threshold = float(chosen["threshold"][0])
             elif number == 0:
-                threshold = first_threshold(count, wanted, poses, score, reporter)
+                threshold = first_threshold(count, target, poses, score, reporter)
             else:
-                threshold = next_threshold(sets, wanted, poses, score)
+                threshold = next_threshold(sets, target, poses, score)
             checkpoint.save(f"threshold{number}", {"threshold": np.array([threshold])})
             if number == 0:
                 groups = [_first_level(count, poses, score, threshold, checkpoint, reporter)]
             else:
                 reporter.stage(f"tree, level {number + 1}", len(sets))
                 groups = divide(sets, poses, score, threshold, reporter)
-            level = Nodes.of(groups, poses)
-            done = {
+            level = Nodes.from_groups(groups, poses)
+            finished = {
                 name: getattr(level, name)
                 for name in ("representative", "parent", "offsets", "members")
             }
-            done["threshold"] = np.array([threshold])
-            checkpoint.save(f"tree{number}", done)
-        thresholds.append(float(done.pop("threshold")[0]))
-        nodes.append(Nodes(**done))
+            finished["threshold"] = np.array([threshold])
+            checkpoint.save(f"tree{number}", finished)
+        thresholds.append(float(finished.pop("threshold")[0]))
+        nodes.append(Nodes(**finished))
         sets = nodes[-1].sets()
     return nodes, thresholds
 
 
 def _first_level(
     count: int,
-    poses: Poses,
+    poses: PoseSpace,
     score: Scorer,
     threshold: float,
     checkpoint: Checkpoint,
     reporter: Reporter,
 ) -> list[NDArray[np.int64]]:
-    """Divides the whole library, keeping the state now and then."""
+    """Samples of the nodes of the first level, with checkpoints."""
     reporter.stage("tree, level 1")
     samples = np.arange(count, dtype=np.int64)
-    kept = checkpoint.load("split")
-    if kept is None:
+    saved = checkpoint.load("split")
+    if saved is None:
         split = Split.start(samples, poses)
     else:
         split = Split(
-            samples, kept["chosen"].tolist(), kept["total"], kept["nearest"], kept["nearest_node"]
+            samples,
+            saved["chosen"].tolist(),
+            saved["total"],
+            saved["nearest"],
+            saved["nearest_node"],
         )
         reporter.advance(len(split.chosen) - 1)
 

@@ -1,4 +1,4 @@
-"""Half-done work on disk, so that an interrupted build goes on where it was."""
+"""Checkpoints of a library build, so that an interrupted build resumes."""
 
 from __future__ import annotations
 
@@ -19,19 +19,17 @@ _INPUTS = "inputs.json"
 
 
 class Checkpoint:
-    """A folder of finished steps that belong to one set of inputs; steps of other inputs are thrown
-    away.
-    """
+    """Folder of the finished steps of a build; steps of other inputs are deleted."""
 
     def __init__(self, folder: Path | None, inputs: str) -> None:
-        """Opens the folder.
+        """Opens or creates the folder.
 
         Args:
-            folder: where; None: nothing is kept.
-            inputs: a digest of all that decides the result.
+            folder: the folder; None: no checkpoints.
+            inputs: digest of everything that determines the result.
 
         Raises:
-            InputError: the folder cannot be made.
+            InputError: the folder cannot be made, or holds other files.
         """
         self.folder = folder
         if folder is None:
@@ -50,7 +48,7 @@ class Checkpoint:
             raise InputError(f"{folder} cannot be made: {error.strerror or error}") from error
 
     def load(self, name: str) -> dict[str, NDArray] | None:
-        """Returns a step's arrays, or None where it is not done."""
+        """Arrays of a step, or None if it is not finished."""
         if self.folder is None:
             return None
         try:
@@ -59,7 +57,7 @@ class Checkpoint:
             return None
 
     def save(self, name: str, arrays: Arrays) -> None:
-        """Keeps a step; whole, or as it was before."""
+        """Saves the arrays of a step, atomically."""
         if self.folder is None:
             return
         path = self.folder / f"{name}.safetensors"
@@ -72,16 +70,16 @@ class Checkpoint:
             raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
 
     def step(self, name: str, make: Callable[[], Arrays]) -> Arrays:
-        """Returns a step's arrays, made where they are not there yet."""
-        found = self.load(name)
-        if found is None:
-            found = make()
-            self.save(name, found)
-        return found
+        """Arrays of a step, computed by `make` and saved if it is not finished."""
+        arrays = self.load(name)
+        if arrays is None:
+            arrays = make()
+            self.save(name, arrays)
+        return arrays
 
     @staticmethod
     def remove(folder: Path) -> None:
-        """Removes the folder: the work is done."""
+        """Deletes the folder of a finished build."""
         shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -1,4 +1,4 @@
-"""The library for whoever has none: the project's own motions, made at first use and kept."""
+"""Default library, built from the project's own motions on first use and cached."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import VERSION, read_library
 from silhouette_core.progress import Reporter, SilentReporter
 
-# Thresholds as `silhouette_core.library.thresholds` chose them once for this set of motions, which
-# saves a quarter of the time.
+# Thresholds as chosen by `silhouette_core.library.thresholds` for these motions; stating them saves
+# a quarter of the time.
 SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
 
 
 def default_library(
     sizes: BodySizes, reporter: Reporter | None = None, folder: Path | None = None
 ) -> PoseLibrary:
-    """Opens the default library of a body; makes it if it is not there yet.
+    """Default library of a body, built if it is not cached.
 
     Args:
-        sizes: the body, rounded to 1 cm of stature and 2 cm of chest girth.
-        reporter: told of the making.
-        folder: where it is kept; None: the user's cache.
+        sizes: measurements of the body, rounded to 1 cm of stature and 2 cm of chest girth.
+        reporter: informed of the build.
+        folder: folder of the cached libraries; None: the user's cache.
 
     Returns:
-        About 24,000 samples of `silhouette_core.motion.keyposes`.
+        About 24,000 samples of the motions of `silhouette_core.motion.keyposes`.
 
     Raises:
         InputError: it cannot be written.
@@ -62,11 +62,11 @@ def default_library(
 
 
 def _name(body: BodySizes) -> str:
-    """Names the file after all that decides its content."""
+    """File name with everything that determines the content."""
     try:
         program = version("voxelpose")
     except PackageNotFoundError:
         program = "unknown"
     chest = "usual" if body.chest_girth_m is None else f"{body.chest_girth_m:.2f}"
-    how = hashlib.sha256(repr(SETTINGS).encode()).hexdigest()[:6]
-    return f"default-{program}-{VERSION}-{how}-{body.stature_m:.2f}-{chest}-{body.sex}.vplib"
+    settings = hashlib.sha256(repr(SETTINGS).encode()).hexdigest()[:6]
+    return f"default-{program}-{VERSION}-{settings}-{body.stature_m:.2f}-{chest}-{body.sex}.vplib"

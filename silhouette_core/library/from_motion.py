@@ -1,4 +1,4 @@
-"""From motion files to a library file."""
+"""Library files from motion files."""
 
 from __future__ import annotations
 
@@ -24,25 +24,29 @@ def read_clips(
     leave_out: Sequence[str] = (),
     reporter: Reporter | None = None,
 ) -> dict[str, Motion]:
-    """Reads recorded motion, clip by clip.
+    """Recorded motions by clip.
 
-    Args: paths: files and folders. model: the body onto which it is put. names: joint-name map, see
-        `silhouette_core.motion.mocap`. leave_out: clips not to be read: the file's name without its
-        ending, or the end of that name after an underscore. reporter: told of the stage.
+    Args:
+        paths: files and folders.
+        model: the body to which the motions are retargeted.
+        names: joint-name map, see `silhouette_core.motion.mocap`.
+        leave_out: clips to be skipped, by the file's name without its ending, or by the end of that
+            name after an underscore.
+        reporter: informed of the stage.
 
-    Returns: Motions by name, the file's name without its ending (with a number where two are called
-        the same).
+    Returns:
+        Motions by the file's name without its ending, with a number where two names are the same.
 
     Raises:
-        InputError: a clip to be left out is not there; a file cannot be read.
+        InputError: a clip to be skipped does not exist, or a file cannot be read.
     """
     files = motion_files(paths)
     for name in leave_out:
-        if not any(_is_called(file, name) for file in files):
+        if not any(_has_name(file, name) for file in files):
             raise InputError(
                 f"--leave-out {name}: no clip is called so; give a file's name without its ending"
             )
-    files = [file for file in files if not any(_is_called(file, name) for name in leave_out)]
+    files = [file for file in files if not any(_has_name(file, name) for name in leave_out)]
     if reporter is not None:
         reporter.stage("reading motion")
     clips: dict[str, Motion] = {}
@@ -51,7 +55,7 @@ def read_clips(
     return clips
 
 
-def _is_called(file: Path, name: str) -> bool:
+def _has_name(file: Path, name: str) -> bool:
     return file.stem == name or file.stem.endswith(f"_{name}")
 
 
@@ -62,20 +66,21 @@ def make_library(
     settings: LibrarySettings,
     reporter: Reporter | None = None,
 ) -> PoseLibrary:
-    """Makes a library and writes it; half-done work is kept in `path`.partial and gone on with.
+    """Builds and writes a library; an interrupted build resumes from the checkpoints in
+    `path`.partial.
 
     Args:
         motions: clips by name, all of the body.
         model: the body.
-        path: the file to be made; a library of that name is replaced once the new one is whole.
-        settings: see LibrarySettings.
-        reporter: told of every stage.
+        path: the library's file; an existing library is replaced once the new one is complete.
+        settings: settings of the library.
+        reporter: informed of every stage.
 
     Returns:
         The library, opened from its file.
 
     Raises:
-        InputError: there is no motion, or the file is something else or cannot be written.
+        InputError: there is no motion, or the file is no library or cannot be written.
     """
     reporter = reporter or SilentReporter()
     if path.is_dir() or (path.exists() and not is_library(path)):

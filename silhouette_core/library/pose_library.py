@@ -1,4 +1,4 @@
-"""The pose library: poses seen from all sides, and the tree over their silhouettes."""
+"""Pose library: recorded poses seen from all sides, and the tree over their silhouettes."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Spans
-from silhouette_core.library.rendering import WINDOW_PX, Pictures, pose_surfaces, take_pictures
+from silhouette_core.library.rendering import WINDOW_PX, RenderedViews, pose_surfaces, render_views
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One level of the tree, K nodes, the children of one parent next to each other.
+    """One level of the tree: K nodes, the children of one parent next to each other.
 
-    Attributes: representative: (K,) int32, the sample that stands for the node. parent: (K,) int32,
-        node of the level above; zeros at the first level. spans: the representatives' silhouettes
-        in node order, int16 runs at this level's resolution. size_px: (width, height) of that
-        resolution. threshold: T_l, the silhouette distance beyond which a sample became a node of
-        its own.
+    Attributes:
+        representative: (K,) int32, the sample that represents the node.
+        parent: (K,) int32, node of the level above; zeros at the first level.
+        spans: the representatives' silhouettes in node order, at this level's resolution.
+        size_px: (width, height) of that resolution.
+        threshold: T_l, largest silhouette distance of a sample from its node.
     """
 
     representative: NDArray[np.int32]
@@ -36,26 +37,27 @@ class Level:
     threshold: float
 
     def __len__(self) -> int:
-        """Counts the nodes."""
+        """Number of nodes."""
         return len(self.representative)
 
 
 @dataclass(frozen=True)
 class LibrarySettings:
-    """How a library is made.
+    """Settings of a library.
 
-    Attributes: poses: how many samples at most (base poses times views). tolerance_deg: base poses
-        are left out until no two remain whose joint angles all differ by this or less; then, where
-        there are
-            still more than `poses` allows, by where their joints are.
-        yaw_step_deg: between the sides from which a pose is seen.
-        pitches_deg: how far the camera looks down, one or several.
+    Attributes:
+        poses: largest number of samples (base poses times views).
+        tolerance_deg: base poses are removed until no two remain whose joint angles all differ by
+            this or less; if there are still more than `poses` allows, also by the positions of
+            their joints.
+        yaw_step_deg: angle between the views of a pose.
+        pitches_deg: angles of the camera below the horizontal, one or several.
         mirror: whether every pose's mirror image is added.
-        weighting: of the silhouette distance in the tree. XOR says the same both ways round. With
-            nwXOR what lies outside of the representative costs little, so that large nodes come to
-            hold very different silhouettes, and the tree leads less well to the pose that fits best
-            (`python -m benchmarks.pruning`).
-        node_shares: nodes of each level wanted, as a share of the samples; the default is the
+        weighting: pixel weights of the silhouette distance in the tree. XOR is symmetric. With
+            nwXOR, pixels outside the representative cost little, so that large nodes hold very
+            different silhouettes and the tree leads less well to the best pose (`python -m
+            benchmarks.pruning`).
+        node_shares: number of nodes of each level, as a fraction of the samples; the default is the
             paper's 7,828, 26,805 and 44,108 of 57,136.
         thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
     """
@@ -70,10 +72,10 @@ class LibrarySettings:
     thresholds: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Refuses what makes no library.
+        """Checks the values.
 
         Raises:
-            InputError: naming the value.
+            InputError: a value makes no library.
         """
         if (
             not 1 <= self.yaw_step_deg <= 180
@@ -105,7 +107,7 @@ class LibrarySettings:
         return round(360 / self.yaw_step_deg) * len(self.pitches_deg)
 
     def views(self) -> NDArray[np.float64]:
-        """Returns (V, 2) yaw and pitch, radians, the yaws of one pitch next to each other."""
+        """Yaw and pitch (V, 2), radians, the yaws of one pitch next to each other."""
         yaw = np.arange(round(360 / self.yaw_step_deg)) * self.yaw_step_deg
         return np.radians([[y, pitch] for pitch in self.pitches_deg for y in yaw])
 
@@ -114,23 +116,30 @@ class LibrarySettings:
 class PoseLibrary:
     """B base poses from V views, N samples, in a tree of silhouettes; L levels.
 
-    Attributes: model: the body, which faces -y at yaw 0. settings: how the library was made.
-        base_angles: (B, D) float32, joint angles, radians. base_quaternion: (B, 4) float32, w x y
-        z: the pelvis's orientation with the heading removed. base_height_m: (B,) float32, the
-        pelvis above the lowest vertex. base_source: (B, 2) int32, clip and frame it comes from.
-        base_mirrored: (B,) bool, whether it is the mirror image of that. clips: names of the clips.
-        views: (V, 2) float64, yaw and pitch, radians; see
-        `silhouette_core.library.rendering.camera_from_body`. sample_base, sample_view: (N,) int32
-        and int16. pelvis_px: (N, 2) float32, the pelvis joint in the window of 320 x 240. areas:
-        (N, 27) uint16, pixels that each part shows, A_j. occluded: (N, 27) bool, f_j of eq. (3).
-        cut: (N,) bool, whether the window cuts off some of the silhouette. levels: coarse to fine.
-        leaf_offsets, leaf_samples: (K_L + 1,) int64 and (N,) int32: samples of the finest level's
-        node k are
-            leaf_samples[leaf_offsets[k] : leaf_offsets[k + 1]], the representative among them.
-        sigma_rad: (D,) float32, how much each joint angle changes between two frames at 30 per
-            second, library spacing included; see `silhouette_core.library.transitions`.
-        root_sigma_rad: likewise for the pelvis's orientation.
-        neighbours: kept by `silhouette_core.library.transitions`.
+    Attributes:
+        model: the body, which faces -y at yaw 0.
+        settings: settings of the library.
+        base_angles: (B, D) float32, joint angles, radians.
+        base_quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
+        base_height_m: (B,) float32, height of the pelvis above the lowest vertex.
+        base_source: (B, 2) int32, index of the clip and number of the frame.
+        base_mirrored: (B,) bool, whether the pose is the mirror image of its source.
+        clips: names of the clips.
+        views: (V, 2) float64, yaw and pitch, radians, see `rendering.camera_from_body`.
+        sample_base: (N,) int32, base pose of each sample.
+        sample_view: (N,) int16, view of each sample.
+        pelvis_px: (N, 2) float32, pelvis joint in the window of 320 x 240.
+        areas: (N, 27) uint16, visible pixels of each part, A_j.
+        occluded: (N, 27) bool, f_j of eq. (3).
+        cut: (N,) bool, whether the window cuts off some of the silhouette.
+        levels: coarse to fine.
+        leaf_offsets: (K_L + 1,) int64; node k of the finest level has the samples leaf_offsets[k]
+            to leaf_offsets[k + 1] - 1 of leaf_samples, the representative among them.
+        leaf_samples: (N,) int32, samples of all leaves.
+        sigma_rad: (D,) float32, step sizes of the joint angles within 1/30 s, spacing of the
+            library included, see `base_poses.motion_sigmas`.
+        root_sigma_rad: step size of the pelvis's orientation.
+        neighbours: nearest samples of every sample, see `transitions.find_neighbours`.
     """
 
     model: BodyModel
@@ -156,25 +165,28 @@ class PoseLibrary:
     neighbours: Mapping[str, NDArray] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """Counts the samples."""
+        """Number of samples."""
         return len(self.sample_base)
 
     @cached_property
     def child_offsets(self) -> tuple[NDArray[np.int64], ...]:
-        """For every level (K_l + 1,): node k has nodes [k] to [k + 1] of the next level; at the
-        last, these places in leaf_samples.
+        """Offsets (K_l + 1,) of the children of every level's nodes.
+
+        Node k has the nodes offsets[k] to offsets[k + 1] - 1 of the next level; a leaf has these
+        positions in leaf_samples.
         """
-        found = [
+        offsets = [
             np.searchsorted(below.parent, np.arange(len(level) + 1)).astype(np.int64)
             for level, below in zip(self.levels[:-1], self.levels[1:], strict=True)
         ]
-        return (*found, np.asarray(self.leaf_offsets))
+        return (*offsets, np.asarray(self.leaf_offsets))
 
     def pose(self, samples: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the poses of samples (n,) as seen by a level camera looking along +y.
+        """Poses of samples (n,) before a level camera that looks along +y.
 
-        Returns: Orientations of the pelvis (n, 4) w x y z, the view's yaw included, and joint
-            angles (n, D).
+        Returns:
+            Orientations of the pelvis (n, 4) w x y z, the view's yaw included, and joint angles (n,
+            D).
         """
         base = self.sample_base[samples]
         yaw = self.views[self.sample_view[samples], 0] / 2
@@ -182,48 +194,46 @@ class PoseLibrary:
         matrices = rotation_matrices(turn) @ rotation_matrices(self.base_quaternion[base])
         return quaternions(matrices), self.base_angles[base].astype(np.float64)
 
-    def render(self, samples: NDArray[np.integer]) -> Pictures:
-        """Takes the pictures of samples (n,) again, exactly as when the library was made.
+    def render(self, samples: NDArray[np.integer]) -> RenderedViews:
+        """Views of samples (n,), rendered again exactly as in the build of the library.
 
-        The library keeps only the representatives' silhouettes: they are what the filter scores;
-        the other samples of a leaf look alike by construction, and drawing one takes a few
-        milliseconds.
+        The library stores the silhouettes of the representatives only, which the filter scores; the
+        other samples of a leaf look alike by construction.
         """
-        base, where = np.unique(self.sample_base[samples], return_inverse=True)
+        base, surface = np.unique(self.sample_base[samples], return_inverse=True)
         surfaces, _ = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
-        return take_pictures(self.model, surfaces, where, self.views[self.sample_view[samples]])
+        return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
 
     @property
     def window_px(self) -> tuple[int, int]:
-        """(width, height) of the pictures at the finest level."""
+        """(width, height) of the windows at the finest level, px."""
         return WINDOW_PX
 
 
-def require_body(library: PoseLibrary, wanted: BodySizes) -> None:
-    """Refuses a library that was made for another body.
+def require_body(library: PoseLibrary, required: BodySizes) -> None:
+    """Checks that a library was made for a body.
 
     Args:
         library: the library.
-        wanted: the body that is to be tracked.
+        required: measurements of the tracked body.
 
     Raises:
         InputError: another stature (by more than 1 cm), chest (by more than 2 cm) or sex.
     """
     made = library.model.sizes
-    chest = (made.chest_girth_m, wanted.chest_girth_m)
+    chest = (made.chest_girth_m, required.chest_girth_m)
     same_chest = chest[0] == chest[1] or (None not in chest and abs(chest[0] - chest[1]) <= 0.02)  # type: ignore[operator]
-    same_surface = made.sex == wanted.sex or "female" not in (
-        made.sex,
-        wanted.sex,
-    )  # an unknown sex takes the man's template
-    if abs(made.stature_m - wanted.stature_m) > 0.01 or not same_chest or not same_surface:
+    # An unknown sex takes the man's template.
+    same_surface = made.sex == required.sex or "female" not in (made.sex, required.sex)
+    if abs(made.stature_m - required.stature_m) > 0.01 or not same_chest or not same_surface:
         raise InputError(
-            f"the library was made for another body ({describe(made)}; wanted {describe(wanted)}):"
-            f" build one with voxelpose library build --stature {wanted.stature_m:g}"
+            f"the library was made for another body ({describe(made)}; wanted"
+            f" {describe(required)}): build one with voxelpose library build --stature"
+            f" {required.stature_m:g}"
         )
 
 
 def describe(sizes: BodySizes) -> str:
-    """Says a body's measurements in words."""
+    """Measurements of a body as text."""
     chest = "usual" if sizes.chest_girth_m is None else f"{sizes.chest_girth_m:g} m"
     return f"stature {sizes.stature_m:g} m, chest {chest}, sex {sizes.sex}"

@@ -1,8 +1,7 @@
-"""A pose library in one file: a safetensors container, which many languages read and nothing in
-which is executed.
+"""Pose library in one file, a safetensors container, whose content is never executed.
 
-Its arrays are read through a memory map: a library of any size opens at once and takes no more
-memory than the parts that are used. The metadata hold a checksum of every array and of themselves.
+The arrays are read through a memory map: a library of any size opens at once and takes no more
+memory than the parts that are used. The metadata hold checksums of all arrays and of themselves.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ _MARKED = 100_000  # the format's name stands within so many bytes
 
 
 def write_library(library: PoseLibrary, path: Path) -> None:
-    """Writes a library: beside, then renamed, so that the file is whole or not there.
+    """Writes a library atomically.
 
     Args:
         library: the library.
@@ -110,7 +109,7 @@ def write_library(library: PoseLibrary, path: Path) -> None:
 
 
 def is_library(path: Path) -> bool:
-    """Says whether a file is a pose library, of whatever version and however damaged."""
+    """Whether a file is a pose library, of any version and possibly damaged."""
     try:
         with path.open("rb") as file:
             return _FORMAT.encode() in file.read(_MARKED)
@@ -119,7 +118,7 @@ def is_library(path: Path) -> bool:
 
 
 def read_library(path: Path) -> PoseLibrary:
-    """Opens a library.
+    """Library of a file.
 
     Args:
         path: the file.
@@ -127,8 +126,9 @@ def read_library(path: Path) -> PoseLibrary:
     Returns:
         The library; its arrays are views into the file and cannot be written to.
 
-    Raises: InputError: there is none, it is damaged or truncated, of another version, or holds no
-        poses.
+    Raises:
+        InputError: there is none, it is damaged or truncated, of another version, or holds no
+            poses.
     """
     arrays, about = _read(path)
     try:
@@ -141,7 +141,7 @@ def read_library(path: Path) -> PoseLibrary:
 
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
-    """Puts a library together from its file's arrays and facts."""
+    """Library from the arrays and the description in its file."""
     settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
@@ -181,7 +181,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
-    """Maps the file's arrays and reads its facts; checks everything that can be wrong with a file."""
+    """Arrays of a file, memory-mapped, and its description; both are checked completely."""
     again = "build the library again"
     try:
         with path.open("rb") as file:
@@ -215,14 +215,14 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
             raise ValueError("its description changed")
         about = json.loads(metadata["about"])
         body, arrays = content[8 + length :], {}
-        for name, found in header.items():
-            first, last = found["data_offsets"]
+        for name, entry in header.items():
+            first, last = entry["data_offsets"]
             if not 0 <= first <= last <= len(body):
                 raise ValueError("it is truncated")
             if zlib.crc32(body[first:last]) != about["checksums"][name]:
                 raise ValueError(f"its array {name} changed")
-            arrays[name] = np.frombuffer(body[first:last], _TYPES[found["dtype"]]).reshape(
-                found["shape"]
+            arrays[name] = np.frombuffer(body[first:last], _TYPES[entry["dtype"]]).reshape(
+                entry["shape"]
             )
         if arrays.keys() != about["checksums"].keys():
             raise ValueError("an array is missing")

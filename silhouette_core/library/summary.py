@@ -1,4 +1,4 @@
-"""What a library holds, in words."""
+"""Summary of a library as text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from silhouette_core.library.pose_library import PoseLibrary, describe
 
 
 def summary(library: PoseLibrary, path: Path) -> str:
-    """Describes a library in a few lines.
+    """A few lines on what a library holds.
 
     Args:
         library: the library.

@@ -1,4 +1,4 @@
-"""Leaving out poses that say nothing new."""
+"""Thinning of poses to a least distance."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,14 @@ _GRID_COLUMNS = 6
 
 
 def pose_features(motion: Motion) -> NDArray[np.float64]:
-    """Returns what makes a pose, whichever way the body faces and wherever it stands.
+    """Coordinates of poses that do not depend on heading and position.
 
     Args:
-        motion: the take.
+        motion: T poses.
 
     Returns:
-        (T, D + 2) float64, radians: the joint angles, then how far the pelvis leans from the
-        vertical, as a rotation vector about the body's x and y (its z is 0, the heading about the
-        vertical being taken out).
+        (T, D + 2) float64, radians: the joint angles, then the lean of the pelvis from the
+        vertical, a rotation vector about the body's x and y (its z is 0 without the heading).
     """
     _, tilt = split_heading(motion.root_quaternion)
     sine = np.linalg.norm(tilt[:, 1:], axis=1, keepdims=True)
@@ -34,21 +33,20 @@ def thin_poses(
     tolerance_rad: float,
     already_kept: NDArray[np.float64] | None = None,
 ) -> NDArray[np.int64]:
-    """Removes poses until no two remain whose differences are all the tolerance or less.
+    """Poses of which no two differ by the tolerance or less in all coordinates.
 
-    Greedy in the given order: a pose goes if one that stays is within the tolerance in every
-    coordinate, and stays otherwise. Exact. Time is that of N lookups in a hash grid over the six
-    coordinates that spread most, each of at most 64 cells; it grows with N and with how many kept
-    poses share a cell, not with N².
+    Greedy in the given order, and exact: a pose is removed if a kept one is within the tolerance in
+    every coordinate. Takes N lookups in a hash grid over the six coordinates that vary most, each
+    of at most 64 cells; the time grows with N and the number of kept poses per cell, not with N².
 
     Args:
-        features_rad: (N, K) float64, finite.
-        tolerance_rad: greater than 0.
-        already_kept: (M, K) float64, poses that are kept whatever is near to them, such as those of
-            a library that grows.
+        features_rad: (N, K) float64, finite, radians or any other unit.
+        tolerance_rad: largest difference of similar poses, greater than 0, in the same unit.
+        already_kept: (M, K) float64, poses that are kept in any case, such as those of a library
+            that grows.
 
     Returns:
-        (L,) int64, increasing: the rows that stay.
+        (L,) int64, increasing, the rows that are kept.
 
     Raises:
         ValueError: the arrays have other shapes, hold NaN, or the tolerance is not positive.

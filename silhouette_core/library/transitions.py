@@ -1,12 +1,10 @@
-"""How a pose moves on to the next: the motion models DM1 and DM2 as sparse matrices over a library.
+"""Motion models DM1 and DM2: probabilities of the next pose as sparse matrices over a library.
 
-The motion model is a random walk: the next pose is normally distributed about the last, with a
-standard deviation sigma_j for every joint angle (4), five times as much for joints of parts that
-the last pose hides (5). Since the source pose decides its own deviations, all transitions are known
-when the library is made. For every sample the nearest others, in its own sigmas, are kept with
-their squared distances; what is farther counts as impossible. The weight of a kept one is exact.
-What is lost is little: in a library of 60,000 recorded samples the farthest of the 64 that are kept
-has, for 95 % of the sources, less than 1e-7 of the weight of staying.
+The source pose decides the deviations of its step, so that all transitions are known when the
+library is built. For every sample the nearest others, in its own sigmas, are stored with their
+squared distances; farther ones count as impossible. The stored weights are exact, and little is
+lost: in a library of 60,000 recorded samples the farthest of the 64 neighbours has, for 95 % of the
+sources, less than 1e-7 of the weight of staying.
 """
 
 from __future__ import annotations
@@ -18,16 +16,17 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from silhouette_core.library.kernels import transitions as kernels
+from silhouette_core.library.occlusion import MAGNIFICATION
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.progress import Reporter
 
 if TYPE_CHECKING:
     from silhouette_core.library.pose_library import PoseLibrary
 
-MAGNIFICATION = 5.0
-"""m of eq. (5)."""
 KEPT = 64
-_CANDIDATES = 256  # base poses, the nearest by their joints, of which all views are looked at
+"""Number of neighbours stored for every sample."""
+# Base poses, the nearest by their joints, whose views are candidates for the nearest samples.
+_CANDIDATES = 256
 _AT_ONCE = 2048
 
 
@@ -38,26 +37,39 @@ def transitions(
     neighbours: int = KEPT,
     normalised: bool = True,
 ) -> csr_matrix:
-    """Makes the matrix of p(x_t | x_t-1) over a library.
+    r"""Matrix of :math:`p(x_t|x_{t-1})` over a library.
 
-    Args: library: the library. occlusion_aware: DM2, with eq. (5); else DM1, without. sigma_scale:
-        factor on all sigmas, which are those of 1/30 s: at another frame rate sqrt(30 / fps), for a
-        random walk. neighbours: how many of the kept samples are used, at most. normalised: every
-        sample shares its whole probability out among its neighbours. Else a sample near to it gets
-        the same whether
-            there are many others or none, and what is believed gathers where poses are dense.
+    The motion model is a random walk: the next pose is normally distributed about the last,
 
-    Returns: (N, N) float32: row i holds where sample i goes, summing to 1 if normalised; the prior
-        (14) is `matrix.T @ posterior`.
+    .. math::
+        :label: okada-4
 
-    Source: Okada and Stenger, eq. (3)-(5) and (14).
+        p(x_t|x_{t-1}) \sim N(x_{t-1}, \Sigma)
+
+    with one variance for each joint angle, see :eq:`okada-5`. Only the 64 nearest samples of each
+    sample have a probability other than 0. The paper does not normalise over the library.
+
+    Args:
+        library: the library, N samples.
+        occlusion_aware: DM2, with eq. (5); else DM1, without.
+        sigma_scale: factor on all sigmas, which belong to steps of 1/30 s; for a random walk at
+            another frame rate sqrt(30 / fps).
+        neighbours: largest number of neighbours used.
+        normalised: rows sum to 1. Else a neighbour has the same weight whether there are many
+            others or none, and probability gathers where poses are dense.
+
+    Returns:
+        (N, N) float32, row i the distribution after sample i; the prior (14) is `matrix.T @
+        posterior`.
+
+    Source: Okada and Stenger, eq. (4); the restriction to neighbours is ours.
     """
     kept = library.neighbours or find_neighbours(library)
     name = "dm2" if occlusion_aware else "dm1"
     index, square = (
-        np.asarray(kept[f"{name}.{what}"])[:, :neighbours] for what in ("index", "square")
+        np.asarray(kept[f"{name}.{array}"])[:, :neighbours] for array in ("index", "square")
     )
-    weight = np.exp(square.astype(np.float64) / (-2 * sigma_scale**2))
+    weight = np.exp(square.astype(np.float64) / (-2 * sigma_scale**2))  # eq. (4)
     if normalised:
         weight /= weight.sum(axis=1, keepdims=True)
     rows = np.arange(0, index.size + 1, index.shape[1])
@@ -72,71 +84,93 @@ def transitions(
 def find_neighbours(
     library: PoseLibrary, kept: int = KEPT, reporter: Reporter | None = None
 ) -> dict[str, NDArray]:
-    """Finds the nearest samples of every sample, for both motion models.
+    """Nearest samples of every sample, for both motion models.
 
-    They are exact as long as they are among the views of the 256 base poses that are nearest by
-    their joints. Only samples of the same
-    pitch count: a camera does not nod.
+    Exact as long as they are among the views of the 256 base poses that are nearest in joint
+    angles. Only samples of the same pitch count, since the camera does not move.
 
     Args:
         library: the library.
-        kept: how many, the sample itself included.
-        reporter: told of every sample and model.
+        kept: number of neighbours, including the sample itself.
+        reporter: informed of every sample and model.
 
-    Returns: dm1.index and dm2.index (N, K) int32, dm1.square and dm2.square (N, K) float32: squared
+    Returns:
+        dm1.index and dm2.index (N, K) int32, dm1.square and dm2.square (N, K) float32: squared
         distance in sigmas, nearest first.
     """
     if reporter is not None:
         reporter.stage("motion models", 2 * len(library))
-    orientation = turned_orientations(
+    orientation = view_orientations(
         library.base_quaternion[library.sample_base], library.views[library.sample_view]
     )
-    found: dict[str, NDArray] = {}
+    result: dict[str, NDArray] = {}
     for name, occluded in (("dm1", np.zeros_like(library.occluded)), ("dm2", library.occluded)):
         index, square = (
             np.empty((len(library), kept), np.int32),
             np.empty((len(library), kept), np.float32),
         )
         for start in range(0, len(library), _AT_ONCE):
-            some = np.arange(start, min(start + _AT_ONCE, len(library)))
+            sources = np.arange(start, min(start + _AT_ONCE, len(library)))
             _nearest(
                 library,
                 orientation,
-                some,
-                occluded[some],
-                index[start : some[-1] + 1],
-                square[start : some[-1] + 1],
+                sources,
+                occluded[sources],
+                index[sources[0] : sources[-1] + 1],
+                square[sources[0] : sources[-1] + 1],
             )
             if reporter is not None:
-                reporter.advance(len(some))
-        found |= {f"{name}.index": index, f"{name}.square": square}
-    return found
+                reporter.advance(len(sources))
+        result |= {f"{name}.index": index, f"{name}.square": square}
+    return result
 
 
-def turned_orientations(
+def view_orientations(
     quaternions: NDArray[np.floating], views: NDArray[np.floating]
 ) -> NDArray[np.float64]:
-    """Returns (n, 9): rotation matrices of the pelvis (n, 4), turned by the yaw of its view (n, 2),
-    over the square root of 2.
+    """Orientations of the pelvis as vectors whose Euclidean distance is an angle.
 
-    For small turns, the Euclidean distance between two of these is the angle between the
-    orientations in radians.
+    Args:
+        quaternions: (n, 4), orientation of the pelvis without heading.
+        views: (n, 2), yaw and pitch, radians.
+
+    Returns:
+        (n, 9) float64, rotation matrices, turned by the yaw, over the square root of 2; the
+        distance of two is about the angle between the orientations in radians if it is small.
     """
     half = np.asarray(views, float)[:, 0] / 2
     yaw = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1)
     return (rotation_matrices(yaw) @ rotation_matrices(quaternions)).reshape(-1, 9) / np.sqrt(2)
 
 
-def scaled_weights(
+def step_precisions(
     library: PoseLibrary, occluded: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns 1 / sigma'_j^2 for sources whose parts are hidden or not (n, 27): per joint angle (n,
-    D), and of the orientation (n,).
+    r"""Inverse variances of steps, magnified where the source pose occludes a part.
+
+    .. math::
+        :label: okada-5
+
+        \Sigma = \mathrm{diag}(\sigma_j'^2), \qquad
+        \sigma_j' = \begin{cases} \sigma_j & \text{if } f_j = 0 \\
+        m\,\sigma_j & \text{if } f_j = 1 \end{cases}
+
+    where :math:`\sigma_j` is the standard deviation of joint angle :math:`j`, radians,
+    :math:`f_j` the occlusion flag :eq:`okada-3` of the part that it turns in the source pose
+    :math:`x_{t-1}`, and :math:`m = 5`. All :math:`f_j = 0` gives DM1. The orientation has the flag
+    of the pelvis.
+
+    Args:
+        library: the library, with :math:`\sigma_j` as measured on recorded motion.
+        occluded: (n, 27) bool, flags of the sources' parts.
+
+    Returns:
+        :math:`1 / \sigma_j'^2` for the D joint angles (n, D) and for the orientation (n,), float64.
 
     Source: Okada and Stenger, eq. (5).
     """
     model = library.model
-    sigma = np.where(occluded[:, model.dof_part], MAGNIFICATION, 1.0) * library.sigma_rad
+    sigma = np.where(occluded[:, model.dof_part], MAGNIFICATION, 1.0) * library.sigma_rad  # eq. (5)
     root = np.where(occluded[:, 0], MAGNIFICATION, 1.0) * library.root_sigma_rad
     return 1 / sigma**2, 1 / root**2
 
@@ -150,7 +184,7 @@ def _nearest(
     square: NDArray[np.float32],
 ) -> None:
     """Fills index and square (n, K) for some sources."""
-    per_joint, per_root = scaled_weights(library, occluded)
+    per_joint, per_root = step_precisions(library, occluded)
     angles = library.base_angles.astype(np.float64)
     own = angles[library.sample_base[sources]]
     # (a - b)^2 multiplied out, so that it becomes two matrix products.

@@ -1,4 +1,4 @@
-"""A picture of what a library's tree has put together."""
+"""Contact sheet of the nodes of a library's tree."""
 
 from __future__ import annotations
 
@@ -19,24 +19,23 @@ _GAP = 4
 
 
 def write_sheet(library: PoseLibrary, path: Path) -> None:
-    """Draws nodes of the first level, one a row: its representative, then samples from its leaves,
-    in the colours of their parts.
+    """Writes an image of nodes of the first level.
 
-    Rows are the nodes at equal steps through the list ordered by number of samples, the largest
-    first.
+    Each row shows a node's representative, then samples from its leaves, coloured by part. The rows
+    are taken from the list of nodes ordered by number of samples, largest first.
 
     Args:
         library: the library.
-        path: PNG file.
+        path: the PNG file.
 
     Raises:
         InputError: the file cannot be written.
     """
-    inside = _samples_of_first_level(library)
-    order = np.argsort([-len(samples) for samples in inside], kind="stable")
+    members = _samples_of_first_level(library)
+    order = np.argsort([-len(samples) for samples in members], kind="stable")
     # More rows for the large nodes: the small ones hold a sample or two.
-    places = np.unique((np.linspace(0, 1, _ROWS) ** 3 * (len(order) - 1)).astype(int))
-    rows = [_row(library, int(order[place]), inside[order[place]]) for place in places]
+    chosen = np.unique((np.linspace(0, 1, _ROWS) ** 3 * (len(order) - 1)).astype(int))
+    rows = [_row(library, int(node), members[node]) for node in order[chosen]]
     sheet = np.concatenate(
         [
             rows[0],
@@ -51,7 +50,7 @@ def write_sheet(library: PoseLibrary, path: Path) -> None:
 
 
 def _samples_of_first_level(library: PoseLibrary) -> list[NDArray[np.int32]]:
-    """Returns the samples of each node of the first level."""
+    """Samples of each node of the first level."""
     bounds = np.arange(len(library.levels[0]) + 1)
     for offsets in library.child_offsets:
         bounds = offsets[bounds]
@@ -59,7 +58,7 @@ def _samples_of_first_level(library: PoseLibrary) -> list[NDArray[np.int32]]:
 
 
 def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Draws one node."""
+    """Image of one node."""
     shown = samples[
         np.unique(np.linspace(0, len(samples) - 1, min(_ACROSS - 1, len(samples))).astype(int))
     ]

@@ -1,1 +1,1 @@
-"""Poses over time: kinematics and takes."""
+"""Motion: poses over time, kinematics and dynamics."""

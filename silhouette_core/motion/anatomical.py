@@ -1,30 +1,28 @@
-"""Joint angles as biomechanists state them, from the rotations of a motion's parts.
+"""Anatomical joint angles of a motion.
 
-Segments carry the axes that the International Society of Biomechanics recommends, as far as a body
+Segments carry the axes recommended by the International Society of Biomechanics, as far as a body
 of joint centres has them: x forward, y up (from the far joint to the near one), z to the person's
 right. Pelvis, thorax and head stand along the body at rest, the foot along its sole; z of thigh and
-shin is the body's right and of arm, forearm and hand the axis of the elbow, made square to y. A
+shin is the body's right and of arm, forearm and hand the axis of the elbow, orthogonalised to y. A
 joint's rotation is near_from_far; on the left it is mirrored in the body's plane of symmetry, so
 that a sign means the same movement on both sides. Zero is the anatomical position (upright, arms
 down, palms forward) with all bones in line. It is not this body's rest pose, whose knees are bent
-by a few degrees and whose arms stand 45 degrees out.
+by a few degrees and whose arms are 45 degrees below the horizontal.
 
-R = Rz(flexion) Rx(adduction) Ry(internal rotation) at every joint but two. The shoulder has it too
-(flexion, adduction, internal
-rotation: useless near 90 degrees of adduction or abduction) beside the ISB's Ry(plane)
-    Rx(-elevation) Ry(axial) (plane 0: to the side,
-90: forward; plane and axial rotation are useless while the arm hangs, only their sum counts then).
-The pelvis has Ry(rotation) Rx(-obliquity) Rz(-tilt) in the world, which means the same whichever
-way the person faces; rotation is zero for a person who faces the world's +y and grows
-counter-clockwise seen from above.
+R = Rz(flexion) Rx(adduction) Ry(internal rotation) at every joint but two. The shoulder has these
+angles (useless near 90 degrees of adduction or abduction) and the ISB's
+Ry(plane) Rx(-elevation) Ry(axial), with plane 0 to the side and 90 forward (plane and axial
+rotation are useless while the arm hangs, where only their sum is defined). The pelvis has
+Ry(rotation) Rx(-obliquity) Rz(-tilt) in the world, whose meaning does not depend on the heading;
+rotation is zero for a person who faces the world's +y and grows counter-clockwise seen from above.
 
-Silhouettes say little about turns of a limb about its own length: take rotations of straight limbs,
-and pronation, which the estimators hold at rest, for what they are.
+Silhouettes hardly show turns of a limb about its own axis: rotations of straight limbs are
+unreliable, and pronation is held at rest by the estimators.
 
 Source: Grood and Suntay, "A joint coordinate system for the clinical description of
 three-dimensional motions" (J. Biomech. Eng. 1983), hip, knee, ankle; Wu et al., ISB recommendation,
 parts I and II (J. Biomech. 2002 and 2005); Baker, "Pelvic angles" (Gait and Posture 2001). They
-take epicondyles, malleoli and the pelvis's spines for their axes; a body fitted to silhouettes has
+define axes by epicondyles, malleoli and the spines of the pelvis; a body fitted to silhouettes has
 joint centres only.
 """
 
@@ -47,13 +45,12 @@ LAB_FROM_WORLD = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Laboratory axes with y up: (x, y, z) of the world becomes (y, z, x)."""
 
 _RIGHT = np.array([-1.0, 0.0, 0.0])
-_UPRIGHT = np.array(
-    [[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-)  # columns: forward, up, right, in the body frame at rest
+# Columns: forward, up, right, in the body frame at rest.
+_UPRIGHT = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _MIRROR = np.diag([1.0, 1.0, -1.0])
 _SIDES = ("left", "right")
 
-# joint: the part on its near side and the part on its far side
+# Joint: the part on its near side and the part on its far side.
 _CENTRAL = {"trunk": ("pelvis", "upper_thorax"), "neck": ("upper_thorax", "head")}
 _PAIRED = {
     "hip": ("pelvis", "{}_thigh"),
@@ -64,7 +61,7 @@ _PAIRED = {
     "wrist": ("{}_forearm", "{}_hand"),
 }
 
-# joint: (angle, sign) about z, x and y; None where the body has no such movement
+# Joint: (angle, sign) about z, x and y; None where the body has no such movement.
 _ANGLES = {
     "trunk": (("flexion", -1), ("lateral_bending", 1), ("rotation", 1)),
     "neck": (("flexion", -1), ("lateral_bending", 1), ("rotation", 1)),
@@ -79,24 +76,25 @@ _ANGLES = {
 
 @dataclass(frozen=True, eq=False)
 class AnatomicalAngles:
-    """Angles of a motion.
+    """Anatomical angles of a motion.
 
-    Attributes: names: A names, such as `left_knee_flexion`. Positive means the movement named;
-        `trunk` and `neck` bend laterally and `pelvis`
-            is oblique (raised) toward the right when positive, and turn to the left.
-        degrees: (T, A) float64, -180 to 180; a row per pose of the motion.
+    Attributes:
+        names: A names, such as `left_knee_flexion`. Positive angles mean the movement named;
+            `trunk` and `neck` bend laterally, and `pelvis` is oblique (raised), toward the right,
+            and they turn to the left.
+        degrees: (T, A) float64, -180 to 180, a row for each pose of the motion.
     """
 
     names: tuple[str, ...]
     degrees: NDArray[np.float64]
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """Returns one angle, (T,) float64, degrees."""
+        """One angle (T,) float64, degrees."""
         return self.degrees[:, self.names.index(name)]
 
 
 def anatomical_angles(motion: Motion) -> AnatomicalAngles:
-    """Returns the anatomical angles of a motion: what they mean is said above.
+    """Anatomical angles of a motion, as defined in the module's documentation.
 
     Args:
         motion: T poses.
@@ -124,35 +122,36 @@ def anatomical_angles(motion: Motion) -> AnatomicalAngles:
 
 
 def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
-    """Returns how the far side of every joint is turned against the near side.
+    """Rotations of the far side of every joint relative to the near side.
 
     Args:
         motion: T poses.
 
-    Returns: (T, 3, 3) each: `pelvis` (laboratory from pelvis), `trunk`, `neck`, and `left_` and
-        `right_` of hip, knee, ankle, shoulder, elbow and wrist, the left ones mirrored.
+    Returns:
+        (T, 3, 3) each: `pelvis` (laboratory from pelvis), `trunk`, `neck`, and `left_` and `right_`
+        of hip, knee, ankle, shoulder, elbow and wrist, the left ones mirrored.
     """
     model = motion.model
     rotation, _ = motion.parts()
     axes = segment_axes(model)
-    turned = {name: rotation[:, model.names.index(name)] @ axes[name] for name in axes}
+    axes_in_world = {name: rotation[:, model.names.index(name)] @ axes[name] for name in axes}
 
     def between(near: str, far: str) -> NDArray[np.float64]:
-        return np.swapaxes(turned[near], 1, 2) @ turned[far]
+        return np.swapaxes(axes_in_world[near], 1, 2) @ axes_in_world[far]
 
-    found = {"pelvis": LAB_FROM_WORLD @ turned["pelvis"]}
-    found |= {joint: between(*parts) for joint, parts in _CENTRAL.items()}
+    rotations = {"pelvis": LAB_FROM_WORLD @ axes_in_world["pelvis"]}
+    rotations |= {joint: between(*parts) for joint, parts in _CENTRAL.items()}
     for side in _SIDES:
         for joint, (near, far) in _PAIRED.items():
             matrices = between(near.format(side), far.format(side))
-            found[f"{side}_{joint}"] = _MIRROR @ matrices @ _MIRROR if side == "left" else matrices
-    return found
+            rotations[f"{side}_{joint}"] = (
+                _MIRROR @ matrices @ _MIRROR if side == "left" else matrices
+            )
+    return rotations
 
 
 def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
-    """Returns the axes of the segments at rest, by part: (3, 3), columns forward, up, right in the
-    body frame.
-    """
+    """Axes of the segments at rest by part, (3, 3): forward, up and right in the body frame."""
     joint = dict(zip(model.names, model.joints_m, strict=True))
     axes = {name: _UPRIGHT for name in ("pelvis", "upper_thorax", "head")}
     for side in _SIDES:
@@ -174,10 +173,10 @@ def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
 
 
 def euler_degrees(matrices: NDArray[np.float64], order: str) -> NDArray[np.float64]:
-    """Returns (T, 3) angles in degrees, so that (T, 3, 3) `matrices` are the product of turns about
-    the axes of `order`, from the left.
+    """Euler angles (T, 3), degrees, of rotation matrices (T, 3, 3).
 
-    Where two of the axes fall together the last angle is zero, silently.
+    The matrices are the product of turns about the axes of `order`, from the left. In gimbal lock
+    the last angle is zero.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Gimbal lock")

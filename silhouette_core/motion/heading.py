@@ -1,4 +1,4 @@
-"""Motions seen otherwise: heading and tilt apart, left and right exchanged."""
+"""Headings and tilts of orientations, and mirror images of motions."""
 
 from dataclasses import replace
 
@@ -12,14 +12,14 @@ from silhouette_core.motion.motion import Motion
 def split_heading(
     root_quaternion: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Splits rotations into a turn about the vertical and what is left (swing and twist): q =
-    heading about z * tilt.
+    """Heading and tilt of orientations: q = (heading about z) * tilt (swing-twist decomposition).
 
     Args:
         root_quaternion: (T, 4) w x y z, world_from_body.
 
-    Returns: heading (T,), radians from -pi to pi, 0 where a body hangs upside down and has none;
-        and tilt (T, 4), unit quaternions with w >= 0 and z = 0.
+    Returns:
+        Heading (T,), radians from -pi to pi, 0 for a body upside down, which has none; and tilt
+        (T, 4), unit quaternions with w >= 0 and z = 0.
     """
     w, x, y, z = np.moveaxis(np.asarray(root_quaternion, float), -1, 0)
     length = np.hypot(w, z)
@@ -34,21 +34,20 @@ def split_heading(
 
 
 def mirrored(motion: Motion) -> Motion:
-    """Exchanges left and right: the take as a mirror in the plane x = 0 shows it.
+    """Mirror image of a motion in the plane x = 0, left and right exchanged.
 
-    The body keeps its shape, which is symmetric; a one-sided body would move in its mirror image's
-    way without becoming it.
+    The body keeps its shape; only a symmetric body becomes its mirror image.
 
     Args:
-        motion: the take.
+        motion: the motion.
 
     Returns:
-        A take whose landmarks are those of `motion`, reflected and with left and right exchanged.
+        A motion whose landmarks are those of `motion`, reflected, with left and right exchanged.
     """
     model = motion.model
     other = _exchange(model.dof_names)
-    # Sides share the sign of every angle (a right axis is its left one reflected); in the middle,
-    # turns about y and z change theirs.
+    # Angles of the two sides have the same sign (a right axis is its left one reflected); in the
+    # middle, turns about y and z change theirs.
     middle = np.array([not name.startswith(("left_", "right_")) for name in model.dof_names])
     sign = np.where(middle & (np.abs(model.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
     columns = {"part_overlap": _exchange(model.names), "part_unsupported": _exchange(model.names)}

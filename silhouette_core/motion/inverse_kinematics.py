@@ -1,6 +1,4 @@
-"""Poses from directions: joint angles that point parts where they should point, and bodies put onto
-the floor.
-"""
+"""Inverse kinematics: joint angles for given directions of parts, and the height of the feet."""
 
 from __future__ import annotations
 
@@ -13,47 +11,51 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.kernels.kinematics import solve_angles
 
-_REST = 1e-3  # pulls each angle to rest where the directions leave it free: a spine bends evenly
+_REST = 1e-3  # weight of rest where the directions leave angles free: a spine bends evenly
 
 
 @dataclass
 class Targets:
-    """Directions for the parts of a body over time.
+    """Target directions for the parts of a body over time.
 
     Attributes:
         model: the body.
-        parts: the part of each target.
-        axes: (3,) each, unit, fixed in the part, in the body frame of the rest pose.
-        wanted: (T, 3) each, unit, where that axis shall point in the world.
-        weights: how much each counts; squared errors are weighed.
+        parts: part of each target.
+        axes: (3,) float64 each, unit, fixed in the part, in the body frame of the rest pose.
+        directions: (T, 3) float64 each, unit, world direction to which that axis should point.
+        weights: weight of each target's squared error.
     """
 
     model: BodyModel
     parts: list[int] = field(default_factory=list)
     axes: list[NDArray[np.float64]] = field(default_factory=list)
-    wanted: list[NDArray[np.float64]] = field(default_factory=list)
+    directions: list[NDArray[np.float64]] = field(default_factory=list)
     weights: list[float] = field(default_factory=list)
 
     def add(
-        self, part: str, axis: NDArray[np.float64], wanted: NDArray[np.float64], weight: float
+        self, part: str, axis: NDArray[np.float64], direction: NDArray[np.float64], weight: float
     ) -> None:
-        """Adds a direction; the axis may have any length."""
+        """Adds a target; the axis may have any length."""
         self.parts.append(self.model.names.index(part))
         self.axes.append(np.asarray(axis, float) / np.linalg.norm(axis))
-        self.wanted.append(wanted)
+        self.directions.append(direction)
         self.weights.append(weight)
 
     def angles(self, root_rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solves for the joint angles, frame after frame.
+        r"""Joint angles that minimise the weighted errors of the directions in every frame.
 
-        Limits hold. What one joint cannot do, its neighbours take over. Freedoms that silhouettes
-        do not show stay at rest.
+        .. math:: \min_q \sum_k w_k \lVert R_k(q)\, a_k - t_k \rVert^2 + \lambda \lVert q \rVert^2
+
+        within the joint limits, by Gauss-Newton steps from the previous frame's solution. Where a
+        joint is at its limit, its neighbours compensate. Fixed degrees of freedom stay at rest.
 
         Args:
-            root_rotation: (T, 3, 3) world_from_body of the pelvis.
+            root_rotation: (T, 3, 3) float64, world from body, of the pelvis.
 
         Returns:
             (T, D) float64, radians, in the order of `BodyModel.dof_names`.
+
+        Source: textbook Gauss-Newton with an active set of limits.
         """
         model, free = self.model, ~self.model.dof_fixed
         angles = np.zeros((len(root_rotation), int(free.sum())))
@@ -65,35 +67,34 @@ class Targets:
             model.dof_limits_rad[free],
             np.ascontiguousarray(root_rotation),
             (np.array(self.parts), np.array(self.axes), np.array(self.weights)),
-            np.ascontiguousarray(np.stack(self.wanted, axis=1)),
+            np.ascontiguousarray(np.stack(self.directions, axis=1)),
             _REST,
             angles,
         )
-        every = np.zeros((len(angles), model.dof_count))
-        every[:, free] = angles
-        return every
+        result = np.zeros((len(angles), model.dof_count))
+        result[:, free] = angles
+        return result
 
 
 def lowest_foot(
     model: BodyModel, root_quaternion: NDArray[np.float64], angles_rad: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Returns (T,) the height in metres of the lowest point of the feet while the pelvis is at
-    height 0.
+    """Height of the lowest point of the feet above the pelvis, (T,) float64, m; negative.
 
     Args:
         model: the body.
-        root_quaternion: (T, 4) w x y z, world_from_body.
-        angles_rad: (T, D) joint angles.
+        root_quaternion: (T, 4) float64, w, x, y, z, world from body.
+        angles_rad: (T, D) float64, joint angles.
     """
     feet = [part for part, name in enumerate(model.names) if name.endswith(("_foot", "_toes"))]
-    mine = np.unique(model.faces[np.isin(model.face_part, feet)])
+    vertices = np.unique(model.faces[np.isin(model.face_part, feet)])
     rotation, origin = kinematics.forward(
         model, np.zeros((len(angles_rad), 3)), root_quaternion, angles_rad
     )
-    height = np.zeros((len(angles_rad), len(mine)))
+    height = np.zeros((len(angles_rad), len(vertices)))
     for k in range(model.skin_parts.shape[1]):
-        part, weight = model.skin_parts[mine, k], model.skin_weights[mine, k]
-        local = model.vertices_m[mine] - model.joints_m[part]
+        part, weight = model.skin_parts[vertices, k], model.skin_weights[vertices, k]
+        local = model.vertices_m[vertices] - model.joints_m[part]
         height += weight * (
             np.einsum("tvi,vi->tv", rotation[:, part, 2], local) + origin[:, part, 2]
         )

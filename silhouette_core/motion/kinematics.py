@@ -1,4 +1,4 @@
-"""From joint angles to places: forward kinematics and linear blend skinning."""
+"""Forward kinematics and linear blend skinning."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -8,7 +8,7 @@ from silhouette_core.motion.kernels.kinematics import place_parts, skin_vertices
 
 
 def rotation_matrices(quaternion_wxyz: np.ndarray) -> np.ndarray:
-    """Returns the (…, 3, 3) rotation matrices of (…, 4) quaternions w, x, y, z."""
+    """Rotation matrices (…, 3, 3) of quaternions (…, 4) w, x, y, z."""
     q = np.asarray(quaternion_wxyz, float)
     return (
         Rotation.from_quat(q.reshape(-1, 4), scalar_first=True)
@@ -18,7 +18,7 @@ def rotation_matrices(quaternion_wxyz: np.ndarray) -> np.ndarray:
 
 
 def quaternions(matrices: np.ndarray) -> np.ndarray:
-    """Returns the (…, 4) quaternions w, x, y, z (w >= 0) of (…, 3, 3) rotation matrices."""
+    """Quaternions (…, 4) w, x, y, z, w >= 0, of rotation matrices (…, 3, 3)."""
     flat = Rotation.from_matrix(np.asarray(matrices, float).reshape(-1, 3, 3)).as_quat(
         canonical=True, scalar_first=True
     )
@@ -28,16 +28,26 @@ def quaternions(matrices: np.ndarray) -> np.ndarray:
 def forward(
     model: BodyModel, root_m: np.ndarray, root_quaternion: np.ndarray, angles_rad: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Places every part of a take.
+    r"""Rotations and origins of all parts of a body in each frame.
+
+    .. math::
+
+        R_p = R_{\mathrm{parent}(p)} \exp\Bigl(\sum_{k \in p} q_k [a_k]_\times\Bigr), \qquad
+        o_p = o_{\mathrm{parent}(p)} + R_{\mathrm{parent}(p)} (J_p - J_{\mathrm{parent}(p)})
+
+    with joint angles :math:`q_k` (rad) about axes :math:`a_k`, and joints :math:`J` at rest (m).
 
     Args:
         model: the body.
-        root_m: (T, 3) world position of the pelvis joint.
-        root_quaternion: (T, 4) w, x, y, z, world from body.
-        angles_rad: (T, D) joint angles in the order of `model.dof_names`.
+        root_m: (T, 3) float64, world position of the pelvis joint.
+        root_quaternion: (T, 4) float64, w, x, y, z, world from body.
+        angles_rad: (T, D) float64, joint angles in the order of `model.dof_names`.
 
-    Returns: part rotations (T, 27, 3, 3), world from body, and part origins (T, 27, 3), the world
-        positions of the joints.
+    Returns:
+        Part rotations (T, 27, 3, 3), world from body, and part origins (T, 27, 3), the world
+        positions of the joints, m.
+
+    Source: textbook.
     """
     rotations = rotation_matrices(np.atleast_2d(root_quaternion))
     count = len(rotations)
@@ -59,7 +69,7 @@ def forward(
 
 
 def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
-    """Returns the world positions (T, 15, 3) of the HumanEva joints, in the order of
+    """World positions (T, 15, 3) of the HumanEva joints, m, in the order of
     `joints.LANDMARK_NAMES`.
     """
     part = model.landmark_part
@@ -68,8 +78,16 @@ def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarr
 
 
 def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
-    """Returns the posed surface (V, 3) for one frame's parts (27, 3, 3) and (27, 3), by linear
-    blend skinning.
+    r"""Posed surface (V, 3), m, of one frame, by linear blend skinning.
+
+    .. math:: x_v = \sum_k w_{vk} \bigl(R_{p_{vk}} (v - J_{p_{vk}}) + o_{p_{vk}}\bigr)
+
+    Args:
+        model: the body.
+        part_rotation: (27, 3, 3) float64, world from body.
+        part_origin: (27, 3) float64, world, m.
+
+    Source: textbook.
     """
     posed = np.empty_like(model.vertices_m)
     skin_vertices(

@@ -1,4 +1,4 @@
-"""A take: what an estimator gives, whichever estimator ran."""
+"""Motion: the result of every estimator."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Motion:
 
     Attributes:
         fps: frames per second of the recording.
-        model: the body; its part and joint-angle order is the order of the arrays below.
+        model: the body; it defines the order of parts and joint angles.
         root_m: (T, 3) float64, position of the root part's joint in the world, metres.
-        root_quaternion: (T, 4) float64, unit, w x y z: world_from_body of the root part.
+        root_quaternion: (T, 4) float64, unit, w x y z, world_from_body of the root part.
         angles_rad: (T, D) float64, joint angles, radians.
-        frames: (T,) int64, increasing: the frame of the recording that each pose belongs to. A
-            frame that is left out is lost.
+        frames: (T,) int64, increasing, frame of the recording of each pose; lost frames are left
+            out.
         time_s: (T,) float64, increasing, seconds.
-        quality: arrays with T in front. Known names, all optional: `part_overlap` (T, P) share of
-            the part's volume that lies in the hull, `part_unsupported` (T, P) bool, no voxel speaks
-            for the part, `unexplained` (T,) share of the hull's voxels that no part covers,
-            `confidence` (T,) from 0 to 1, `landmark_confidence` (T, 15) from 0 to 1.
+        quality: arrays with T rows. Known names, all optional: `part_overlap` (T, P), fraction of
+            the part's volume inside the hull; `part_unsupported` (T, P) bool, no voxel supports the
+            part; `unexplained` (T,), fraction of the hull's voxels that no part covers;
+            `confidence` (T,) from 0 to 1; `landmark_confidence` (T, 15) from 0 to 1.
     """
 
     fps: float
@@ -46,10 +46,10 @@ class Motion:
     quality: Mapping[str, NDArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Fills in frames and times where none are given, and checks shapes.
+        """Fills in frames and times if not given, and checks the arrays.
 
         Raises:
-            ValueError: an array has another shape than stated above, or holds NaN.
+            ValueError: an array has another shape than stated, or holds NaN.
         """
         count = len(self.root_m)
         if not len(self.frames) and count:
@@ -73,44 +73,42 @@ class Motion:
         object.__setattr__(self, "quality", MappingProxyType(dict(self.quality)))
 
     def __len__(self) -> int:
-        """Returns the number of frames that have a pose."""
+        """Number of frames with a pose."""
         return len(self.root_m)
 
     def parts(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Places every part.
+        """Rotations and positions of all parts.
 
         Returns:
-            (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins (the joints at the parts'
-            near ends) in the world, metres.
+            (T, P, 3, 3) world_from_part rotations and (T, P, 3) origins in the world, metres: the
+            joints at the parts' proximal ends.
         """
         from silhouette_core.motion import kinematics
 
         return kinematics.forward(self.model, self.root_m, self.root_quaternion, self.angles_rad)
 
     def landmarks(self) -> NDArray[np.float64]:
-        """Returns the joints of joints.csv: (T, 15, 3), world, metres, in the order of
-        LANDMARK_NAMES.
-        """
+        """Joints of joints.csv (T, 15, 3) in the world, metres, in the order of LANDMARK_NAMES."""
         from silhouette_core.motion import kinematics
 
         return kinematics.landmarks(self.model, *self.parts())
 
     def landmark_confidence(self) -> NDArray[np.float64]:
-        """Returns (T, 15) from 0 to 1: as the estimator gave it, else the overlap of the landmark's
-        part, else the frame's confidence.
+        """Confidence (T, 15) of the landmarks, from 0 to 1.
+
+        As stated by the estimator, else the overlap of the landmark's part, else the confidence of
+        the frame.
         """
         if "landmark_confidence" in self.quality:
             return np.asarray(self.quality["landmark_confidence"], float)
         if "part_overlap" in self.quality:
             overlap = np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part]
-            return np.clip(
-                np.nan_to_num(overlap), 0.0, 1.0
-            )  # where nothing was measured, nothing is known
+            return np.clip(np.nan_to_num(overlap), 0.0, 1.0)
         frame = np.asarray(self.quality.get("confidence", np.ones(len(self))), float)
         return np.repeat(frame[:, None], len(LANDMARK_NAMES), axis=1)
 
     def select(self, rows: slice | NDArray) -> Motion:
-        """Returns some of the frames, by row (not by frame number)."""
+        """Motion of some rows (not frame numbers)."""
         return replace(
             self,
             root_m=self.root_m[rows],

@@ -1,4 +1,4 @@
-"""Motion in a file: safetensors, readable from many languages, nothing executed on reading."""
+"""Motion files: safetensors, whose content is never executed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ _QUALITY = "quality."
 
 
 def write_motion(motion: Motion, path: Path) -> None:
-    """Writes a motion: its arrays under their own names, quality as `quality.NAME`, and in the
-    metadata how to make the body again.
+    """Writes a motion.
+
+    Arrays have the names of the attributes, those of the quality `quality.NAME`; the metadata hold
+    the measurements of the body.
 
     Args:
-        motion: the take.
+        motion: the motion.
         path: the file, usually motion.safetensors.
     """
     arrays = {
@@ -45,21 +47,20 @@ def write_motion(motion: Motion, path: Path) -> None:
         "parts": json.dumps(motion.model.names),
         "angles": json.dumps(motion.model.dof_names),
     }
-    # Written by Python and not by safetensors, so that a full disk is the OSError that it is
-    # elsewhere.
+    # Written by Python and not by safetensors, so that a full disk raises OSError.
     path.write_bytes(
         save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
     )
 
 
 def read_motion(path: Path) -> Motion:
-    """Reads what `write_motion` wrote.
+    """Motion of a file written by `write_motion`.
 
     Args:
         path: the file.
 
     Returns:
-        The take, its body made again from the measurements.
+        The motion, its body made from the measurements.
 
     Raises:
         InputError: the file is missing, damaged, or of another kind.

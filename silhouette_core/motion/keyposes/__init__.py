@@ -1,4 +1,4 @@
-"""What bodies do, for who has no recorded motion: key poses in a table, smoothly joined."""
+"""Motions interpolated from a table of key poses, for use without recorded motion."""
 
 from silhouette_core.motion.keyposes.perform import keypose_motions
 

@@ -1,21 +1,23 @@
-"""The notation of movements: key poses as text.
+"""Notation of movements: key poses as text.
 
-A key is a time in seconds and then what differs from standing, `name number` pairs in degrees: "0.5
-r.arm 75 elbow 12 lean 5". Limbs' names mean both sides, with "l." or "r." before them one. What a
-key leaves out is as in standing.
+A key is a time in seconds, followed by the angles that differ from standing, pairs of name and
+degrees: "0.5 r.arm 75 elbow 12 lean 5". A limb's name means both sides, with "l." or "r." before it
+one side.
 
-- arm, out: the upper arm's swing forward and sideways from hanging, together one turn of sqrt(arm²
-  + out²) toward where they point; out below 0 is across the body. elbow: bend. turn: of the upper
-  arm about itself, above 0 brings a bent forearm inward. lift: shoulder.
-- hip, straddle: the thigh likewise. knee: bend. toe: foot outward. heel: raised (above 0) or toes
-  raised; 0 is the sole flat.
-- tip: pelvis forward. lean, side, twist: trunk forward, to its left, its left shoulder back. look,
-  nod: head to the left, down.
-- yaw: the whole body, to its left.
+- arm, out: swing of the upper arm forward and sideways from hanging, together one turn by
+  sqrt(arm² + out²) in the direction (arm, out); out below 0 is across the body. elbow: flexion.
+  turn: rotation of the upper arm about its axis, above 0 inward for a bent forearm. lift: raising
+  of the shoulder.
+- hip, straddle: swing of the thigh, likewise. knee: flexion. toe: turn of the foot outward. heel:
+  raising of the heel, below 0 of the toes; 0 is a flat sole.
+- tip: pelvis forward. lean, side, twist: trunk forward, to its left, left shoulder back. look, nod:
+  head to the left, down.
+- yaw: the whole body to its left.
 
-A movement's table has `keys`, and may have `hold` (a key's pairs for every key), `repeat` (how
-often), `cycle` (seconds after which the keys follow with left and right exchanged; one repeat is
-both), `yaw_per_cycle` (degrees of turning), `speed` and `sideways` (m/s ahead and to the left).
+A movement's table has `keys`, and may have `hold` (pairs for every key), `repeat` (number of
+repetitions), `cycle` (seconds after which the keys follow with left and right exchanged; one
+repetition is both), `yaw_per_cycle` (degrees of turning), `speed` and `sideways` (m/s ahead and to
+the left).
 """
 
 from __future__ import annotations
@@ -50,11 +52,11 @@ _TURNED = np.where(np.isin(COLUMNS, ["side", "twist", "look", "yaw"]), -1.0, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """Key poses of one movement, all repeats written out.
+    """Key poses of one movement, with all repetitions.
 
     Attributes:
-        times_s: (K,) increasing, from 0.
-        poses_deg: (K, C) by `COLUMNS`.
+        times_s: (K,) float64, increasing, from 0.
+        poses_deg: (K, C) float64, angles in the order of `COLUMNS`.
         speed: m/s ahead and to the left.
     """
 
@@ -64,7 +66,7 @@ class Movement:
 
 
 def movements() -> dict[str, Movement]:
-    """Returns the movements of movements.toml by name."""
+    """Movements of movements.toml by name."""
     text = (files("silhouette_core.motion.keyposes") / "movements.toml").read_text(encoding="utf-8")
     return {name: _movement(**table) for name, table in tomllib.loads(text).items()}
 
@@ -85,7 +87,7 @@ def _movement(
         other = poses[:, _EXCHANGED] * (np.ones(len(COLUMNS)) if yaw_per_cycle else _TURNED)
         times, poses = np.append(times, times + cycle), np.vstack([poses, other])
         period = 2 * cycle
-    elif repeat > 1:  # the last key is the first of the next round
+    elif repeat > 1:  # the last key is the first of the next repetition
         times, poses = times[:-1], poses[:-1]
     whole = np.concatenate([times + period * k for k in range(repeat)])
     all_poses = np.tile(poses, (repeat, 1))

@@ -1,4 +1,4 @@
-"""Movements performed by a body."""
+"""Motions of a body that performs movements."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.inverse_kinematics import Targets, lowest_foot
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement, movements
 from silhouette_core.motion.motion import Motion
@@ -20,18 +21,20 @@ _DOWN = -_Z
 
 
 def keypose_motions(
-    model: BodyModel, fps: float = 30.0, variants: int = _VARIANTS, seed: int = _SEED
+    model: BodyModel, fps: float = FPS, variants: int = _VARIANTS, seed: int = _SEED
 ) -> dict[str, Motion]:
-    """Performs the project's own movements, each several times: as written, then more or less
-    widely, slower or faster, in other postures.
+    """Motions of the project's own movements, each as written and with variations.
+
+    Variations are wider or narrower, slower or faster, and in another posture.
 
     Args:
         model: the body.
         fps: frames per second.
-        variants: how often each.
-        seed: of the variations; the same gives the same motions.
+        variants: number of motions of each movement.
+        seed: seed of the variations.
 
-    Returns: Motions by name, "squat 1", …; they begin at the origin facing -y, the lower foot on
+    Returns:
+        Motions by name, "squat 1", …; they begin at the origin facing -y, with the lower foot on
         the floor throughout.
     """
     rng = np.random.default_rng(seed)
@@ -44,16 +47,16 @@ def keypose_motions(
     }
 
 
-def perform(movement: Movement, model: BodyModel, fps: float = 30.0) -> Motion:
-    """Performs one movement.
+def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
+    """Motion of one movement.
 
     Args:
-        movement: its key poses; between them, monotone cubic curves.
+        movement: key poses, joined by monotone cubic curves.
         model: the body.
         fps: frames per second.
 
     Returns:
-        The motion, the lower foot on the floor throughout.
+        The motion, with the lower foot on the floor throughout.
     """
     times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / fps)
     curves = dict(
@@ -67,16 +70,14 @@ def perform(movement: Movement, model: BodyModel, fps: float = 30.0) -> Motion:
     root = facing * _turns(x=curves["tip"])
     angles = _targets(curves, model, facing, root).angles(root.as_matrix())
     ahead, left = movement.speed
-    place = np.cumsum(facing.apply((left, -ahead, 0)) / fps, axis=0)
+    root_m = np.cumsum(facing.apply((left, -ahead, 0)) / fps, axis=0)
     quaternion = kinematics.quaternions(root.as_matrix())
-    place[:, 2] = -lowest_foot(model, quaternion, angles)
-    return Motion(fps, model, place, quaternion, angles)
+    root_m[:, 2] = -lowest_foot(model, quaternion, angles)
+    return Motion(fps, model, root_m, quaternion, angles)
 
 
 def _varied(movement: Movement, rng: np.random.Generator) -> Movement:
-    """Scales a movement about standing, shifts every angle by a few degrees for good, and changes
-    its speed.
-    """
+    """Variation of a movement: scaled about standing, every angle shifted, another speed."""
     width, pace = rng.uniform(0.75, 1.12), rng.uniform(0.75, 1.2)
     keep_yaw = np.where(np.array(COLUMNS) == "yaw", 1.0, width)
     poses = (
@@ -155,15 +156,13 @@ def _targets(
 def _turns(
     x: NDArray | float = 0.0, y: NDArray | float = 0.0, z: NDArray | float = 0.0
 ) -> Rotation:
-    """Turns by degrees about x first, then y, then z (of the body, or intrinsically the other way
-    about).
-    """
+    """Rotation by degrees about the fixed axes x, then y, then z."""
     angles = np.stack(np.broadcast_arrays(z, y, x), axis=-1)
     return Rotation.from_euler("ZYX", angles, degrees=True)
 
 
 def _swing(forward: NDArray, left: NDArray) -> Rotation:
-    """Swings what hangs: one turn, by the length of (forward, left), toward where they point."""
+    """Swing of a hanging limb: one turn by the length of (forward, left), in that direction."""
     return Rotation.from_rotvec(
         np.stack([-forward, -left, np.zeros_like(forward)], axis=-1), degrees=True
     )

@@ -1,4 +1,4 @@
-"""Recorded motion (BVH, exponential maps) in, and onto our body."""
+"""Recorded motion: readers of BVH and exponential maps, and retargeting to the body model."""
 
 from silhouette_core.motion.mocap.load import load_motions
 from silhouette_core.motion.mocap.read import read_clip

@@ -1,8 +1,8 @@
-"""Biovision hierarchy (BVH) in.
+"""Reader of Biovision hierarchy (BVH) files.
 
-Why not a library: bvhio 1.5 loops for ever on a file with fewer rows than it announces, and makes
-an object for every joint and frame; pybvh 0.9 refuses joints with positions of their own, which
-Blender and MotionBuilder write.
+Libraries fall short: bvhio 1.5 does not end on a file with fewer rows than stated, and makes an
+object for every joint and frame; pybvh 0.9 refuses joints with positions of their own, as written
+by Blender and MotionBuilder.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 
 @dataclass
 class BvhJoint:
-    """A joint of the hierarchy.
+    """Joint of the hierarchy.
 
     Attributes:
-        name: as in the file.
+        name: name in the file.
         parent: index of the parent, -1 for the root.
-        offset: (3,) relative to the parent.
-        channels: axis and kind of its numbers, in the file's order: ("X", "position"), ….
+        offset: (3,), position relative to the parent.
+        channels: axis and kind of each channel, in the file's order: ("X", "position"), ….
     """
 
     name: str
@@ -39,16 +39,18 @@ class BvhJoint:
 
 
 def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
-    """Reads the hierarchy and the numbers.
+    """Hierarchy, channels and frame rate of a file.
 
     Args:
         path: the file.
 
-    Returns: The joints, parents first, without end sites; (T, C) float64, the channels as they
-        stand; frames per second.
+    Returns:
+        The joints, parents first, without end sites; the channels (T, C) float64 in the file's
+        units; frames per second.
 
-    Raises: InputError: the file is missing, cut off, no BVH, has more or fewer frames than it says,
-        or numbers that are none.
+    Raises:
+        InputError: the file is missing, truncated, no BVH, has another number of frames than
+            stated, or values that are no numbers.
     """
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -66,11 +68,11 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
         raise InputError(
             f"{path} has a damaged hierarchy: {str(error) or 'it ends too early'}"
         ) from error
-    said = re.match(r"\s*Frames:\s*(\d+)\s+Frame Time:\s*(\S+)", tail)
-    if said is None:
+    stated = re.match(r"\s*Frames:\s*(\d+)\s+Frame Time:\s*(\S+)", tail)
+    if stated is None:
         raise InputError(f"{path} does not say 'Frames:' and 'Frame Time:' after MOTION")
-    numbers = _numbers(path, tail[said.end() :])
-    count, columns = int(said[1]), sum(len(joint.channels) for joint in joints)
+    numbers = _numbers(path, tail[stated.end() :])
+    count, columns = int(stated[1]), sum(len(joint.channels) for joint in joints)
     rows, rest = divmod(len(numbers), max(columns, 1))
     if rest:
         raise InputError(
@@ -82,25 +84,33 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
             f"{path} says it has {count} frames, but holds {rows}: export it again, or set"
             " 'Frames:' right"
         )
-    return joints, numbers.reshape(count, columns), _rate(path, said[2])
+    return joints, numbers.reshape(count, columns), _rate(path, stated[2])
 
 
 def local_transforms(
-    path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64], wanted: NDArray[np.int64]
+    path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64], selected: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Turns the channels of some joints (W,) into transforms: parent_from_joint (T, W, 3, 3) and
-    offsets (T, W, 3).
+    """Transforms of selected joints from their channels.
 
     Rotations apply in the order listed, R = R_first R_second R_third, degrees. Positions replace
-    the joint's offset (Blender, MotionBuilder), the root's are added to it.
+    the joint's offset (Blender, MotionBuilder); the root's are added to it.
+
+    Args:
+        path: the file, for messages.
+        joints: the hierarchy.
+        numbers: (T, C) float64, all channels.
+        selected: (W,) int64, indices of the joints.
+
+    Returns:
+        parent_from_joint (T, W, 3, 3) and offsets (T, W, 3), float64.
 
     Raises:
-        InputError: a joint turns twice in succession about one axis.
+        InputError: a joint rotates twice in succession about one axis.
     """
-    local = np.broadcast_to(np.eye(3), (len(numbers), len(wanted), 3, 3)).copy()
-    offsets = np.tile(np.array([joints[j].offset for j in wanted]), (len(numbers), 1, 1))
+    local = np.broadcast_to(np.eye(3), (len(numbers), len(selected), 3, 3)).copy()
+    offsets = np.tile(np.array([joints[j].offset for j in selected]), (len(numbers), 1, 1))
     first = np.cumsum([0] + [len(joint.channels) for joint in joints])
-    for w, j in enumerate(wanted):
+    for w, j in enumerate(selected):
         joint, own = joints[j], numbers[:, first[j] : first[j + 1]]
         turns = [k for k, (_, kind) in enumerate(joint.channels) if kind == "rotation"]
         if turns:
@@ -123,17 +133,17 @@ def local_transforms(
 def _hierarchy(lines: Iterator[str]) -> list[BvhJoint]:
     joints: list[BvhJoint] = []
     open_joints: list[int] = []  # -2: an end site
-    coming = -2
+    upcoming = -2
     for line in lines:
         word, _, rest = line.strip().partition(" ")
         match word.upper():
             case "ROOT" | "JOINT":
                 joints.append(BvhJoint(rest.strip(), open_joints[-1] if open_joints else -1))
-                coming = len(joints) - 1
+                upcoming = len(joints) - 1
             case "END":
-                coming = -2
+                upcoming = -2
             case "{":
-                open_joints.append(coming)
+                open_joints.append(upcoming)
             case "}":
                 open_joints.pop()
             case "OFFSET" if open_joints[-1] >= 0:

@@ -1,4 +1,4 @@
-"""Motion as exponential maps: a CSV of numbers with skeleton.json beside it."""
+"""Reader of exponential maps: a CSV of numbers with skeleton.json in the same folder."""
 
 from __future__ import annotations
 
@@ -20,26 +20,28 @@ _CMU = tuple(
     " LeftThumbEnd RightShoulder RightArm RightForeArm RightHand RightFingers RightIndex"
     " RightIndexEnd RightThumb RightThumbEnd".split()
 )
-_CMU_ROOT_SCALE = 2.54 / 0.45  # the database's own unit of length, in centimetres
+_CMU_ROOT_SCALE = 2.54 / 0.45  # the database's unit of length, in centimetres
 
 
 def read_expmap(
     path: Path,
 ) -> tuple[tuple[str, ...], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], float]:
-    """Reads a take.
+    """Skeleton and transforms of a clip.
 
-    Each row is a frame: the root's place, then three numbers for each joint, the rotation vector of
-    joint_from_parent (the inverse of what turns the joint, as that literature has it).
+    Each row is a frame: the root's position, then the rotation vector of joint_from_parent for each
+    joint (the inverse of the joint's rotation, a convention of that literature).
 
-    Args: path: the CSV; skeleton.json in the same folder gives parent, offset and fps, and if they
-        are not CMU's 38 joints in centimetres,
-            names and root_scale (the root's unit in the offsets').
+    Args:
+        path: the CSV; skeleton.json in the same folder states parent, offset and fps, and, unless
+            they are CMU's 38 joints in centimetres, names and root_scale (the root's unit in that
+            of the offsets).
 
-    Returns: Names, parents (J,), offsets (T, J, 3) with the root's place, parent_from_joint
+    Returns:
+        Names, parents (J,), offsets (T, J, 3) with the root's position, parent_from_joint
         rotations (T, J, 3, 3), frames per second.
 
     Raises:
-        InputError: skeleton.json is missing or does not fit, or the numbers are none.
+        InputError: skeleton.json is missing or does not fit, or values are no numbers.
     """
     beside = path.with_name("skeleton.json")
     try:
@@ -65,15 +67,15 @@ def read_expmap(
     rows = _rows(path, 3 + 3 * len(parents))
     turns = -rows[:, 3:].reshape(len(rows), len(parents), 3)
     local = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(*turns.shape, 3)
-    places = np.tile(offsets, (len(rows), 1, 1))
-    places[:, 0] += rows[:, :3] * scale
-    return names, parents, places, local, fps
+    positions = np.tile(offsets, (len(rows), 1, 1))
+    positions[:, 0] += rows[:, :3] * scale
+    return names, parents, positions, local, fps
 
 
 def _rows(path: Path, columns: int) -> NDArray[np.float64]:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # an empty file is told below
+            warnings.simplefilter("ignore", UserWarning)  # an empty file is reported below
             rows = np.loadtxt(path, delimiter=",", ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as rows of numbers: {error}") from error

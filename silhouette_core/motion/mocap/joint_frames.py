@@ -1,6 +1,4 @@
-"""How a recorded skeleton's joints lie in its body: what turns with a joint, seen in that joint's
-own axes.
-"""
+"""Body axes in the joint frames of a recorded skeleton."""
 
 from __future__ import annotations
 
@@ -14,15 +12,17 @@ from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 SIDES = ("left", "right")
 _TRUNK = ("pelvis", "lumbar", "thorax", "neck", "head", "left_clavicle", "right_clavicle")
 _STRAIGHT_DEG = 15.0
-_UPRIGHT_SHARE = 0.2
+_UPRIGHT_FRACTION = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class JointFrames:
-    """A trunk that stands upright and looks ahead.
+    """Axes of a trunk that stands upright and looks ahead.
 
-    Attributes: joint_from_body: by role, (3, 3): the body's axes (columns: left, back, up) in the
-        joint's own. doubt_deg: how far from standing straight it is.
+    Attributes:
+        joint_from_body: by role, (3, 3), the body's axes (columns: left, back, up) in the joint's
+            axes.
+        doubt_deg: deviation from standing straight.
     """
 
     joint_from_body: dict[str, NDArray[np.float64]]
@@ -30,21 +30,19 @@ class JointFrames:
 
 
 def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns vectors (…, 3) at length 1."""
+    """Vectors (…, 3) scaled to length 1."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def direction(recorded: MocapClip, near: str, far: str) -> NDArray[np.float64]:
-    """Returns the (T, 3) unit vectors from one role's joint to another's."""
+    """Unit vectors (T, 3) from one role's joint to another's."""
     return unit(
         recorded.positions[:, recorded.roles[far]] - recorded.positions[:, recorded.roles[near]]
     )
 
 
 def up_axis(recorded: MocapClip) -> NDArray[np.float64]:
-    """Returns the (3,) axis of the file, with its sign, that points from the feet to the shoulders
-    on average.
-    """
+    """Signed axis (3,) of the file that points from the feet to the shoulders on average."""
     legs = sum(
         (direction(recorded, f"{side}_foot", f"{side}_thigh") for side in SIDES), np.zeros(3)
     )
@@ -55,11 +53,11 @@ def up_axis(recorded: MocapClip) -> NDArray[np.float64]:
 
 
 def find_joint_frames(recorded: MocapClip) -> JointFrames:
-    """Finds the trunk's axes.
+    """Axes of the trunk.
 
-    They are those at zero rotations or in the frame that stands straightest (many files begin with
-    a T-pose), if that is straight; else the mean over the fifth of the frames whose trunk is most
-    upright, which takes it that people look ahead on average.
+    They are those at zero rotations or in the straightest frame (many files begin with a T-pose),
+    if that is straight; else the mean over the fifth of the frames whose trunk is most upright,
+    which assumes that the person looks ahead on average.
 
     Straight means that thighs, shins and trunk are within 15 degrees of the vertical, forearms of
     their upper arms, and an arm of the other one's mirror image.
@@ -81,18 +79,22 @@ def find_joint_frames(recorded: MocapClip) -> JointFrames:
         return best
     up = up_axis(recorded)
     lean = np.degrees(_angle(_trunk(recorded), up))
-    upright = np.argsort(lean, kind="stable")[: max(1, round(_UPRIGHT_SHARE * len(recorded)))]
+    upright = np.argsort(lean, kind="stable")[: max(1, round(_UPRIGHT_FRACTION * len(recorded)))]
     return _mean_axes(recorded, up, upright, _STRAIGHT_DEG + float(lean[upright].mean()))
 
 
 def hinge_axis(
     recorded: MocapClip, side: str, bones: tuple[str, str, str]
 ) -> NDArray[np.float64] | None:
-    """Finds the axis (3,) about which a limb bends, in its upper bone's joint; None where the take
-    hardly bends it.
+    """Axis (3,) about which a limb bends, in the axes of its upper bone's joint.
 
-    Args: recorded: the take. side: "left" or "right". bones: roles of the limb's three joints
-        without their side; it bends positively from the first bone toward the second.
+    None if the clip hardly bends it.
+
+    Args:
+        recorded: the clip.
+        side: "left" or "right".
+        bones: roles of the limb's three joints without their side; it bends positively from the
+            first bone toward the second.
     """
     near, middle, far = (f"{side}_{name}" for name in bones)
     across = np.cross(direction(recorded, near, middle), direction(recorded, middle, far))
@@ -100,16 +102,21 @@ def hinge_axis(
     return unit(mean) if np.linalg.norm(mean) > 0.1 else None
 
 
-def mean_axis(recorded: MocapClip, role: str, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the axis (3,) of a joint that is nearest to given directions (T, 3) on average."""
+def mean_axis(
+    recorded: MocapClip, role: str, directions: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Axis (3,) of a joint that is nearest to given directions (T, 3) on average."""
     return unit(
-        np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[role]], wanted).mean(axis=0)
+        np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[role]], directions).mean(
+            axis=0
+        )
     )
 
 
 def sole(recorded: MocapClip, side: str) -> NDArray[np.float64]:
-    """Returns joint_from_body (3, 3) of a foot: level and pointing ahead while ankle and toes are
-    low, that is, while it stands.
+    """Rotation joint_from_body (3, 3) of a foot, level and pointing ahead while it stands.
+
+    It stands while ankle and toes are low.
     """
     foot, toes = f"{side}_foot", f"{side}_toes"
     up = up_axis(recorded)

@@ -1,4 +1,4 @@
-"""Files and folders of recorded motion, as motions of our body."""
+"""Motions of the body model from files and folders of recorded motion."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.mocap.joint_frames import JointFrames, find_joint_frames
 from silhouette_core.motion.mocap.read import SUFFIXES, read_clip
 from silhouette_core.motion.mocap.retarget import retarget
@@ -14,26 +15,25 @@ from silhouette_core.motion.motion import Motion
 
 
 def motion_files(paths: Iterable[Path]) -> list[Path]:
-    """Returns the motion files among files and (searched to the bottom) folders, each once,
-    folders' sorted by name.
+    """Motion files among files and folders, each once, those of a folder sorted by name.
 
-    In folders, CSV files without skeleton.json are taken for something else.
+    Folders are searched recursively; CSV files in them need skeleton.json.
 
     Raises:
         InputError: a path does not exist, or a folder holds no motion.
     """
-    found: dict[Path, None] = {}
+    files: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
             inside = sorted(file for file in path.rglob("*") if _is_motion(file))
             if not inside:
                 raise InputError(f"{path} holds no motion: no .bvh, and no .csv with skeleton.json")
-            found.update(dict.fromkeys(inside))
+            files.update(dict.fromkeys(inside))
         elif path.is_file():
-            found[path] = None
+            files[path] = None
         else:
             raise InputError(f"{path} does not exist")
-    return list(found)
+    return list(files)
 
 
 def _is_motion(file: Path) -> bool:
@@ -43,14 +43,16 @@ def _is_motion(file: Path) -> bool:
 
 
 def load_motions(
-    paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = 30.0
+    paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = FPS
 ) -> list[Motion]:
-    """Reads recorded motion and retargets it; takes of one skeleton share what is known of its
-    trunk.
+    """Recorded motions, retargeted to a body; clips of one skeleton share the axes of its trunk.
 
-    Args: paths: files, and folders that are searched for them. model: the body. names: a joint-name
-        map for all of them; None chooses a shipped one for each. target_fps: faster recordings are
-        thinned to it by taking the nearest frames; slower ones stay as they are.
+    Args:
+        paths: files and folders.
+        model: the body.
+        names: joint-name map for all files; None chooses a shipped one for each.
+        target_fps: faster recordings are reduced to it by taking the nearest frames; slower ones
+            are unchanged.
 
     Returns:
         One motion for each of `motion_files(paths)`.

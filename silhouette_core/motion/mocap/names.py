@@ -1,4 +1,4 @@
-"""Joint-name maps: what a skeleton calls the joints that move our parts."""
+"""Joint-name maps: the names of the joints that move the body model's parts in a skeleton."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MIDDLE = ("pelvis", "lumbar", "thorax", "neck", "head")
 _LIMBS = ("clavicle", "upper_arm", "forearm", "hand", "thigh", "shin", "foot", "toes")
 _OPTIONAL = {"lumbar", "neck", "head", "clavicle", "toes"}
 ROLES = _MIDDLE + tuple(f"{side}_{limb}" for side in _SIDES for limb in _LIMBS)
-"""The joints looked for: each is the near end of our part of that name."""
+"""The mapped joints: each is the proximal end of the body model's part of that name."""
 NEEDED = tuple(
     role for role in ROLES if role.removeprefix("left_").removeprefix("right_") not in _OPTIONAL
 )
@@ -27,11 +27,11 @@ _RIGHT = {"Left": "Right", "left": "right", "L": "R", "l": "r"}
 
 @dataclass(frozen=True)
 class NameMap:
-    """A joint-name map.
+    """Joint-name map.
 
     Attributes:
-        title: for messages.
-        names: for each role, the names it may have, best first.
+        title: name of the map, for messages.
+        names: for each role, possible names, best first.
     """
 
     title: str
@@ -39,12 +39,11 @@ class NameMap:
 
     @classmethod
     def read(cls, path: Path) -> NameMap:
-        """Reads a TOML map.
+        """Map of a TOML file.
 
-        One line for each role, `pelvis = "Hips"` or a list of names, the first that the skeleton
-        has being taken. A limb's line may
-        stand for both sides: `thigh = "{Left}UpLeg"` means LeftUpLeg and RightUpLeg; {left}, {L}
-            and {l} likewise.
+        One line for each role, `pelvis = "Hips"` or a list of names, of which the first in the
+        skeleton counts. A limb's line may state both sides: `thigh = "{Left}UpLeg"` means LeftUpLeg
+        and RightUpLeg; {left}, {L} and {l} likewise.
 
         Args:
             path: the file.
@@ -61,7 +60,7 @@ class NameMap:
 
     @classmethod
     def shipped(cls) -> list[NameMap]:
-        """Returns the maps that come with the program."""
+        """Maps that are part of the program."""
         folder = files("silhouette_core.motion.mocap") / "maps"
         return [
             cls._from_toml(
@@ -76,7 +75,7 @@ class NameMap:
         for key, value in table.items():
             spellings = [value] if isinstance(value, str) else value
             if not isinstance(spellings, list) or not all(
-                isinstance(one, str) for one in spellings
+                isinstance(spelling, str) for spelling in spellings
             ):
                 raise InputError(f"joint-name map {title}: {key} must be a name or a list of names")
             if key in ROLES:
@@ -84,7 +83,8 @@ class NameMap:
             elif key in _LIMBS:
                 for side in _SIDES:
                     names[f"{side}_{key}"] = tuple(
-                        _SIDE_WORD.sub(lambda m, s=side: _word(m[1], s), one) for one in spellings
+                        _SIDE_WORD.sub(lambda m, s=side: _word(m[1], s), spelling)
+                        for spelling in spellings
                     )
             else:
                 raise InputError(
@@ -94,30 +94,31 @@ class NameMap:
         return cls(title, names)
 
     def find(self, joints: Sequence[str]) -> dict[str, int]:
-        """Returns the joint's index for every role that the skeleton has; case, punctuation and
-        namespaces do not count.
+        """Index of the joint of every role that the skeleton has.
+
+        Case, punctuation and namespaces do not count.
         """
         known = {_plain(joint): index for index, joint in reversed(list(enumerate(joints)))}
-        found = {
+        candidates = {
             role: [known[p] for p in map(_plain, names) if p in known]
             for role, names in self.names.items()
         }
-        return {role: indices[0] for role, indices in found.items() if indices}
+        return {role: indices[0] for role, indices in candidates.items() if indices}
 
 
 def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[str, int]:
-    """Finds which joint plays which part.
+    """Index of the joint of every role.
 
     Args:
-        source: the motion's file, for messages.
-        joints: the skeleton's names.
-        path: the user's map; None takes the shipped map that covers most.
+        source: name of the motion's file, for messages.
+        joints: names of the skeleton's joints.
+        path: a map; None: the shipped map that covers most roles.
 
     Returns:
         Indices by role, at least those of `NEEDED`.
 
     Raises:
-        InputError: joints that are needed have no name.
+        InputError: a required joint has no name.
     """
     maps = NameMap.shipped() if path is None else [NameMap.read(path)]
     found = [name_map.find(joints) for name_map in maps]

@@ -1,4 +1,4 @@
-"""A motion file in, whatever its format."""
+"""Reader of motion files of any format."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ SUFFIXES = (".bvh", ".csv")
 
 
 def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -> MocapClip:
-    """Reads recorded motion.
+    """Recorded motion of a file.
 
-    Args: path: a BVH of any skeleton, or a CSV of exponential maps with skeleton.json beside it.
-        names: a joint-name map in TOML; None takes the shipped map (CMU, CC_Base, Mixamo, plain)
-        that covers the skeleton. fps: frames per second, where the file states them wrongly; None
-        believes the file.
+    Args:
+        path: a BVH file of any skeleton, or a CSV of exponential maps with skeleton.json beside it.
+        names: joint-name map in TOML; None: the shipped map (CMU, CC_Base, Mixamo, plain) that
+            covers the skeleton.
+        fps: frames per second, if those in the file are wrong; None: as in the file.
 
-    Returns: The take in the file's own unit and axes: the joints that have a role, and those that
-        carry them.
+    Returns:
+        The clip in the file's unit and axes: the joints that have a role, and their ancestors.
 
     Raises:
         InputError: the file cannot be read, contradicts itself, or has joints without a known name.
@@ -39,25 +40,25 @@ def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -
             np.array([joint.parent for joint in hierarchy], np.int64),
         )
         roles = find_roles(path.name, joints, names)
-        wanted = _with_ancestors(roles, parents)
-        local, places = local_transforms(path, hierarchy, numbers, wanted)
-        offsets = np.array([hierarchy[joint].offset for joint in wanted])
+        selected = _with_ancestors(roles, parents)
+        local, positions_in_parent = local_transforms(path, hierarchy, numbers, selected)
+        offsets = np.array([hierarchy[joint].offset for joint in selected])
     elif path.suffix.lower() == ".csv":
-        joints, parents, places, local, rate = read_expmap(path)
+        joints, parents, positions_in_parent, local, rate = read_expmap(path)
         roles = find_roles(path.name, joints, names)
-        wanted = _with_ancestors(roles, parents)
-        local, places = local[:, wanted], places[:, wanted]
-        offsets = places[0]
+        selected = _with_ancestors(roles, parents)
+        local, positions_in_parent = local[:, selected], positions_in_parent[:, selected]
+        offsets = positions_in_parent[0]
     else:
         raise InputError(
             f"{path} is no motion that is read here: give .bvh, or .csv with skeleton.json"
             " beside it"
         )
-    new = {-1: -1} | {int(joint): index for index, joint in enumerate(wanted)}
-    parents = np.array([new[parent] for parent in parents[wanted].tolist()], np.int64)
-    rotations, positions = place_joints(parents, places, local)
+    new = {-1: -1} | {int(joint): index for index, joint in enumerate(selected)}
+    parents = np.array([new[parent] for parent in parents[selected].tolist()], np.int64)
+    rotations, positions = place_joints(parents, positions_in_parent, local)
     names_left, roles_left = (
-        tuple(joints[joint] for joint in wanted),
+        tuple(joints[joint] for joint in selected),
         {role: new[joint] for role, joint in roles.items()},
     )
     return MocapClip(
@@ -66,13 +67,11 @@ def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -
 
 
 def _with_ancestors(roles: dict[str, int], parents: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the named joints and those that carry them, in the file's order: fingers and faces
-    need not be placed.
-    """
-    wanted: set[int] = set()
+    """Indices of the joints with a role and of their ancestors, in the file's order."""
+    selected: set[int] = set()
     for role in roles.values():
         joint = role
-        while joint >= 0 and joint not in wanted:
-            wanted.add(joint)
+        while joint >= 0 and joint not in selected:
+            selected.add(joint)
             joint = int(parents[joint])
-    return np.array(sorted(wanted), np.int64)
+    return np.array(sorted(selected), np.int64)

@@ -1,11 +1,11 @@
-"""From a recorded skeleton to our body.
+"""Retargeting of recorded motion to the body model.
 
-What is carried over are directions in the world: those of the limbs' bones as they are, those of
-trunk, head and shoulders as turned since the skeleton stood upright, feet as turned since they
-stood flat. No rest pose of the file is believed, since zero rotations mean a T-pose in one and a
-heap of bones in another: how a joint lies in its bone is read from the movement. Joint angles then
-bring our parts into those directions as nearly as the joints' ranges allow; what one joint cannot
-do, its neighbours take over. Freedoms that silhouettes do not show (`BodyModel.dof_fixed`) stay at
+Directions in the world are retargeted: those of the limbs' bones as recorded, those of trunk, head
+and shoulders relative to the upright skeleton, feet relative to the flat sole. The file's rest pose
+is not used, since zero rotations mean a T-pose in some files and nothing in others: the axes of a
+joint in its bone are estimated from the movement. Joint angles then bring the parts into those
+directions as nearly as the joints' ranges allow; what exceeds the range of one joint is distributed
+to its neighbours. Degrees of freedom that silhouettes do not show (`BodyModel.dof_fixed`) stay at
 rest.
 """
 
@@ -33,33 +33,27 @@ from silhouette_core.motion.motion import Motion
 
 _BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
 _HINGES = ("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot")
-# How much each direction counts. A limb's own turn (its hinge) is known badly and matters little
-# while the limb is straight.
-_BONE, _HINGE, _TRUNK, _LUMBAR, _HEAD, _CLAVICLE, _FOOT, _HAND = (
-    1.0,
-    0.02,
-    1.0,
-    0.2,
-    0.3,
-    0.3,
-    0.03,
-    0.1,
-)
+# Weights of the directions. The turn of a limb about its axis (its hinge) is inaccurate, and
+# matters little while the limb is straight.
+_BONE, _HINGE, _TRUNK, _LUMBAR = 1.0, 0.02, 1.0, 0.2
+_HEAD, _CLAVICLE, _FOOT, _HAND = 0.3, 0.3, 0.03, 0.1
 _X, _Y, _Z = np.eye(3)
 
 
 def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | None = None) -> Motion:
-    """Moves our body as a recorded one.
+    """Motion of a body that moves as a recorded skeleton.
 
-    The file's up axis is the one along which the body stands on average, and goes to z; y up
-    becomes x, -z, y, so that a body which faces the file's +z faces -y. Its unit is not asked for:
-    places scale by the ratio of the legs' lengths. Heights are those that put our lower foot on the
-    floor, or as far above it as the recorded one was in its jumps; the floor is where the recorded
-    feet are lowest. A first frame that stands apart from the motion, as a T-pose put before it
-    does, is left out.
+    The file's up axis, along which the body stands on average, becomes z; y up becomes x, -z, y, so
+    that a body that faces the file's +z faces -y. Positions are scaled by the ratio of the legs'
+    lengths, whatever the file's unit. Heights put the lower foot on the floor, or as far above it
+    as in the recorded jumps; the floor is where the recorded feet are lowest. A first frame apart
+    from the motion, such as a T-pose, is left out.
 
-    Args: recorded: the take, its joints named. model: the body. reference: the axes of its trunk,
-        where another take of the skeleton shows them better; None looks into this one.
+    Args:
+        recorded: the clip, with the roles of its joints.
+        model: the body.
+        reference: axes of the trunk, if another clip of the skeleton shows them better; None: from
+            this clip.
 
     Returns:
         The motion, at the recording's rate.
@@ -69,18 +63,18 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
         recorded = recorded.posed(recorded.rotations[1:], recorded.positions[1:])
     world = _world_from_file(up_axis(recorded))
     targets = _targets(recorded, reference, model, world)
-    roots = _turned(recorded, "pelvis", reference.joint_from_body["pelvis"], world)
+    roots = _in_world(recorded, "pelvis", reference.joint_from_body["pelvis"], world)
     angles = targets.angles(roots)
-    place = _scale(recorded, model) * recorded.positions[:, recorded.roles["pelvis"]] @ world.T
+    root_m = _scale(recorded, model) * recorded.positions[:, recorded.roles["pelvis"]] @ world.T
     quaternion = kinematics.quaternions(roots)
-    place[:, 2] = _heights(recorded, model, world, quaternion, angles)
-    return Motion(recorded.fps, model, place, quaternion, angles)
+    root_m[:, 2] = _heights(recorded, model, world, quaternion, angles)
+    return Motion(recorded.fps, model, root_m, quaternion, angles)
 
 
-def _turned(recorded: MocapClip, role: str, local: NDArray, world: NDArray) -> NDArray[np.float64]:
-    """Returns in our world, for each frame, what a joint carries: one axis (T, 3) or three as
-    columns (T, 3, 3).
-    """
+def _in_world(
+    recorded: MocapClip, role: str, local: NDArray, world: NDArray
+) -> NDArray[np.float64]:
+    """One axis (T, 3) of a joint, or three as columns (T, 3, 3), in the world."""
     return world @ recorded.rotations[:, recorded.roles[role]] @ local
 
 
@@ -95,7 +89,7 @@ def _targets(
             targets.add(
                 name,
                 axis,
-                _turned(recorded, role, reference.joint_from_body[role] @ axis, world),
+                _in_world(recorded, role, reference.joint_from_body[role] @ axis, world),
                 weight,
             )
 
@@ -116,15 +110,15 @@ def _targets(
             own, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
             if hinge is not None:
                 flexion = model.dof_axis[model.dof_names.index(f"{side}_{bones[1]}.flexion")]
-                targets.add(own, flexion, _turned(recorded, own, hinge, world), _HINGE)
+                targets.add(own, flexion, _in_world(recorded, own, hinge, world), _HINGE)
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
         targets.add(
             hand,
             joint(f"{side}_fingers") - joint(hand),
-            _turned(recorded, hand, along, world),
+            _in_world(recorded, hand, along, world),
             _HAND,
         )
-        flat = _turned(recorded, foot, sole(recorded, side), world)
+        flat = _in_world(recorded, foot, sole(recorded, side), world)
         toes = joint(f"{side}_toes") - joint(foot)
         targets.add(foot, toes * (1, 1, 0), -flat[:, :, 1], _FOOT)
         targets.add(foot, _Z, flat[:, :, 2], _FOOT)
@@ -132,9 +126,7 @@ def _targets(
 
 
 def _leaps(recorded: MocapClip) -> bool:
-    """Tells whether the first frame stands apart: its step to the next is far longer than the steps
-    that follow.
-    """
+    """Whether the step from the first frame is far longer than the steps that follow."""
     relative = recorded.positions - recorded.positions[:, :1]
     steps = np.linalg.norm(np.diff(relative[:30], axis=0), axis=2).max(axis=1)
     return steps[0] > 3 * steps[1:].max()
@@ -147,14 +139,14 @@ def _world_from_file(up: NDArray) -> NDArray[np.float64]:
 
 
 def _shortest(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Returns the smallest rotation (3, 3) that turns unit vector a into b."""
+    """Smallest rotation (3, 3) from unit vector a to b."""
     cross, cosine = np.cross(a, b), float(a @ b)
     skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
     return np.eye(3) + skew + skew @ skew / max(1 + cosine, 1e-9)
 
 
 def _scale(recorded: MocapClip, model: BodyModel) -> float:
-    """Returns metres of our body for a unit of the file: the ratio of the legs' lengths."""
+    """Metres of the body model per unit of the file: the ratio of the legs' lengths."""
     joint, first = lambda role: model.joints_m[model.names.index(role)], recorded.positions[0]
     own = theirs = 0.0
     for side in SIDES:
@@ -169,7 +161,7 @@ def _scale(recorded: MocapClip, model: BodyModel) -> float:
 def _heights(
     recorded: MocapClip, model: BodyModel, world: NDArray, quaternion: NDArray, angles: NDArray
 ) -> NDArray[np.float64]:
-    """Returns the root's height (T,) in metres."""
+    """Height of the root (T,), m."""
     joints = [
         recorded.roles[role]
         for side in SIDES

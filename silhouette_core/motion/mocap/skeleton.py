@@ -1,4 +1,4 @@
-"""What any motion file gives: a skeleton, and where its joints are."""
+"""Recorded skeleton and the transforms of its joints, whatever the file's format."""
 
 from __future__ import annotations
 
@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class MocapClip:
-    """A take of somebody else's skeleton, in the file's own unit and axes.
+    """Motion of a recorded skeleton, in the file's unit and axes.
 
-    Attributes: name: of the file. fps: frames per second. joints: names of J joints, parents first.
-        parents: (J,) int, -1 for the root. offsets: (J, 3) float64, each joint at zero rotation
-        relative to its parent. rotations: (T, J, 3, 3) float64, world_from_joint. positions: (T, J,
-        3) float64, the joints in the world; the root's up to a constant, which files define
-        differently. roles: which joint plays which of our parts, by index (`names.ROLES`).
+    Attributes:
+        name: name of the file.
+        fps: frames per second.
+        joints: names of the J joints, parents first.
+        parents: (J,) int64, -1 for the root.
+        offsets: (J, 3) float64, each joint relative to its parent at zero rotation.
+        rotations: (T, J, 3, 3) float64, world_from_joint.
+        positions: (T, J, 3) float64, the joints in the world; the root's up to a constant, which
+            files define differently.
+        roles: index of the joint of each role, see `names.ROLES`.
     """
 
     name: str
@@ -30,22 +35,20 @@ class MocapClip:
     roles: Mapping[str, int]
 
     def __len__(self) -> int:
-        """Returns the number of frames."""
+        """Number of frames."""
         return len(self.positions)
 
     @property
     def skeleton(self) -> tuple:
-        """What tells skeletons apart: joints, and offsets to a hundredth of the file's unit."""
+        """Key of the skeleton: joints, and offsets to a hundredth of the file's unit."""
         return self.joints, self.offsets.round(2).tobytes()
 
     def posed(self, rotations: NDArray[np.float64], positions: NDArray[np.float64]) -> MocapClip:
-        """Returns the same skeleton in other poses."""
+        """The same skeleton in other poses."""
         return replace(self, rotations=rotations, positions=positions)
 
     def at_rate(self, fps: float) -> MocapClip:
-        """Returns the frames nearest to a slower clock; a recording that is slower already stays as
-        it is.
-        """
+        """Frames nearest to those of a lower frame rate; unchanged if the rate is lower already."""
         if self.fps <= fps:
             return self
         rows = np.rint(np.arange(0, len(self) - 0.5, self.fps / fps)).astype(int)
@@ -56,7 +59,7 @@ class MocapClip:
 def place_joints(
     parents: NDArray[np.int64], offsets: NDArray[np.float64], local: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Chains local transforms.
+    """World transforms from local ones.
 
     Args:
         parents: (J,), parents before children, -1 for a root.

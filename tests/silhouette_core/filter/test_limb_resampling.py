@@ -33,7 +33,7 @@ ARM = [
 
 @pytest.fixture(scope="module")
 def resampler(library):
-    return LimbResampler(MODEL, PinholeViews.of(Rig((CAMERA,))), library.base_angles.astype(float))
+    return LimbResampler(MODEL, PinholeViews.from_rig(Rig((CAMERA,))), library.base_angles.astype(float))
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def pose_frame(pose, seen, time_s):
     mask = silhouette(MODEL, seen, CAMERA)
     distance = float(np.linalg.norm(seen.root_m - CAMERA.center_m))
     window = look_at(CAMERA, mask, distance, STATURE_PX / STATURE_M)
-    return PoseFrame(pose, mask, SignedWeights.of(window, "balanced"), distance, time_s)
+    return PoseFrame(pose, mask, SignedWeights.from_window(window, "balanced"), distance, time_s)
 
 
 def apart_mm(poses, truth):
@@ -104,9 +104,9 @@ def test_refinement_draws_poses_onto_their_contours(resampler, truth, continued)
         for k, (pose, seen) in enumerate(zip(off, truth, strict=True))
     ]
     before = replace(pose_frames[0], pose=truth[0], time_s=-0.1) if continued else None
-    found = resampler.refine(pose_frames, before)
-    error = [one.picture.distance(MODEL, one.pose) for one in found]
+    refined = resampler.refine(pose_frames, before)
+    error = [frame.weights.distances(MODEL, [frame.pose])[0] for frame in refined]
     assert np.mean(error) < 0.5 * np.mean(
-        [one.picture.distance(MODEL, one.pose) for one in pose_frames]
+        [frame.weights.distances(MODEL, [frame.pose])[0] for frame in pose_frames]
     )
-    assert apart_mm([one.pose for one in found], truth).mean() < apart_mm(off, truth).mean()
+    assert apart_mm([frame.pose for frame in refined], truth).mean() < apart_mm(off, truth).mean()

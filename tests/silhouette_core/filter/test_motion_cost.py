@@ -10,11 +10,11 @@ from silhouette_core.filter.motion_cost import (
     PoseCandidates,
     ProcessNoise,
     transition_cost,
-    turned,
     viterbi,
+    yaw_rotations,
 )
 
-REST = ProcessNoise(np.array([0.1, 0.2, 0.1]), jump=30.0)
+NOISE = ProcessNoise(np.array([0.1, 0.2, 0.1]), restart_cost=30.0)
 
 
 def candidates(count, time_s, seed):
@@ -36,7 +36,7 @@ def test_the_course_is_the_cheapest_of_all(seed, started):
         candidates(count, 0.033 * k, 10 * seed + k) for k, count in enumerate((3, 4, 2, 5, 3))
     ]
     start = np.array([-30.0, -0.5, -20.0]) if started else None
-    costs = [transition_cost(before, after, REST) for before, after in pairwise(frames)]
+    costs = [transition_cost(before, after, NOISE) for before, after in pairwise(frames)]
 
     def cost(course):
         steps = sum(table[a, b] for table, (a, b) in zip(costs, pairwise(course), strict=True))
@@ -47,16 +47,16 @@ def test_the_course_is_the_cheapest_of_all(seed, started):
         )
 
     every = list(product(*(range(len(frame.log_likelihood)) for frame in frames)))
-    assert tuple(viterbi(frames, REST, start)) == min(every, key=cost)
+    assert tuple(viterbi(frames, NOISE, start)) == min(every, key=cost)
 
 
 def test_a_step_costs_what_the_normal_distribution_says():
     """(4), with the source's hidden parts of (5), both with the library's grain."""
     before, after = candidates(4, 0.0, 1), candidates(5, 1 / 30, 2)
-    found = transition_cost(before, after, ProcessNoise(REST.angles_rad, jump=1e9))
+    found = transition_cost(before, after, ProcessNoise(NOISE.sigma_rad, restart_cost=1e9))
     for a in range(4):
         for b in range(5):
-            sigma = np.sqrt((REST.angles_rad * np.where(before.occluded[a], 5, 1)) ** 2 + 0.10**2)
+            sigma = np.sqrt((NOISE.sigma_rad * np.where(before.occluded[a], 5, 1)) ** 2 + 0.10**2)
             joints = (((after.angles_rad[b] - before.angles_rad[a]) / sigma) ** 2).sum()
             turn = Rotation.from_matrix(
                 before.root_rotation[a].T @ after.root_rotation[b]
@@ -91,8 +91,8 @@ def test_what_is_hidden_moves_cheaply_and_a_jump_has_a_price():
         1 / 30,
     )
     assert (
-        transition_cost(occluded, moved, REST)[0, 0]
-        < 0.2 * transition_cost(still, moved, REST)[0, 0]
+        transition_cost(occluded, moved, NOISE)[0, 0]
+        < 0.2 * transition_cost(still, moved, NOISE)[0, 0]
     )
     far = PoseCandidates(
         np.full((1, 3), 9.0),
@@ -102,10 +102,10 @@ def test_what_is_hidden_moves_cheaply_and_a_jump_has_a_price():
         np.zeros(1),
         1 / 30,
     )
-    assert transition_cost(still, far, REST)[0, 0] == REST.jump
+    assert transition_cost(still, far, NOISE)[0, 0] == NOISE.restart_cost
 
 
 def test_headings_turn_about_the_vertical():
-    quarter = turned(np.array([np.pi / 2]))[0]
+    quarter = yaw_rotations(np.array([np.pi / 2]))[0]
     np.testing.assert_allclose(quarter @ [1, 0, 0], [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(quarter @ [0, 0, 1], [0, 0, 1], atol=1e-12)

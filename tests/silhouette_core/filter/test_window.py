@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.filter.window import SIZE, look_at
-from silhouette_core.library.rendering import STATURE_PX, pose_surfaces, take_pictures
+from silhouette_core.library.rendering import STATURE_PX, pose_surfaces, render_views
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.refinement.pose import Pose
 from tests.silhouette_core.filter.filming import STATURE_M, camera_at, silhouette
@@ -40,22 +40,22 @@ def test_a_pose_anywhere_looks_as_in_the_library(library, place, ground):
     camera, pose, mask = seen(place, ground, base, library, heading)
     distance = float(np.linalg.norm(pose.root_m - camera.center_m))
     window = look_at(camera, mask, distance, METRE_PX)
-    rows, columns = np.nonzero(window.picture)
+    rows, columns = np.nonzero(window.mask)
     assert (
         abs(columns.mean() - (SIZE[0] - 1) / 2) < 0.7 and abs(rows.mean() - (SIZE[1] - 1) / 2) < 0.7
     )
     yaw, pitch = heading - window.heading_rad, window.pitch_rad
     found = from_library(library, base, yaw, pitch)
-    assert np.count_nonzero(window.picture) == pytest.approx(
+    assert np.count_nonzero(window.mask) == pytest.approx(
         np.count_nonzero(found.windows), rel=0.03
     )
     # The centroid leaves a pixel open; the library sees from 4 m, where perspective is a little
     # different.
-    assert overlap(found.windows[0] > 0, window.picture) > 0.93
+    assert overlap(found.windows[0] > 0, window.mask) > 0.93
     np.testing.assert_allclose(window.pixels(pose.root_m[None])[0], found.pelvis_px[0], atol=2.5)
     for wrong in (-0.3, 0.3):
         assert (
-            overlap(from_library(library, base, yaw + wrong, pitch).windows[0] > 0, window.picture)
+            overlap(from_library(library, base, yaw + wrong, pitch).windows[0] > 0, window.mask)
             < 0.9
         )
 
@@ -64,7 +64,7 @@ def from_library(library, base, yaw, pitch):
     surfaces, _ = pose_surfaces(
         library.model, library.base_quaternion[[base]], library.base_angles[[base]]
     )
-    return take_pictures(library.model, surfaces, np.zeros(1, int), np.array([[yaw, pitch]]))
+    return render_views(library.model, surfaces, np.zeros(1, int), np.array([[yaw, pitch]]))
 
 
 def overlap(one, other):
@@ -77,7 +77,7 @@ def test_place_and_pixels_invert_each_other(library):
     camera, _, mask = seen(*PLACES[2], 3, library)
     window = look_at(camera, mask, 4.1, METRE_PX)
     pixels = np.random.default_rng(0).uniform((0, 0), SIZE, (20, 2))
-    points = window.place(pixels, 3.3)
+    points = window.unproject(pixels, 3.3)
     np.testing.assert_allclose(window.pixels(points), pixels, atol=1e-9)
     np.testing.assert_allclose((points - camera.center_m) @ window.world_from_virtual[:, 2], 3.3)
 
@@ -85,12 +85,12 @@ def test_place_and_pixels_invert_each_other(library):
 def test_a_place_of_the_world_is_the_same_pixel_of_the_camera(library):
     camera, _, mask = seen(*PLACES[1], 3, library)
     window = look_at(camera, mask, 4.0, METRE_PX)
-    rays = window.place(np.array([[100.0, 80.0], [200.0, 150.0]]), 2.0)
+    rays = window.unproject(np.array([[100.0, 80.0], [200.0, 150.0]]), 2.0)
     pixels, _ = camera.project(rays)
     inside = (pixels >= 1).all(1) & (pixels < np.array(camera.size) - 2).all(1)
     column, row = np.rint(pixels[inside]).astype(int).T
     back = window.pixels(rays[inside])
-    near = window.picture[np.rint(back[:, 1]).astype(int), np.rint(back[:, 0]).astype(int)]
+    near = window.mask[np.rint(back[:, 1]).astype(int), np.rint(back[:, 0]).astype(int)]
     assert inside.any() and (near == mask[row, column]).all()
 
 
@@ -99,13 +99,13 @@ def test_what_the_camera_does_not_show_is_not_seen(library):
     assert mask[:, -2:].any()  # the border cuts the person
     window = look_at(camera, mask, 4.4, METRE_PX)
     assert not window.seen.all() and window.seen.any()
-    assert not (window.picture & ~window.seen).any()
+    assert not (window.mask & ~window.seen).any()
     assert not window.seen[:, -30:].any()
 
 
 def test_twice_as_far_looks_half_as_large(library):
     camera, _, mask = seen(*PLACES[0], 3, library)
-    near, far = (look_at(camera, mask, distance, METRE_PX).picture for distance in (2.5, 5.0))
+    near, far = (look_at(camera, mask, distance, METRE_PX).mask for distance in (2.5, 5.0))
     assert np.count_nonzero(far) / np.count_nonzero(near) == pytest.approx(4.0, rel=0.03)
 
 

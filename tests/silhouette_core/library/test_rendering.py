@@ -18,7 +18,7 @@ from silhouette_core.library.rendering import (
     select_spans,
     silhouette_levels,
     spans_of,
-    take_pictures,
+    render_views,
 )
 from silhouette_core.motion import kinematics
 from tests.clips import waving
@@ -30,7 +30,7 @@ def scene():
     upright = np.tile([1.0, 0, 0, 0], (3, 1))
     surfaces, heights = pose_surfaces(clip.model, upright, clip.angles_rad)
     views = np.radians([[0, 0], [90, 0], [200, 15]])
-    return clip, surfaces, heights, views, take_pictures(clip.model, surfaces, np.arange(3), views)
+    return clip, surfaces, heights, views, render_views(clip.model, surfaces, np.arange(3), views)
 
 
 def test_a_body_at_yaw_zero_faces_the_camera_and_turns_counter_clockwise():
@@ -89,7 +89,7 @@ def test_an_upright_body_is_as_tall_as_said(scene):
     upright, up = pose_surfaces(
         clip.model, np.array([[1.0, 0, 0, 0]]), np.zeros((1, clip.model.dof_count))
     )
-    picture = take_pictures(clip.model, upright, np.array([0]), np.zeros((1, 2)))
+    picture = render_views(clip.model, upright, np.array([0]), np.zeros((1, 2)))
     rows = np.nonzero(picture.windows[0].any(axis=1))[0]
     assert np.ptp(rows) + 1 == pytest.approx(158, abs=6)  # feet and face are nearer than the pelvis
     assert up[0] == pytest.approx(
@@ -100,7 +100,7 @@ def test_an_upright_body_is_as_tall_as_said(scene):
 
 def test_what_leaves_the_window_is_counted(scene):
     clip, surfaces, _, _, _ = scene
-    pictures = take_pictures(
+    pictures = render_views(
         clip.model, surfaces[:1] * np.float32(1.8), np.array([0]), np.zeros((1, 2))
     )
     assert pictures.cut[0] > 0

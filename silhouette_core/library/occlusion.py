@@ -1,0 +1,47 @@
+r"""Occlusion flags of parts, and the constants of the papers' occlusion-aware motion model."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+AREA_FRACTION = 0.15
+"""T_A of eq. (3), as a fraction of the largest area that the part usually shows."""
+MAGNIFICATION = 5.0
+"""m of eq. (5)."""
+
+
+def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Largest area that each part usually shows.
+
+    Args:
+        areas: (N, 27), pixels of each part in N poses.
+
+    Returns:
+        (27,) float64, pixels, the 99th percentile over the poses.
+    """
+    return np.percentile(areas, 99, axis=0)
+
+
+def occluded_parts(areas: NDArray[np.number], usual: NDArray[np.float64]) -> NDArray[np.bool_]:
+    r"""Occlusion flags of the parts of a pose.
+
+    .. math::
+        :label: okada-3
+
+        F_{occ}(x) = \{f_j\}_{j=1}^{N_b}, \qquad
+        f_j = \begin{cases} 1 & \text{if } A_j < T_A \\ 0 & \text{else} \end{cases}
+
+    where :math:`A_j` is the number of pixels that show part :math:`j` of the :math:`N_b = 27`
+    parts in the projection of pose :math:`x`. The paper has one threshold :math:`T_A` in pixels;
+    here it is a fraction of each part's usual largest area, since a hand never shows as much as
+    a thigh.
+
+    Args:
+        areas: (..., 27), pixels, :math:`A_j`.
+        usual: (27,) float64, pixels, see `usual_areas`.
+
+    Returns:
+        (..., 27) bool, :math:`f_j`.
+
+    Source: Okada and Stenger, eq. (3); the threshold relative to the part is ours.
+    """
+    return areas < AREA_FRACTION * usual  # eq. (3)
