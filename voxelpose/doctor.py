@@ -60,6 +60,7 @@ def examine(folder: Path | None = None) -> list[HealthCheck]:
         "video": _video,
         "body and pictures": _pictures,
         "estimators": _estimators,
+        "backends": _backends,
         "open3d": _open3d,
         "disk": lambda: _disk(folder),
     }
@@ -192,19 +193,28 @@ def _pictures() -> HealthCheck:
 
 
 def _estimators() -> HealthCheck:
-    from silhouette_core.estimator import available_estimators, load_estimator
+    from silhouette_core.estimator import GROUP, load_estimator
 
-    points = available_estimators()
-    if not points:
-        return HealthCheck(
-            "estimators",
-            "fails",
-            "none is registered",
-            "install voxelpose (pip install -e . in a clone)",
-        )
-    for name in points:
-        load_estimator(name)
-    return HealthCheck("estimators", "works", ", ".join(sorted(points)))
+    return _registered("estimators", GROUP, load_estimator)
+
+
+def _backends() -> HealthCheck:
+    from silhouette_core.scoring.backend import GROUP, load_backend
+
+    return _registered("backends", GROUP, load_backend)
+
+
+def _registered(name: str, group: str, load: Callable[[str], object]) -> HealthCheck:
+    """Checks that the classes of an entry point group can be loaded."""
+    from silhouette_core.entry_points import registered
+
+    names = sorted(registered(group))
+    if not names:
+        remedy = "install voxelpose (pip install -e . in a clone)"
+        return HealthCheck(name, "fails", "none is registered", remedy)
+    for registered_name in names:
+        load(registered_name)
+    return HealthCheck(name, "works", ", ".join(names))
 
 
 def _open3d() -> HealthCheck:

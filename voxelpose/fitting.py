@@ -18,6 +18,7 @@ from silhouette_core.estimator import Estimate, Settings, load_estimator
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.scoring.backend import load_backend
 from voxelpose import __version__
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
@@ -74,6 +75,7 @@ def fit(
         )
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     implementation = load_estimator(estimator)
+    load_backend(settings.backend)  # refuses an unknown name before the work begins
     with writer as folder:
         estimate = implementation.estimate(recording, settings, reporter)
         motion = estimate.motion

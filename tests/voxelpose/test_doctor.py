@@ -41,6 +41,11 @@ def test_colliding_opencv_wheels_are_named(monkeypatch):
     assert "pip uninstall opencv-python opencv-python-headless" in found("OpenCV").remedy
 
 
+def test_estimators_and_backends_are_listed():
+    assert found("estimators").found == "monocular, multiview"
+    assert found("backends").found == "cpu, reference"
+
+
 def test_little_space_is_said(monkeypatch, tmp_path):
     monkeypatch.setattr(
         doctor.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 3e8})

@@ -1,40 +1,39 @@
-"""The command line. Nothing heavy is imported here or in the commands' modules: `voxelpose --help`
-answers at once.
+"""Command line `voxelpose`.
+
+Slow imports are left to the commands' `run`, so that help is printed at once.
 """
 
 from __future__ import annotations
 
 import importlib
 import os
+import shutil
 import signal
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from types import FrameType
+from typing import Any
 
 from calib.errors import InputError
 
 COMMANDS = {
-    "demo": "make a small recording, fit it and score it: a first result without any data",
-    "fit": "fit a body to every frame of a recording and write its motion",
-    "calibrate": (
-        "print boards, calibrate lenses and places of cameras, convert and check calibrations"
-    ),
-    "track": "follow one person in the pictures of one camera and write the motion",
-    "carve": "carve one frame of a recording: its visual hull as a PLY file",
-    "library": "make or describe a pose library, from which one camera's motion is estimated",
-    "view": (
-        "show a result in the browser: cameras, voxels and body over time; or as a window, picture"
-        " or video"
-    ),
-    "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ, for other programs",
-    "report": "write one page about a result: pictures, joint angles, quality, what to do",
+    "demo": "render a small recording, fit it and score it: a first result",
+    "fit": "estimate the motion of a person from several cameras",
+    "calibrate": "calibrate cameras, convert and check calibrations",
+    "track": "estimate the motion of a person from one camera",
+    "carve": "carve the visual hull of one frame, as a PLY file",
+    "library": "build or describe a pose library for track",
+    "view": "show a result in the browser, in a window, as image or video",
+    "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ",
+    "report": "write a page about a result: joint angles, quality, advice",
     "evaluate": "score a result against known joint positions",
-    "experiment": "repeat the experiments of Okada and Stenger's paper",
-    "doctor": "say what of this machine works, and what to do about the rest",
+    "experiment": "repeat the experiments of Okada and Stenger",
+    "doctor": "check what works on this machine, with remedies for the rest",
 }
 _HELP = """usage: voxelpose [-h] [--version] COMMAND ...
 
-Motion from silhouettes, in ordinary video, on an ordinary CPU.
+Motion of a person from silhouettes in video, without markers.
 
 commands:
 {commands}
@@ -42,7 +41,7 @@ commands:
 examples:
   voxelpose demo --out demo                            a first result, without any data
   voxelpose fit RECORDING --out OUT --stature 1.75     your own recording
-  voxelpose COMMAND --help                             all about a command
+  voxelpose COMMAND --help                             arguments of a command
 """
 
 _USER_ERROR = 2
@@ -52,16 +51,16 @@ _INTERRUPTED = 130
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs a command and ends the process.
 
-    Exit codes: 0 done; 1 a check failed (doctor), or a bug, with its traceback; 2 something the
-    user can mend, in one line on stderr; 130 interrupted.
+    Exit codes: 0 done; 1 a check failed, or a bug, with its traceback; 2 an error that the user can
+    correct, in one line on stderr; 130 interrupted.
 
     Args:
-        arguments: the words after `voxelpose`; None: those of the process.
+        arguments: arguments after `voxelpose`; None for those of the process.
     """
-    # OpenCV and FFmpeg would talk between our lines.
+    # OpenCV and FFmpeg would print messages between ours.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    # A job scheduler's SIGTERM cleans up like Ctrl-C.
+    # SIGTERM, as sent by job schedulers, cleans up like Ctrl-C.
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
@@ -70,22 +69,17 @@ def run(arguments: Sequence[str]) -> int:
     """Runs a command.
 
     Args:
-        arguments: the words after `voxelpose`.
+        arguments: arguments after `voxelpose`.
 
     Returns:
         The exit code.
 
     Raises:
-        SystemExit: the arguments are wrong (code 2), or help was asked for (code 0).
+        SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
     """
     name, *rest = arguments or ["--help"]
     if name in ("-h", "--help"):
-        print(
-            _HELP.format(
-                commands="\n".join(f"  {command:<12}{does}" for command, does in COMMANDS.items())
-            ),
-            end="",
-        )
+        print(_HELP.format(commands=_listing(COMMANDS)), end="")
         return 0
     if name in ("-V", "--version"):
         from voxelpose import __version__
@@ -111,41 +105,52 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _parse(name: str, words: list[str]):
-    """Returns the command with its arguments; its class is called as its module, or is one of the
-    module's SUBCOMMANDS.
+    """Returns a command with its arguments.
+
+    The command's class has the name of its module, or is listed in the module's SUBCOMMANDS.
     """
     import tyro
 
     module = importlib.import_module(f"voxelpose.cli.{name}")
     if hasattr(module, "SUBCOMMANDS"):
-        name, command, words = _second_word(name, module.SUBCOMMANDS, words)
+        name, command, words = _subcommand(name, module.SUBCOMMANDS, words)
     else:
         command = getattr(module, name.capitalize())
-    return tyro.cli(command, prog=f"voxelpose {name}", description=command.help, args=words)
+    if not {"-h", "--help"}.isdisjoint(words):
+        # tyro would join the lines of a description, and not wrap them.
+        print(_wrapped(command.help))
+    return tyro.cli(command, prog=f"voxelpose {name}", description="", args=words)
 
 
-def _second_word(
-    name: str, commands: Mapping[str, type], words: list[str]
-) -> tuple[str, type, list[str]]:
-    """Returns the full name of a command of two words, its class and what follows; lists them where
-    help is asked for.
-    """
+def _subcommand(
+    name: str, commands: Mapping[str, Any], words: list[str]
+) -> tuple[str, Any, list[str]]:
+    """Returns name, class and arguments of a subcommand; prints a list where help is requested."""
     word, *rest = words or ["--help"]
     if word in ("-h", "--help"):
-        does = "\n".join(
-            f"  {word:<12}{command.help.splitlines()[0]}" for word, command in commands.items()
-        )  # type: ignore[attr-defined]
+        listing = _listing({word: cls.help.splitlines()[0] for word, cls in commands.items()})
         print(
-            f"usage: voxelpose {name} [-h] COMMAND ...\n\ncommands:\n{does}\n\nvoxelpose {name}"
-            " COMMAND --help tells all about a command"
+            f"usage: voxelpose {name} [-h] COMMAND ...\n\ncommands:\n{listing}\n\n"
+            f"voxelpose {name} COMMAND --help lists the arguments of a command"
         )
         raise SystemExit(0)
     if word not in commands:
-        raise InputError(
-            f"there is no command '{name} {word}': there are"
-            f" {', '.join(f'{name} {word}' for word in commands)}"
-        )
+        names = ", ".join(f"{name} {word}" for word in commands)
+        raise InputError(f"there is no command '{name} {word}': there are {names}")
     return f"{name} {word}", commands[word], rest
+
+
+def _listing(commands: Mapping[str, str]) -> str:
+    return "\n".join(f"  {name:<12}{summary}" for name, summary in commands.items())
+
+
+def _wrapped(text: str) -> str:
+    """Returns a help text wrapped to the terminal, except for paragraphs that are indented."""
+    width = shutil.get_terminal_size().columns
+    return "\n\n".join(
+        paragraph if paragraph.startswith(" ") else textwrap.fill(paragraph, width)
+        for paragraph in text.split("\n\n")
+    )
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

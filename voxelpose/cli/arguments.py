@@ -1,13 +1,67 @@
-"""What several commands share."""
+"""Arguments that several commands share, and the checks and readers of their values."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
 
 from calib.errors import InputError
 
+RecordingFolder = Annotated[
+    Positional[Path], arg(metavar="RECORDING", help="Folder of the recording.")
+]
+OptionalFile = Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")]
+OptionalLength = Annotated[float | None, arg(metavar="M", help_behavior_hint="")]
+OptionalName = Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]
+Sex = Annotated[Literal["male", "female", "unknown"], arg(help="Sex, for the body's proportions.")]
+Frames = Annotated[
+    str | None,
+    arg(
+        metavar="A:B",
+        help_behavior_hint="",
+        help="First frame and one past the last. Default: all.",
+    ),
+]
+Cameras = Annotated[
+    str | None,
+    arg(
+        metavar="NAME,NAME",
+        help_behavior_hint="",
+        help="Names of the cameras to use. Default: all.",
+    ),
+]
+Unit = Annotated[
+    Literal["m", "cm", "mm"] | None,
+    arg(
+        metavar="m|cm|mm",
+        help_behavior_hint="",
+        help="Unit of the calibration's lengths, where the file does not state it.",
+    ),
+]
+Fps = Annotated[
+    float | None,
+    arg(
+        metavar="N",
+        help_behavior_hint="",
+        help="Frames per second, where the files do not state it or state it wrongly.",
+    ),
+]
+Threads = Annotated[
+    int | None,
+    arg(metavar="N", help_behavior_hint="", help="Number of processor threads. Default: all."),
+]
+OverwriteFile = Annotated[bool, arg(help="Replace existing files.")]
+OverwriteResult = Annotated[
+    bool, arg(help="Replace an earlier result in OUT, once the new one is complete.")
+]
+
 
 def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
-    """Reads A:B as Python slices have it: 10:50, 10:, :50; a single number is that frame alone.
+    """Reads A:B as a Python slice (10:50, 10:, :50); a single number is that frame alone.
 
     Raises:
-        InputError: it is none of these.
+        InputError: the text is none of these.
     """
     if text is None:
         return None
@@ -24,7 +78,11 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:
-    """Reads names with commas between them."""
+    """Reads names separated by commas.
+
+    Raises:
+        InputError: the text holds no name.
+    """
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(",") if name.strip())
@@ -33,3 +91,44 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
             "--cameras names none: give names with commas between them, as in cam_1,cam_3"
         )
     return names
+
+
+def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
+    """Reads 8x5.
+
+    Args:
+        text: value of the option.
+        option: the option, for messages.
+        meaning: meaning of the two numbers with an example, for messages.
+
+    Raises:
+        InputError: the text is not two numbers.
+    """
+    first, _, second = text.lower().partition("x")
+    try:
+        return int(first), int(second)
+    except ValueError:
+        raise InputError(f"{option} {text} is not understood: give {meaning}") from None
+
+
+def refuse_existing(paths: Iterable[Path | None], overwrite: bool, option: str = "--out") -> None:
+    """Checks before any work that output files can be written.
+
+    Args:
+        paths: the files; None is ignored.
+        overwrite: whether existing files are replaced.
+        option: the option that names the files, for messages.
+
+    Raises:
+        InputError: a file exists and must not be replaced, or its folder does not exist.
+    """
+    for path in paths:
+        if path is not None and path.exists() and not overwrite:
+            raise InputError(
+                f"{path} exists: give {option} another name, or add --overwrite to replace it"
+            )
+        if path is not None and not path.parent.is_dir():
+            raise InputError(
+                f"{path} cannot be written: there is no folder {path.parent}: make it, or give"
+                f" {option} another name"
+            )

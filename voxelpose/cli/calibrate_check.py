@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class CalibrateCheck:
     """Arguments of `voxelpose calibrate check`."""
 
-    help: ClassVar[str] = """Checks from silhouettes whether cameras, calibration and videos agree.
+    help: ClassVar[str] = """Checks from silhouettes that calibration and videos agree.
 
 Names a camera that was moved, exchanged with another, cropped, scaled or padded, or is out of step,
 and by how much. No board is needed: a person who moves in view of all cameras is enough.

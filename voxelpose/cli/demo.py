@@ -9,21 +9,21 @@ from typing import Annotated, ClassVar
 from tyro.conf import arg
 
 from calib.errors import InputError
+from voxelpose.cli.arguments import Threads
 
-_ALONE = "cam_2"  # sees the performance from the front
+_TRACKED = "cam_2"  # sees the performance from the front
 
 
 @dataclass(frozen=True)
 class Demo:
-    """The arguments of `voxelpose demo`."""
+    """Arguments of `voxelpose demo`."""
 
-    help: ClassVar[
-        str
-    ] = """Makes a small recording, fits it and scores it: a first result without any data or network.
+    help: ClassVar[str] = """Renders a small recording, fits it and scores the result.
 
-A mannequin that is shaped unlike the fitting model is filmed by four cameras, with shadow and noise.
-OUT gets recording/ (what an own recording looks like), result/ (what a fit gives), track/ (the same from one camera) and their scores.
-The first run compiles the fast code and makes a pose library, which takes most of its time.
+No data and no network are needed. The recording shows a mannequin, whose shape differs from the
+fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
+recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
+run compiles the program and makes a pose library, which takes most of its time.
 
   voxelpose demo --out demo
 """
@@ -31,18 +31,15 @@ The first run compiles the fast code and makes a pose library, which takes most 
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made."""
     frames: Annotated[int, arg(metavar="N")] = 60
-    """How many frames of the performance, at 20 per second; 60 are the whole."""
+    """Number of frames, at 20 per second; the performance repeats after 60."""
     track: bool = True
-    """Estimate the motion from one camera alone as well; its first run makes a pose library, which
-    takes a minute or two.
-    """
+    """Estimate the motion from one camera as well; at the first run, a minute or two longer."""
     overwrite: bool = False
     """Replace an earlier demo in OUT."""
-    threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    """Processor threads. Left out: all."""
+    threads: Threads = None
 
     def run(self) -> int:
-        """Makes, fits, scores."""
+        """Renders, fits and scores the recording; returns the exit code."""
         from voxelpose.cli.progress import Progress
         from voxelpose.results import Result, ResultWriter, as_json
 
@@ -59,37 +56,34 @@ The first run compiles the fast code and makes a pose library, which takes most 
             from voxelpose.evaluation import evaluate
             from voxelpose.fitting import Output, fit, track
             from voxelpose.recording.folder import Recording
+            from voxelpose.recording.truth import TRUTH
 
+            settings = Settings(threads=self.threads)
             recording = Recording.open(make_recording(folder / "recording", self.frames))
-            result = fit(
-                recording,
-                Output(folder / "result"),
-                Settings(threads=self.threads),
-                reporter=progress,
-            )
-            truth = folder / "recording" / "truth.json"
+            result = fit(recording, Output(folder / "result"), settings, reporter=progress)
+            truth = folder / "recording" / TRUTH
             score = evaluate(folder / "result", truth)
             if self.track:
-                alone = Recording.open(folder / "recording", cameras=[_ALONE])
-                track(alone, Output(folder / "track"), Settings(threads=self.threads), progress)
+                one_camera = Recording.open(folder / "recording", cameras=[_TRACKED])
+                track(one_camera, Output(folder / "track"), settings, progress)
                 (folder / "score_track.json").write_text(
                     as_json(asdict(evaluate(folder / "track", truth))), encoding="utf-8"
                 )
-            about = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
-            (folder / "summary.json").write_text(as_json(about), encoding="utf-8")
+            summary = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
+            (folder / "summary.json").write_text(as_json(summary), encoding="utf-8")
             (folder / "score.json").write_text(as_json(asdict(score)), encoding="utf-8")
         from voxelpose.cli.summary import print_result, print_score
 
         print_result(Result.open(self.out / "result"))
-        print(f"\nagainst the truth in {self.out / 'recording' / 'truth.json'}:")
+        print(f"\nagainst the truth in {self.out / 'recording' / TRUTH}:")
         print_score(score)
         if self.track:
             print(
-                f"\nthe same from {_ALONE} alone, with the tree of silhouettes:"
-                f" {self.out / 'track'}, scored in score_track.json"
+                f"\nfrom {_TRACKED} alone, with the silhouette tree: {self.out / 'track'}, with"
+                " scores in score_track.json"
             )
         print(
-            f"\nyour own recording: a folder like {self.out / 'recording'}, then voxelpose fit"
-            " FOLDER --out OUT --stature 1.75"
+            f"\nfor your own recording, make a folder like {self.out / 'recording'}, then run:"
+            " voxelpose fit FOLDER --out OUT --stature 1.75"
         )
         return 0

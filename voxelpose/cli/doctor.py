@@ -8,17 +8,17 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class Doctor:
-    """The arguments of `voxelpose doctor`: none."""
+    """Arguments of `voxelpose doctor`: none."""
 
-    help: ClassVar[str] = """Says what of this machine works, and what to do about the rest.
+    help: ClassVar[str] = """Checks what works on this machine, with remedies for the rest.
 
-Exit code 0: fitting works; 1: something that it needs does not.
+Exit code 0: fitting works; 1: something that fitting needs does not work.
 
   voxelpose doctor
 """
 
     def run(self) -> int:
-        """Examines."""
+        """Runs all checks and prints their results; returns the exit code."""
         from rich.console import Console
         from rich.table import Table
 
@@ -26,25 +26,23 @@ Exit code 0: fitting works; 1: something that it needs does not.
         from voxelpose.doctor import examine
 
         console = Console(highlight=False)
-        with console.status("looking ..."):
-            findings = examine()
+        with console.status("checking ..."):
+            checks = examine()
         colours = {"works": "green", "limited": "yellow", "fails": "red"}
         table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-        for finding in findings:
-            table.add_row(
-                f"[{colours[finding.state]}]{finding.state}[/]", finding.name, finding.found
-            )
-            if finding.remedy:
-                table.add_row("", "", f"[bold]-> {finding.remedy}[/bold]")
+        for check in checks:
+            table.add_row(f"[{colours[check.state]}]{check.state}[/]", check.name, check.found)
+            if check.remedy:
+                table.add_row("", "", f"[bold]-> {check.remedy}[/bold]")
         console.print(f"voxelpose {__version__}")
         console.print(table)
-        failing = sum(finding.state == "fails" for finding in findings)
-        limited = sum(finding.state == "limited" for finding in findings)
+        states = [check.state for check in checks]
+        failing = states.count("fails")
         if failing:
             console.print(
-                f"{failing} of {len(findings)} do not work: fitting will fail until they do"
+                f"{failing} of {len(checks)} do not work: fitting will fail until they do"
             )
-        elif limited:
+        elif "limited" in states:
             console.print("fitting works, with the limits above")
         else:
             console.print("everything works")

@@ -18,36 +18,38 @@ _TRUTH_FILES = (".json", ".trc")
 
 @dataclass(frozen=True)
 class Evaluate:
-    """The arguments of `voxelpose evaluate`."""
+    """Arguments of `voxelpose evaluate`."""
 
     help: ClassVar[str] = """Scores results against known joint positions.
 
-The truth is a truth.json: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...], ...}},
-the 15 joints of joints.csv in world coordinates, one position per frame; or a TRC.
-It may also follow the result as the last word. Left out, it is RECORDING/truth.json.
+The known positions (the truth) are a TRC or a truth.json with the 15 joints of joints.csv, in world
+coordinates, one position per frame: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...], ...}}.
+The file may also be the last argument. Default: truth.json in the folder of the recording.
 
   voxelpose evaluate walk_fit --truth walk/truth.json
   voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
   voxelpose evaluate fits/* --markdown > table.md
 """
 
-    results: Annotated[Positional[tuple[Path, ...]], arg(metavar="RESULT")]
-    """Folder of a fit, or a joints.csv; several make a table."""
+    results: Annotated[
+        Positional[tuple[Path, ...]], arg(metavar="RESULT", help_behavior_hint="(required)")
+    ]
+    """Folder of a result, or a joints.csv; several results are printed as a table."""
     truth: Annotated[tuple[Path, ...], arg(metavar="FILE", help_behavior_hint="")] = ()
-    """File with the true positions: one for all results, or one for each."""
+    """File of the known positions: one for all results, or one for each."""
     offset: Annotated[int, arg(metavar="FRAMES")] = 0
-    """Added to the result's frame numbers before they are compared."""
+    """Number added to the result's frame numbers before the comparison."""
     markers: Annotated[str | None, arg(metavar="JOINT=NAME,...", help_behavior_hint="")] = None
-    """Which markers of a TRC stand for joints, where their names do not say it."""
+    """Markers of a TRC by joint, where their names are not recognised."""
     axes: Annotated[str, arg(metavar="AXES")] = "yzx"
-    """Which axes of the world x, y and z of a TRC are; Pose2Sim's and ours: yzx."""
+    """World axes to which x, y and z of a TRC correspond; yzx for Pose2Sim and voxelpose."""
     markdown: bool = False
     """Print a Markdown table, as for several results."""
     json: bool = False
     """Print JSON instead of a table."""
 
     def run(self) -> int:
-        """Scores."""
+        """Prints the scores; returns the exit code."""
         from voxelpose.results import as_json
 
         results, truths = _results_and_truths(self.results, self.truth)
@@ -77,25 +79,23 @@ It may also follow the result as the last word. Left out, it is RECORDING/truth.
 
 
 def _results_and_truths(
-    words: tuple[Path, ...], truths: tuple[Path, ...]
+    paths: tuple[Path, ...], truths: tuple[Path, ...]
 ) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
-    """Returns results and truths: none, or as many as there are results."""
-    if not truths and len(words) > 1 and words[-1].suffix.lower() in _TRUTH_FILES:
-        words, truths = words[:-1], words[-1:]
-    if not words:
+    """Returns the results and their truths; no truth, or as many as there are results."""
+    if not truths and len(paths) > 1 and paths[-1].suffix.lower() in _TRUTH_FILES:
+        paths, truths = paths[:-1], paths[-1:]
+    if not paths:
         raise InputError("no result is named: give the folder of a fit")
-    if len(truths) not in (0, 1, len(words)):
+    if len(truths) not in (0, 1, len(paths)):
         raise InputError(
-            f"there are {len(words)} results and {len(truths)} truths: give one truth for all, or"
+            f"there are {len(paths)} results and {len(truths)} truths: give one truth for all, or"
             " one for each"
         )
-    return words, truths * len(words) if len(truths) == 1 else truths
+    return paths, truths * len(paths) if len(truths) == 1 else truths
 
 
 def _names(results: tuple[Path, ...]) -> list[str]:
-    """Returns what the results are called: their last names, or all of their paths where those are
-    not unique.
-    """
+    """Returns names of the results: those of their folders, or whole paths where not unique."""
     short = [result.resolve().name for result in results]
     return short if len(set(short)) == len(short) else [str(result) for result in results]
 

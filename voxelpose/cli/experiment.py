@@ -1,4 +1,4 @@
-"""voxelpose experiment arm-swing, voxelpose experiment figure-5."""
+"""voxelpose experiment arm-swing and figure-5."""
 
 from __future__ import annotations
 
@@ -9,21 +9,30 @@ from typing import Annotated, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import camera_names, frame_range
+from voxelpose.cli.arguments import (
+    Frames,
+    OptionalFile,
+    OptionalLength,
+    OptionalName,
+    OverwriteResult,
+    Threads,
+    camera_names,
+    frame_range,
+)
 
 
 @dataclass(frozen=True)
 class ArmSwing:
-    """The arguments of `voxelpose experiment arm-swing`."""
+    """Arguments of `voxelpose experiment arm-swing`."""
 
-    help: ClassVar[
-        str
-    ] = """Repeats the arm-swing experiment of Okada and Stenger (section 7, Fig. 4).
+    help: ClassVar[str] = """Repeats the arm-swing experiment of Okada and Stenger (section 7).
 
-RECORDING shows somebody in profile whose right arm swings to and fro; truth.json in it, or --truth, says how. Without one, the demo's
-mannequin is filmed. The arm is followed with {wXOR, nwXOR} and {DM1, DM2} as in the paper, without anything this program adds, and every
-swing is counted: Success, Error (followed at a wrong angle) or Fail.
-OUT gets table.md (beside the paper's numbers), angles.png (true and estimated angle), summary.json, and the mannequin's recording/.
+RECORDING shows a person in profile whose right arm swings forth and back, with the true joint
+positions in truth.json or --truth. Without RECORDING, the demo's mannequin is rendered. The arm is
+tracked with {wXOR, nwXOR} and {DM1, DM2} as in the paper, without this program's additions, and
+every swing is counted as Success, Error (tracked at a wrong angle) or Fail (Fig. 4).
+OUT receives table.md (with the paper's numbers), angles.png (true and estimated angles),
+summary.json, and the mannequin's recording/.
 
   voxelpose experiment arm-swing --out swing
   voxelpose experiment arm-swing RECORDING --stature 1.75 --no-ours --out swing
@@ -34,42 +43,31 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
     recording: Annotated[
         Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
     ] = None
-    """Recording folder. Left out: the demo's mannequin swings its arm."""
-    truth: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """True joint positions. Left out: truth.json of the recording."""
+    """Recording folder. Default: the demo's mannequin swings its arm."""
+    truth: OptionalFile = None
+    """True joint positions. Default: truth.json of the recording."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
-    """Pose library. Left out: one like the paper's is made, about 3,400 samples in profile, the
-    right arm moved in many ways.
-    """
-    stature: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
-    """Height of the person in metres. Left out: subject.toml's."""
-    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    """Which camera's pictures, where there are several."""
-    frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="")] = None
-    """First frame and one past the last. Left out: all."""
-    sigma: Annotated[float, arg(metavar="SHARE")] = 0.05
-    """Standard deviation of the silhouette distance, eq. (10), as a share of the silhouette's
-    weight; the same for all methods.
-    """
+    """Pose library. Default: one like the paper's, about 3,400 samples in profile, is made."""
+    stature: OptionalLength = None
+    """Height of the person in metres. Default: from subject.toml."""
+    camera: OptionalName = None
+    """Name of the camera, where there are several."""
+    frames: Frames = None
+    sigma: Annotated[float, arg(metavar="FRACTION")] = 0.05
+    """Standard deviation in eq. (10), as a fraction of the silhouette's weight; for all methods."""
     prior: Literal["normalised", "kernel"] = "normalised"
-    """How a pose passes its probability on: eq. (4) normalised over the library, as `voxelpose
-    track` has it, or its exponential alone.
-    """
+    """Eq. (4) normalised over the library, as in `voxelpose track`, or its exponential alone."""
     arm: Literal["near", "far"] = "near"
-    """Without RECORDING: whether the mannequin's arm swings on the camera's side of its trunk, or
-    beyond it, as in the paper.
-    """
+    """Without RECORDING: side on which the arm swings, near the camera or far (as the paper)."""
     degraded: bool = True
-    """Also with silhouettes that are spoilt: rough contours, holes."""
+    """Repeat with degraded silhouettes: rough contours, holes."""
     ours: bool = True
-    """Also with this program's own estimator, as `voxelpose track` runs it."""
-    overwrite: bool = False
-    """Replace an earlier result in OUT, once the new one is whole."""
-    threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    """Processor threads. Left out: all."""
+    """Repeat with this program's own estimator, as in `voxelpose track`."""
+    overwrite: OverwriteResult = False
+    threads: Threads = None
 
     def run(self) -> int:
-        """Runs the experiment."""
+        """Runs the experiment; returns the exit code."""
         from voxelpose.cli.progress import Progress
         from voxelpose.results import ResultWriter
 
@@ -79,22 +77,25 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
         ):
             if not self.sigma > 0:
                 raise InputError(
-                    f"--sigma {self.sigma:g} is impossible: give a positive share, as in 0.05"
+                    f"--sigma {self.sigma:g} is impossible: give a positive fraction, as in 0.05"
                 )
             progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.jit import set_threads
+            from voxelpose.demo.filming import make_recording
             from voxelpose.experiments.arm_swing import Reading
             from voxelpose.experiments.swing_report import swing_table
             from voxelpose.experiments.swing_study import Study, run_study
             from voxelpose.recording.folder import Recording
+            from voxelpose.recording.truth import TRUTH
 
             set_threads(self.threads)
-            filmed = self.recording or _film(
-                folder / "recording", "arm_swing" if self.arm == "near" else "far_arm_swing"
-            )
-            recording = Recording.open(filmed, frame_range(self.frames), camera_names(self.camera))
-            truth = self.truth or filmed / "truth.json"
+            source = self.recording
+            if source is None:
+                performance = "arm_swing" if self.arm == "near" else "far_arm_swing"
+                source = make_recording(folder / "recording", performance=performance)
+            recording = Recording.open(source, frame_range(self.frames), camera_names(self.camera))
+            truth = self.truth or source / TRUTH
             reading = Reading(self.sigma, self.prior == "normalised")
             study = Study(
                 truth, self.stature, self.library, self.degraded, self.ours, reading=reading
@@ -107,15 +108,15 @@ OUT gets table.md (beside the paper's numbers), angles.png (true and estimated a
 
 @dataclass(frozen=True)
 class Figure5:
-    """The arguments of `voxelpose experiment figure-5`."""
+    """Arguments of `voxelpose experiment figure-5`."""
 
-    help: ClassVar[
-        str
-    ] = """Repeats Fig. 5 of Okada and Stenger: a turn, a golf swing toward the camera, pointing with one hand.
+    help: ClassVar[str] = """Repeats Fig. 5 of Okada and Stenger: turn, golf swing, pointing.
 
-The golf swing and the pointing are performed by the demo's mannequin, whose body is none that is fitted; the turn is RECORDING, if given,
-with its truth.json. Each is followed as `voxelpose track` does and scored.
-OUT gets table.md, and per sequence a result folder: look at its contact_sheet.png; recordings/ holds the mannequin's.
+The golf swing toward the camera and the pointing with one hand are performed by the demo's
+mannequin, whose shape differs from the fitted model. The turn is RECORDING, if given, with its
+truth.json. Every sequence is tracked as by `voxelpose track` and scored.
+OUT receives table.md, a result folder per sequence, whose contact_sheet.png shows the result, and
+recordings/ with the mannequin's sequences.
 
   voxelpose experiment figure-5 --out figure_5
   voxelpose experiment figure-5 turn1 --stature 1.75 --library me.vplib --out figure_5
@@ -126,18 +127,17 @@ OUT gets table.md, and per sequence a result folder: look at its contact_sheet.p
     recording: Annotated[
         Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
     ] = None
-    """Recording of somebody who turns on the spot. Left out: without it."""
+    """Recording of a person who turns on the spot. Default: none."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
-    """Pose library, from `voxelpose library build`. Left out: the default one."""
-    stature: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
-    """Height in metres of the person in RECORDING. Left out: subject.toml's, else 1.70."""
-    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    """Which of RECORDING's cameras, where there are several."""
-    overwrite: bool = False
-    """Replace an earlier result in OUT, once the new one is whole."""
+    """Pose library made by `voxelpose library build`. Default: the program's own."""
+    stature: OptionalLength = None
+    """Height in metres of the person in RECORDING. Default: from subject.toml, else 1.70."""
+    camera: OptionalName = None
+    """Name of RECORDING's camera, where there are several."""
+    overwrite: OverwriteResult = False
 
     def run(self) -> int:
-        """Runs the experiment."""
+        """Runs the experiment; returns the exit code."""
         from voxelpose.cli.progress import Progress
         from voxelpose.results import ResultWriter
 
@@ -155,20 +155,13 @@ OUT gets table.md, and per sequence a result folder: look at its contact_sheet.p
                 if self.recording is None
                 else {"turning": Sequence(self.recording, self.stature, self.camera)}
             )
-            scores = run_figure(
-                sequences | performed(folder / "recordings"), self.library, folder, progress
-            )
+            sequences |= performed(folder / "recordings")
+            scores = run_figure(sequences, self.library, folder, progress)
         print(markdown_table(scores), end="")
         print(
             f"\n{self.out}: table.md, and per sequence contact_sheet.png, overlay video and motion"
         )
         return 0
-
-
-def _film(folder: Path, performance: str) -> Path:
-    from voxelpose.demo.filming import make_recording
-
-    return make_recording(folder, performance=performance)
 
 
 SUBCOMMANDS = {"arm-swing": ArmSwing, "figure-5": Figure5}

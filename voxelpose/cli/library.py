@@ -1,4 +1,4 @@
-"""voxelpose library build, voxelpose library info."""
+"""voxelpose library build and info."""
 
 from __future__ import annotations
 
@@ -8,56 +8,51 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from voxelpose.cli.arguments import OptionalFile, OptionalLength, Sex, Threads
+
 
 @dataclass(frozen=True)
 class Build:
-    """The arguments of `voxelpose library build`."""
+    """Arguments of `voxelpose library build`."""
 
-    help: ClassVar[
-        str
-    ] = """Makes a pose library and its silhouette tree from recorded motion, once per body.
+    help: ClassVar[str] = """Builds a pose library from motion capture, for one body.
 
-MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it goes on where it was when it is called again.
+MOTION are BVH files, exponential-map files, or folders of them. An interrupted build resumes when
+the same command is run again.
 
   voxelpose library build mocap --out me.vplib --stature 1.75
   voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
 """
 
-    motion: Annotated[Positional[tuple[Path, ...]], arg(metavar="MOTION...")]
-    """Recorded motion: files, or folders of them."""
+    motion: Annotated[
+        Positional[tuple[Path, ...]], arg(metavar="MOTION...", help_behavior_hint="(required)")
+    ]
+    """Motion capture files, or folders of them."""
     out: Annotated[Path, arg(metavar="LIB")]
-    """File to be made. An earlier library of this name is replaced once the new one is whole; an
-    interrupted build goes on where it was.
-    """
+    """File to be made. An earlier library of this name is replaced once the new one is complete."""
     stature: Annotated[float, arg(metavar="M")] = 1.75
     """Height of the person in metres."""
-    chest: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
-    """Chest girth in metres. Left out: usual for the stature."""
-    sex: Literal["male", "female", "unknown"] = "unknown"
-    """Whose proportions."""
+    chest: OptionalLength = None
+    """Chest girth in metres. Default: average for the stature."""
+    sex: Sex = "unknown"
     poses: Annotated[int, arg(metavar="N")] = 60000
-    """How many poses, seen from all sides, at most. Recorded poses that differ little are left out
-    until it fits.
-    """
+    """Maximum number of samples: poses times views. Similar poses are left out until it is met."""
     yaw_step: Annotated[float, arg(metavar="DEG")] = 15.0
-    """Angle between the sides from which a pose is seen."""
+    """Angle between the views of a pose, around the vertical axis."""
     pitch: Annotated[UseAppendAction[tuple[float, ...]], arg(metavar="DEG")] = ()
-    """How far the camera looks down; may be given several times. Left out: 8."""
+    """Angle by which the camera looks down; may be given several times. Default: 8."""
     mirror: bool = True
     """Add the mirror image of every pose."""
     weighting: Literal["xor", "wxor", "nwxor", "balanced"] = "xor"
-    """Silhouette distance by which the tree is made: Okada and Stenger's eq. (6), (7)-(8) or (9),
-    or ours. Tracking may use another.
-    """
+    """Silhouette distance of the tree: Okada and Stenger's eq. (6), (7)-(8), (9), or balanced."""
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
-    """Whose joint is which, for a skeleton with names of its own."""
+    """Names of the joints, for a skeleton whose names are not recognised."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
-    """A clip not to be used, by its file's name; may be given several times."""
-    threads: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    """Processor threads. Left out: all."""
+    """Clip that is not used, by the name of its file; may be given several times."""
+    threads: Threads = None
 
     def run(self) -> int:
-        """Builds."""
+        """Builds the library; returns the exit code."""
         from voxelpose.cli.progress import Progress
 
         with Progress() as progress:
@@ -70,11 +65,10 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
             from silhouette_core.library.pose_library import LibrarySettings
 
             set_threads(self.threads)
-            pitches = self.pitch or LibrarySettings.pitches_deg
             settings = LibrarySettings(
                 poses=self.poses,
                 yaw_step_deg=self.yaw_step,
-                pitches_deg=pitches,
+                pitches_deg=self.pitch or LibrarySettings.pitches_deg,
                 mirror=self.mirror,
                 weighting=self.weighting,
             )
@@ -89,9 +83,9 @@ MOTION are BVH files, exponential-map files, or folders of them. Interrupted, it
 
 @dataclass(frozen=True)
 class Info:
-    """The arguments of `voxelpose library info`."""
+    """Arguments of `voxelpose library info`."""
 
-    help: ClassVar[str] = """Says what a pose library holds.
+    help: ClassVar[str] = """Describes a pose library.
 
   voxelpose library info me.vplib
   voxelpose library info me.vplib --png sheet.png
@@ -99,11 +93,11 @@ class Info:
 
     library: Annotated[Positional[Path], arg(metavar="LIB")]
     """The library."""
-    png: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Also draw a contact sheet of its silhouettes."""
+    png: OptionalFile = None
+    """PNG to be written: a contact sheet of its silhouettes."""
 
     def run(self) -> int:
-        """Tells."""
+        """Prints the description; returns the exit code."""
         from silhouette_core.library.store import read_library
         from silhouette_core.library.summary import summary
 

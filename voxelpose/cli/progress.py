@@ -1,4 +1,4 @@
-"""Progress on the terminal, or in plain lines where there is none."""
+"""Progress bars on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import silhouette_core
 
 
 class Progress:
-    """A reporter that draws a bar per stage on stderr.
+    """Reporter that draws a progress bar per stage on stderr.
 
-    Where stderr is no terminal (a log, a pipe), it writes one line when a stage is over. As a
-    context manager it adds to a KeyboardInterrupt how far the work had come.
+    Where stderr is not a terminal (a log, a pipe), it writes one line at the end of every stage. As
+    a context manager it adds the stage and its progress to a KeyboardInterrupt.
     """
 
     def __init__(self) -> None:
-        """Draws nothing yet."""
+        """Prepares the progress bars."""
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
         if sys.stderr.isatty():
@@ -63,20 +63,20 @@ class Progress:
             error.args = (self.where(),) if self._name else ()
 
     def stage(self, name: str, total: int | None = None) -> None:
-        """Starts a stage."""
+        """Ends the previous stage and starts a new one."""
         self._finish()
         self._name, self._total, self._done, self._started = name, total, 0, time.perf_counter()
         if self._bar is not None:
             self._task = self._bar.add_task(name, total=total)
 
     def advance(self, steps: int = 1) -> None:
-        """Counts steps of the stage."""
+        """Counts completed steps of the stage."""
         self._done += steps
         if self._bar is not None and self._name:
             self._bar.advance(self._task, steps)
 
     def note(self, text: str) -> None:
-        """Writes a line above the bars."""
+        """Writes a line above the progress bars."""
         line = f"note: {text}"
         if self._bar is not None:
             self._bar.console.print(line, highlight=False)
@@ -84,41 +84,28 @@ class Progress:
             print(line, file=sys.stderr, flush=True)
 
     def note_compilation(self) -> None:
-        """Says that the first run compiles, where nothing compiled is kept yet."""
-        folders = (
-            [Path(os.environ["NUMBA_CACHE_DIR"])]
-            if os.environ.get("NUMBA_CACHE_DIR")
-            else [Path(silhouette_core.__file__).parent]
-        )
-        if not any(kept for folder in folders for kept in folder.rglob("*.nbi")):
+        """Notes that the first run compiles, where the compilation cache is empty."""
+        cache = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(silhouette_core.__file__).parent)
+        if next(cache.rglob("*.nbi"), None) is None:
             self.note(
-                "first run on this machine: the fast code is compiled as it is met, once; later"
-                " runs are much quicker"
+                "first run on this machine: the program is compiled, once; later runs are much"
+                " faster"
             )
 
     def where(self) -> str:
-        """Says how far the stage has come: "during matching, after 37 of 100 frames"."""
-        of = f" of {self._total}" if self._total is not None else ""
-        return (
-            f"during {self._name}, after {self._done}{of} steps"
-            if self._total or self._done
-            else f"during {self._name}"
-        )
+        """Returns the stage and its progress: "during matching, after 37 of 100 steps"."""
+        total = f" of {self._total}" if self._total is not None else ""
+        steps = f", after {self._done}{total} steps" if self._total or self._done else ""
+        return f"during {self._name}{steps}"
 
     def _finish(self) -> None:
         if not self._name:
             return
         if self._bar is not None:
-            self._bar.update(
-                self._task,
-                total=self._total or self._done or 1,
-                completed=self._total or self._done or 1,
-            )
+            total = self._total or self._done or 1
+            self._bar.update(self._task, total=total, completed=total)
         else:
             steps = f", {self._done} steps" if self._done else ""
-            print(
-                f"{self._name}: {time.perf_counter() - self._started:.1f} s{steps}",
-                file=sys.stderr,
-                flush=True,
-            )
+            elapsed_s = time.perf_counter() - self._started
+            print(f"{self._name}: {elapsed_s:.1f} s{steps}", file=sys.stderr, flush=True)
         self._name = ""

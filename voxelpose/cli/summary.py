@@ -1,4 +1,4 @@
-"""What a command says at its end."""
+"""Summaries that commands print at their end."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from voxelpose.results import Result
 
 _FILES = (
-    ("contact_sheet.png", "look here first: the fitted body over moments of every camera"),
-    ("overlay_*.mp4", "the same as video"),
+    ("contact_sheet.png", "look here first: the fitted body over frames of every camera"),
+    ("overlay_*.mp4", "the fitted body over the videos"),
     ("joints.csv", "positions of 15 joints, metres"),
     ("motion.bvh", "the skeleton for Blender, Maya, ..."),
     ("motion.safetensors", "joint angles, root and quality, for programs"),
@@ -22,46 +22,45 @@ _FILES = (
 
 
 def print_result(result: Result) -> None:
-    """Says what a fit found, how well, and where the files are."""
+    """Prints the number of poses, timings, quality and files of a result."""
     console = Console(highlight=False)
     summary: Any = result.summary
     frames, seconds = summary["frames"], summary["seconds"]
     count = frames["with_pose"] + len(frames["lost"])
     console.print(
         f"[bold]{frames['with_pose']} of {count} frames[/bold] have a pose; {seconds['total']:.1f}"
-        " s in all"
+        " s in total"
     )
     stages = Table("stage", "min ms", "median ms", "max ms", box=None, padding=(0, 2, 0, 0))
-    for name, spread in seconds["stages"].items():
-        if "median" in spread:
-            stages.add_row(name, *(f"{1000 * spread[key]:.1f}" for key in ("min", "median", "max")))
+    for name, range_s in seconds["stages"].items():
+        if "median" in range_s:
+            values = (f"{1000 * range_s[key]:.1f}" for key in ("min", "median", "max"))
+            stages.add_row(name, *values)
     if stages.row_count:
         console.print(stages)
-    for name, spread in summary["quality"].items():
-        if "median" in spread:
-            console.print(
-                f"{name}: median {spread['median']:.3f}, from {spread['min']:.3f} to"
-                f" {spread['max']:.3f}"
-            )
+    for name, values in summary["quality"].items():
+        if "median" in values:
+            low, median, high = (f"{values[key]:.3f}" for key in ("min", "median", "max"))
+            console.print(f"{name}: median {median}, from {low} to {high}")
     console.print(f"[bold]{result.folder}[/bold]", soft_wrap=True)
     for pattern, meaning in _FILES:
         if any(result.folder.glob(pattern)):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    console.print(f"to look around: voxelpose view {result.folder}", soft_wrap=True)
-    console.print(f"to read how good it is: voxelpose report {result.folder}", soft_wrap=True)
+    console.print(f"to see it in three dimensions: voxelpose view {result.folder}", soft_wrap=True)
+    console.print(f"to assess its quality: voxelpose report {result.folder}", soft_wrap=True)
 
 
 def print_score(score: Score) -> None:
-    """Says how far a result is from the truth."""
+    """Prints the errors of a result against known joint positions."""
     from silhouette_core.body.joints import LANDMARK_NAMES
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for value, meaning in (
-        (f"{score.root_mm:.1f} mm", "root_mm: mean joint error, pelvises put on each other"),
+        (f"{score.root_mm:.1f} mm", "root_mm: mean joint error relative to the pelvis"),
         (f"{score.mpjpe_mm:.1f} mm", "mpjpe_mm: mean joint error in the world"),
-        (f"{score.pa_mm:.1f} mm", "pa_mm: mean joint error after the best similarity"),
-        (f"{100 * score.pck150:.1f} %", "pck150: joints within 150 mm"),
-        (f"{score.angle_deg:.1f} deg", "angle_deg: mean angle between bones"),
+        (f"{score.pa_mm:.1f} mm", "pa_mm: mean joint error after the best similarity transform"),
+        (f"{100 * score.pck150:.1f} %", "pck150: joints within 150 mm relative to the pelvis"),
+        (f"{score.angle_deg:.1f} deg", "angle_deg: mean angular error of the bones"),
         (
             f"{score.jitter_mm:.1f} mm",
             f"jitter_mm: third difference (truth: {score.jitter_truth_mm:.1f})",

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from voxelpose.cli.arguments import (
+    OptionalFile,
+    OptionalLength,
+    OverwriteFile,
+    Unit,
+    refuse_existing,
+)
 
 if TYPE_CHECKING:
     from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -16,15 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class View:
-    """The arguments of `voxelpose view`."""
+    """Arguments of `voxelpose view`."""
 
-    help: ClassVar[
-        str
-    ] = """Shows a result in the browser: cameras, voxels, body and skeleton over time.
+    help: ClassVar[str] = """Shows cameras, voxels, body and skeleton over time in the browser.
 
-The page comes from this machine and is for this machine only, unless --host says otherwise; Ctrl-C ends it.
-The hull is carved again from the recording that the result was made from.
-Given a recording instead of a result, it shows cameras and hull.
+The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends it.
+The visual hull is carved from the recording of the result. For a recording without a result,
+cameras and hull are shown.
 
   voxelpose view walk_fit
   voxelpose view walk_fit --frame 40 --png hull.png
@@ -32,44 +37,39 @@ Given a recording instead of a result, it shows cameras and hull.
 """
 
     folder: Annotated[Positional[Path], arg(metavar="OUT")]
-    """Folder of a fit, or a recording."""
+    """Folder of a result, or a recording."""
     frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    """Number of the frame. Left out: the middle one."""
+    """Number of the frame. Default: the middle one."""
     open3d: bool = False
-    """A window with hull and skeleton of one frame instead of the browser."""
-    png: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Write a picture of one frame instead: no screen is needed."""
-    mp4: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Write a video of all frames instead: no screen is needed."""
+    """Open a window with hull and skeleton of one frame instead of the browser."""
+    png: OptionalFile = None
+    """PNG of one frame to be written instead; no screen is needed."""
+    mp4: OptionalFile = None
+    """Video of all frames to be written instead; no screen is needed."""
     host: Annotated[str, arg(metavar="NAME")] = "localhost"
-    """Where the page answers; 0.0.0.0 lets everyone in your network see it."""
+    """Address at which the page is served; 0.0.0.0 makes it visible to everyone in your network."""
     port: Annotated[int, arg(metavar="N")] = 8080
     """Port of the page; the next free one if it is taken."""
     browser: bool = True
-    """Open the page; --no-browser only says where it is."""
+    """Open the page; --no-browser only prints its address."""
     recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
-    """The recording, if it has moved since the fit."""
-    voxel: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
-    """Edge of a voxel in metres. Left out: that of the fit."""
-    unit: Annotated[
-        Literal["m", "cm", "mm"] | None, arg(metavar="m|cm|mm", help_behavior_hint="")
-    ] = None
-    """Unit of the calibration's lengths, where the file does not say it."""
-    overwrite: bool = False
-    """Replace FILE if it exists."""
+    """The recording, if it was moved after the fit."""
+    voxel: OptionalLength = None
+    """Edge of a voxel in metres. Default: that of the fit."""
+    unit: Unit = None
+    overwrite: OverwriteFile = False
 
     def run(self) -> int:
-        """Shows."""
-        for name, path in (("--png", self.png), ("--mp4", self.mp4)):
-            if path is not None and path.exists() and not self.overwrite:
-                raise InputError(f"{path} exists: give {name} another name, or add --overwrite")
+        """Shows or writes the scenes; returns the exit code."""
+        refuse_existing([self.png], self.overwrite, "--png")
+        refuse_existing([self.mp4], self.overwrite, "--mp4")
         if self.open3d:
             from voxelpose.view.open3d_import import import_open3d
 
             import_open3d(screen=True)  # before the work, not after
         if self.voxel is not None and not 0.004 <= self.voxel <= 0.2:
             raise InputError(
-                f"voxels of {self.voxel:g} m are not to be shown: choose from 0.004 to 0.2, for"
+                f"voxels of {self.voxel:g} m cannot be shown: choose from 0.004 to 0.2, for"
                 " example 0.02"
             )
         from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -118,7 +118,7 @@ Given a recording instead of a result, it shows cameras and hull.
             self._serve(scenes, frame)
 
     def _frame(self, scenes: ResultScenes, posed: bool) -> int:
-        """Returns the frame to show; the middle one where none is named."""
+        """Returns the number of the frame to show; the middle one where none is given."""
         frames = scenes.motion.frames if posed and scenes.motion is not None else scenes.frames
         if self.frame is None:
             return int(frames[len(frames) // 2])

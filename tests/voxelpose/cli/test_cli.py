@@ -74,6 +74,18 @@ def test_help_answers_within_a_second(desk):
     assert all(name in out for name in COMMANDS)
 
 
+@pytest.mark.parametrize("width", [80, 120])
+def test_help_fits_the_terminal(monkeypatch, capsys, width):
+    monkeypatch.setenv("COLUMNS", str(width))
+    for name in COMMANDS:
+        with pytest.raises(SystemExit):
+            run([name, "--help"])
+    examples = ("  ", "usage: ")  # as they are to be typed, and as tyro prints them
+    lines = capsys.readouterr().out.splitlines()
+    lines = [line for line in lines if "voxelpose " not in line or not line.startswith(examples)]
+    assert max(map(len, lines)) <= width
+
+
 def test_version(capsys):
     assert run(["--version"]) == 0
     assert capsys.readouterr().out.startswith("voxelpose 0.")
@@ -99,6 +111,14 @@ def test_fit_writes_and_says_where(desk):
         (
             ["fit", "walk", "--out", "x", "--estimator", "telepathy"],
             "no estimator is called 'telepathy'",
+        ),
+        (
+            ["fit", "walk", "--out", "x", "--backend", "abacus"],
+            "no backend is called 'abacus': installed are cpu",
+        ),
+        (
+            ["track", "walk", "--camera", "cam_1", "--out", "x", "--backend", "abacus"],
+            "no backend is called 'abacus': installed are cpu",
         ),
         (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
         (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),

@@ -17,7 +17,7 @@ from voxelpose.export.trc import write_trc
 
 @pytest.fixture
 def takes(desk):
-    """Two joints.csv, a frame lost in one and moved by 5 cm in the other, a truth.json and a TRC."""
+    """A joints.csv, one with a frame lost and the others moved by 5 cm, truth.json and a TRC."""
     take = waving(8)
     joints = {name: take.landmarks()[:, k].tolist() for k, name in enumerate(LANDMARK_NAMES)}
     (desk / "truth.json").write_text(

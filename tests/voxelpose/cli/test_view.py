@@ -91,7 +91,7 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
         ),
         (["view", "walk", "--mp4", "x.mp4"], "walk is a recording without a fit"),
         (["view", "out", "--voxel", "0.05", "--mp4", "gone/x.mp4"], "gone/x.mp4 cannot be written"),
-        (["view", "out", "--voxel", "3", "--png", "x.png"], "voxels of 3 m are not to be shown"),
+        (["view", "out", "--voxel", "3", "--png", "x.png"], "voxels of 3 m cannot be shown"),
         (["view", "nowhere", "--png", "x.png"], "nowhere is not a recording"),
         (
             ["view", "out", "--recording", "moved", "--png", "x.png"],

@@ -1,0 +1,141 @@
+"""voxelpose calibrate extrinsics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from tyro.conf import Positional, arg
+
+from calib.errors import InputError
+from voxelpose.cli.arguments import (
+    Cameras,
+    OptionalFile,
+    OptionalLength,
+    OverwriteFile,
+    Unit,
+    camera_names,
+    refuse_existing,
+)
+from voxelpose.cli.calibrate_board import BoardArguments, Dictionary, MarkerSide
+
+if TYPE_CHECKING:
+    from calib.camera import Rig
+    from calib.extrinsics import Extrinsics
+    from voxelpose.cli.progress import Progress
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateExtrinsics:
+    """Arguments of `voxelpose calibrate extrinsics`."""
+
+    help: ClassVar[str] = """Calibrates positions and directions of cameras.
+
+They are determined from a board that is carried through the view of all cameras, or from a list of
+points. RECORDING: a folder with a video per camera, recorded at the same time and named as in the
+calibration of the lenses. Let the board lie on the floor for a moment and give that frame as
+--floor: its first corner becomes the origin of the world, with z up.
+Next to OUT, an image of the cameras and a report in JSON are written.
+
+  voxelpose calibrate extrinsics board_walk --intrinsics lenses.toml --board 8x5 --square 0.029 \\
+    --floor 0 --out calibration.toml
+  voxelpose calibrate extrinsics --points points.csv --intrinsics lenses.toml \\
+    --out calibration.toml
+"""
+
+    recording: Annotated[
+        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
+    ] = None
+    """Folder with a video (or an image) of the board per camera."""
+    intrinsics: Annotated[Path, arg(metavar="FILE")]
+    """Calibration of the lenses."""
+    out: Annotated[Path, arg(metavar="OUT")]
+    """Calibration to be written; .toml preserves most."""
+    board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
+    """Number of inner corners, where four squares meet, along and down."""
+    square: OptionalLength = None
+    """Side of a square in metres, measured on the print."""
+    marker: MarkerSide = None
+    dictionary: Dictionary = "DICT_4X4_50"
+    floor: Annotated[int | None, arg(metavar="FRAME", help_behavior_hint="")] = None
+    """Frame in which the board lies on the floor. Default: the first camera is the world."""
+    points: OptionalFile = None
+    """CSV of camera,point,x_px,y_px,x_m,y_m,z_m instead of a board; metres only where known."""
+    refine_lenses: bool = False
+    """Adjust the lenses too, if they were not calibrated with boards at such distances."""
+    moments: Annotated[int, arg(metavar="N")] = 150
+    """Maximum number of time steps used of the recording."""
+    cameras: Cameras = None
+    unit: Unit = None
+    overwrite: OverwriteFile = False
+
+    def run(self) -> int:
+        """Calibrates positions and directions; returns the exit code."""
+        from voxelpose.cli.progress import Progress
+
+        with Progress() as progress:
+            progress.stage("opening")
+            from calib.files import read_rig
+            from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
+            from voxelpose.calibration.files import (
+                beside,
+                notes_of,
+                png,
+                report_json,
+                write_calibration,
+            )
+            from voxelpose.calibration.rig_picture import rig_picture
+
+            picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
+            refuse_existing([self.out, picture, report], self.overwrite)
+            extrinsics = self._extrinsics(read_rig(self.intrinsics, self.unit), progress)
+        from voxelpose.cli.calibrate_tables import print_extrinsics
+
+        grounded = self.points is not None or self.floor is not None
+        print_extrinsics(extrinsics, "points" if self.points is not None else "boards")
+        others = {
+            picture: png(rig_picture(extrinsics.rig, grounded)),
+            report: report_json(extrinsics_report(extrinsics)),
+        }
+        notes = notes_of(self.intrinsics) | {"extrinsics": extrinsics_notes(extrinsics)}
+        write_calibration(extrinsics.rig, self.out, notes, others)
+        print(f"{self.out}: {len(extrinsics.rig)} cameras with their positions, in metres")
+        print(f"{picture}: the rig from above and from the side; does it look like the room?")
+        if not grounded:
+            print(
+                "note: without --floor the world is the first camera's frame, and z is not up:"
+                " voxelpose fit needs z up"
+            )
+        return 0
+
+    def _extrinsics(self, lenses: Rig, progress: Progress) -> Extrinsics:
+        """Returns the calibration from a board or from points."""
+        if (self.points is None) == (self.recording is None):
+            raise InputError(
+                "give either RECORDING, a folder of videos of a board, or --points, a list of"
+                " points"
+            )
+        if self.points is not None:
+            from calib.points import calibrate_from_points
+            from voxelpose.calibration.points_file import read_points
+
+            points = read_points(self.points)
+            names = camera_names(self.cameras) or [
+                name for name in lenses.names if name in points.cameras()
+            ]
+            return calibrate_from_points(lenses.select(names), points)
+        from voxelpose.calibration.extrinsics import ExtrinsicsSettings, extrinsics_from_recording
+
+        if self.board is None or self.square is None or self.recording is None:
+            raise InputError(
+                "what does the board look like? give --board, as in 8x5, and --square in metres, as"
+                " in 0.029"
+            )
+        board = BoardArguments(
+            board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary
+        ).to_board()
+        settings = ExtrinsicsSettings(
+            self.floor, self.moments, camera_names(self.cameras), self.refine_lenses
+        )
+        return extrinsics_from_recording(board, lenses, self.recording, settings, progress)

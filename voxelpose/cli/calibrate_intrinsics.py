@@ -1,0 +1,85 @@
+"""voxelpose calibrate intrinsics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from tyro.conf import Positional, arg
+
+from calib.errors import InputError
+from voxelpose.cli.arguments import Cameras, OverwriteFile, camera_names, refuse_existing
+from voxelpose.cli.calibrate_board import BoardArguments
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateIntrinsics(BoardArguments):
+    """Arguments of `voxelpose calibrate intrinsics`."""
+
+    help: ClassVar[str] = """Calibrates the lens of every camera from pictures of a board.
+
+PICTURES: a folder of images or a video (one camera), or a folder that holds one of these per
+camera. Next to OUT, an image of where boards were seen and a report in JSON are written.
+
+  voxelpose calibrate intrinsics boards --board 8x5 --square 0.029 --out lenses.toml
+  voxelpose calibrate intrinsics cam_1.mp4 cam_2.mp4 --board 8x5 --square 0.029 --out lenses.toml
+"""
+
+    pictures: Annotated[Positional[tuple[Path, ...]], arg(metavar="PICTURES")]
+    """Folders of images, videos, images, or a folder of these."""
+    out: Annotated[Path, arg(metavar="OUT")]
+    """Calibration to be written; .toml preserves most."""
+    model: Literal["pinhole", "rational", "fisheye"] = "pinhole"
+    """Pinhole with k1 k2 p1 p2; rational, for wide lenses; fisheye, from about 120 degrees."""
+    frames: Annotated[int, arg(metavar="N")] = 40
+    """Maximum number of frames of a video to use: those in which the board stands still."""
+    cameras: Cameras = None
+    overwrite: OverwriteFile = False
+
+    def run(self) -> int:
+        """Calibrates the lenses; returns the exit code."""
+        from voxelpose.cli.progress import Progress
+
+        with Progress() as progress:
+            progress.stage("opening")
+            from voxelpose.calibration.board_views import cameras_in
+            from voxelpose.calibration.coverage import coverage_picture
+            from voxelpose.calibration.files import (
+                beside,
+                png,
+                report_json,
+                write_calibration,
+            )
+            from voxelpose.calibration.lenses import (
+                calibrate_lenses,
+                lens_notes,
+                lens_report,
+                lens_rig,
+            )
+
+            picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
+            refuse_existing([self.out, picture, report], self.overwrite)
+            board = self.to_board()
+            cameras = cameras_in(self.pictures)
+            if (selected := camera_names(self.cameras)) is not None:
+                if missing := [name for name in selected if name not in cameras]:
+                    raise InputError(
+                        f"no pictures of {', '.join(missing)}: there are {', '.join(cameras)}"
+                    )
+                cameras = {name: cameras[name] for name in selected}
+            lenses, failures = calibrate_lenses(board, cameras, self.model, self.frames, progress)
+        from voxelpose.cli.calibrate_tables import print_lenses
+
+        print_lenses(lenses)
+        if failures:
+            advice = f" (the {len(lenses)} others are good: leave it out with --cameras)"
+            raise InputError("; ".join(failures.values()) + advice * bool(lenses))
+        others = {picture: png(coverage_picture(lenses)), report: report_json(lens_report(lenses))}
+        write_calibration(lens_rig(lenses), self.out, {"intrinsics": lens_notes(lenses)}, others)
+        print(
+            f"{self.out}: lenses of {len(lenses)} cameras, without their positions (next:"
+            " voxelpose calibrate extrinsics)"
+        )
+        print(f"{picture}: where boards were seen")
+        return 0

@@ -1,0 +1,98 @@
+"""What `voxelpose fit` and `voxelpose track` share: arguments, and the estimation itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from voxelpose.cli.arguments import (
+    Fps,
+    Frames,
+    OptionalLength,
+    OverwriteResult,
+    RecordingFolder,
+    Sex,
+    Threads,
+    Unit,
+    frame_range,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimationArguments:
+    """Arguments of `voxelpose fit` and `voxelpose track` alike."""
+
+    recording: RecordingFolder
+    out: Annotated[Path, arg(metavar="OUT")]
+    """Folder to be made for the results."""
+    stature: OptionalLength = None
+    """Height in metres. Default: from subject.toml, else estimated (fit) or 1.70 (track)."""
+    chest: OptionalLength = None
+    """Chest girth in metres. Default: from subject.toml, else average for the stature."""
+    sex: Sex = "unknown"
+    frames: Frames = None
+    unit: Unit = None
+    fps: Fps = None
+    overwrite: OverwriteResult = False
+    smooth: bool = True
+    """Smooth the motion over time; with track, --no-smooth uses previous frames only."""
+    background: Literal["refined", "paper"] = "refined"
+    """Silhouettes as in Okada and Stenger 5.1 (paper), or cleaned of shadows and noise."""
+    backend: Annotated[str, arg(metavar="NAME")] = "cpu"
+    """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
+    threads: Threads = None
+    pictures: bool = True
+    """Draw the overlay videos and the contact sheet."""
+
+    def estimate(
+        self,
+        cameras: tuple[str, ...] | None,
+        options: Mapping[str, bool | int | float | str],
+        estimator: str,
+    ) -> int:
+        """Estimates the motion, writes the result and prints a summary.
+
+        Args:
+            cameras: names of the cameras to use; None for all.
+            options: settings of the estimator alone.
+            estimator: name under which the estimator is registered.
+
+        Returns:
+            The exit code.
+        """
+        from voxelpose.cli.progress import Progress
+
+        with Progress() as progress:
+            progress.note_compilation()
+            progress.stage("opening")
+            from silhouette_core.estimator import Settings
+            from voxelpose.fitting import Output, fit
+            from voxelpose.recording.folder import Recording
+
+            settings = Settings(
+                stature_m=self.stature,
+                chest_m=self.chest,
+                sex=self.sex,
+                background=self.background,
+                smooth=self.smooth,
+                threads=self.threads,
+                backend=self.backend,
+                options=options,
+            )
+            frames = frame_range(self.frames)
+            recording = Recording.open(self.recording, frames, cameras, self.unit, self.fps)
+            if recording.calibration_path is None:
+                progress.note(
+                    f"{self.recording} holds no calibration: a level camera with a field of view of"
+                    " 53 degrees is assumed, and distances are only rough"
+                )
+            output = Output(self.out, self.overwrite, self.pictures)
+            result = fit(recording, output, settings, estimator, progress)
+        from voxelpose.cli.summary import print_result
+
+        print_result(result)
+        return 0
