@@ -22,13 +22,6 @@ FILES = sorted(
     for path in (ROOT / package).glob("*/kernels/*.py")
     if path.stem not in ("__init__", "reference")
 )
-PENDING = [
-    path
-    for path in FILES
-    if path.parts[-3] in ("scoring", "matching")
-    or path.parts[-3:] == ("image", "kernels", "distance.py")
-]
-FILES = [path for path in FILES if path not in PENDING]
 
 
 def dotted(path: Path) -> str:

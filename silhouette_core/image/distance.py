@@ -1,10 +1,10 @@
-"""How far apart two silhouettes are: XOR, wXOR and nwXOR, with weights that belong to the first of
-the two.
+"""Pixel weights of the silhouette distances XOR, wXOR and nwXOR, and thinning.
 
-The distance is the weighted disagreement over the number of pixels of the window (a density), and
-lengths in the weights are counted in pixels of a picture 240 high, so that the same silhouettes
-have about the same distance at every resolution. A silhouette that is empty or fills its window has
-no contour; its weights are 1.
+The weights belong to the first of the two silhouettes that are compared. The distance is the
+weighted disagreement over the number of pixels of the window (a density), and lengths in the
+weights are counted in pixels of an image 240 high, so that the same silhouettes have about the same
+distance at every resolution. A silhouette that is empty or fills its window has no contour; its
+weights are 1. The distances themselves are scored by `silhouette_core.scoring`.
 """
 
 from __future__ import annotations
@@ -21,38 +21,62 @@ from silhouette_core.image.kernels import distance as kernels
 
 Weighting = Literal["xor", "wxor", "nwxor", "balanced"]
 WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor", "balanced")
-_REACH = (
-    12 / 240
-)  # of the window's height: where the balanced weight outside is 1; about the half width of a trunk
+# Distance, as a fraction of the window's height, at which the balanced weight outside is 1: about
+# half the width of a trunk.
+_REACH = 12 / 240
 _HEIGHT = 240
 
 
 def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> NDArray[np.float32]:
-    """Weighs the pixels of a silhouette's window.
+    r"""Weights of the pixels of a silhouette's window.
 
-    Args: mask: (h, w) bool, the silhouette P. weighting: "xor": 1 everywhere. "wxor": D_P + D_notP,
-        the paper's w being 1. "nwxor": D_P / (D_P + D_Pmed) + w' D_notP with
-            w' = 1 over the largest D_notP of the window, so that inside and outside have the same
-            maximum. "balanced" (ours): the same inside, outside D_notP over a twentieth of the
-            window's height, at most 1. With "nwxor" what is just outside costs next to nothing, so
-            that a larger body always fits better; where the size is to be found as well, that must
-            not be.
+    The density of disagreeing pixels, "xor", weighs all of them alike:
 
-    Returns: (h, w) float32, d_P. D_P is the Euclidean distance to the nearest pixel outside, D_notP
-        to the nearest inside, D_Pmed to the thinned silhouette.
+    .. math::
+        :label: okada-6
+
+        d_{XOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} |P(x) - Q(x)|
+
+    The weighted distances count every one by its distance from the contour of the silhouette P,
+    :math:`D_P` inside and :math:`D_{\neg P}` outside of it. "wxor", with w = 1:
+
+    .. math::
+        :label: okada-8
+
+        d_P = D_P + w \, D_{\neg P}
+
+    "nwxor" is normalised by the distance :math:`D_{P_{med}}` to the thinned silhouette, so that
+    thick and thin parts count alike:
+
+    .. math::
+        :label: okada-9
+
+        d_P = \frac{D_P}{D_P + D_{P_{med}}} + w' \, D_{\neg P}
+
+    with w' one over the largest :math:`D_{\neg P}` of the window: inside and outside have the same
+    maximum. "balanced" (ours) is the same inside, and outside :math:`D_{\neg P}` over a twentieth
+    of the window's height, at most 1. With "nwxor" what is just outside costs next to nothing, so
+    that a larger body always fits better; where the size is estimated as well, that must not be.
+
+    Args:
+        mask: (h, w) bool, the silhouette P.
+        weighting: One of `WEIGHTINGS`.
+
+    Returns:
+        (h, w) float32, d_P.
 
     Raises:
         TypeError: mask is not bool.
         ValueError: mask is not (h, w), or no such weighting.
 
-    Source: Okada and Stenger, eq. (6)-(9).
+    Source: Okada and Stenger, eq. (6)-(9); the values of w and w', and "balanced", are ours.
     """
     check_array("mask", mask, ("h", "w"), np.bool_)
     if weighting not in WEIGHTINGS:
         raise ValueError(f"weighting must be one of {', '.join(WEIGHTINGS)}, got {weighting!r}")
     pixels = mask.view(np.uint8)
     if weighting == "xor" or not mask.any() or mask.all():
-        return np.ones(mask.shape, np.float32)
+        return np.ones(mask.shape, np.float32)  # eq. (6)
     weights = _distances(1 - pixels)
     # All that counts inside lies in the silhouette's box; one of the two terms is zero in every
     # pixel.
@@ -60,30 +84,30 @@ def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> ND
     box = slice(max(top - 1, 0), top + height + 1), slice(max(left - 1, 0), left + width + 1)
     inside = _distances(pixels[box])
     if weighting == "wxor":
-        weights[box] += inside
+        weights[box] += inside  # eq. (8)
         return weights * np.float32(_HEIGHT / len(mask))
     middle = _distances(1 - thin_silhouette(mask[box]).view(np.uint8))
     if weighting == "balanced":
         np.minimum(weights / np.float32(_REACH * len(mask)), np.float32(1.0), out=weights)
     else:
         weights /= weights.max()
-    weights[box] += inside / np.maximum(inside + middle, np.float32(1e-6))
+    weights[box] += inside / np.maximum(inside + middle, np.float32(1e-6))  # eq. (9)
     return weights
 
 
 def _distances(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Returns each pixel's Euclidean distance to the nearest zero, (h, w) float32."""
-    found: NDArray[np.float32] = cv2.distanceTransform(
+    distances: NDArray[np.float32] = cv2.distanceTransform(
         np.ascontiguousarray(image), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
     )  # type: ignore[assignment]
     # OpenCV's last digit depends on where the image lies in memory; the square is an integer.
-    np.multiply(found, found, out=found)
-    np.rint(found, out=found)
-    return np.sqrt(found, out=found)
+    np.multiply(distances, distances, out=distances)
+    np.rint(distances, out=distances)
+    return np.sqrt(distances, out=distances)
 
 
 def thin_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Thins a silhouette (h, w) bool to lines of one pixel that keep its connections, (h, w) bool.
+    """Middle lines of a silhouette (h, w) bool, one pixel wide and connected as it is, (h, w) bool.
 
     Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), algorithm
     A1.

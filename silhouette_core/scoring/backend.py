@@ -58,9 +58,7 @@ class Backend(Protocol):
         which: NDArray[np.integer] | None = None,
         parallel: bool = True,
     ) -> FloatArray:
-        r"""Distance from observed silhouettes to others: nodes of the tree, samples of a library.
-
-        .. math:: d(P, Q) = s \sum_{x} d_P(x) \, |P(x) - Q(x)|
+        """Distance from observed silhouettes to others: nodes of the tree, samples of a library.
 
         Args:
             target: The observed silhouettes P with their pixel weights d_P, and how Q is moved:
@@ -90,7 +88,7 @@ class Backend(Protocol):
     ) -> FloatArray:
         r"""Sum of pixel weights under each of K drawn meshes: placements of a limb, whole poses.
 
-        With weights d_P (1 - 2 P) the sum over a silhouette Q is what Q adds to eq. (7):
+        With weights :math:`d_P (1 - 2 P)` the sum over a silhouette Q is what Q adds to eq. (7):
 
         .. math:: \sum_x d_P |P - Q| = \sum_x d_P P + \sum_{x \in Q} d_P (1 - 2 P)
 

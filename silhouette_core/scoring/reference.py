@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import FloatArray, Grid, checked_placements, chosen_spans
+from silhouette_core.scoring.kernels import reference as kernels
 from silhouette_core.scoring.target import Target
 
 
@@ -24,7 +25,17 @@ class ReferenceBackend:
         which: NDArray[np.integer] | None = None,
         parallel: bool = True,
     ) -> FloatArray:
-        """See `Backend.span_distances`."""
+        r"""Weighted disagreement of the silhouettes, pixel by pixel.
+
+        .. math::
+            :label: okada-7
+
+            d_{wXOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} d_P(x) \, |P(x) - Q(x)|
+
+        Arguments as of `Backend.span_distances`; 1 / |W| is the target's scale.
+
+        Source: Okada and Stenger, eq. (7).
+        """
         margin, shifts = target.margin_px, target.shifts_px
         height, width = target.masks[0].shape
         masks = [np.pad(mask, margin) for mask in target.masks]
@@ -41,7 +52,7 @@ class ReferenceBackend:
                     ((margin + down, margin - down), (margin + right, margin - right)),
                 )
                 for p, (mask, weight) in enumerate(zip(masks, weights, strict=True)):
-                    disagreement = weight[mask ^ moved].sum(dtype=np.float64)  # (7)
+                    disagreement = weight[mask ^ moved].sum(dtype=np.float64)  # eq. (7)
                     distances[k, p * len(shifts) + s] = target.scale * disagreement
         return distances
 
@@ -54,12 +65,12 @@ class ReferenceBackend:
         cull_back: bool = False,
     ) -> FloatArray:
         """See `Backend.drawn_weights`."""
-        labels, size = np.zeros(len(faces), np.int32), weights.shape[::-1]
-        drawn = (
-            render_parts(mesh, faces, labels, matrix, size, cull_back)[0] > 0
-            for mesh in vertices_cam
-        )
-        return np.array([weights[silhouette].sum() for silhouette in drawn])
+        labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
+        size = weights.shape[::-1]
+        for k, mesh in enumerate(vertices_cam):
+            parts, _ = render_parts(mesh, faces, labels, matrix, size, cull_back)
+            kernels.sum_weights(parts[None], weights, totals[k : k + 1])
+        return totals
 
     def silhouette_errors(
         self,
@@ -74,9 +85,9 @@ class ReferenceBackend:
             ratios = []
             for mask, matrix, mesh in zip(masks, matrices, meshes, strict=True):
                 parts, _ = render_parts(mesh, faces, labels, matrix, mask.shape[::-1], True)
-                either = np.count_nonzero((parts > 0) | mask)
+                apart, either = kernels.count_disagreement(parts, mask)
                 if either:
-                    ratios.append(np.count_nonzero((parts > 0) ^ mask) / either)
+                    ratios.append(apart / either)
             errors[k] = np.mean(ratios or 1.0)
         return errors
 
@@ -89,18 +100,10 @@ class ReferenceBackend:
         translations_m: FloatArray,
     ) -> NDArray[np.int64]:
         """See `Backend.pixel_scores`."""
-        scores = np.zeros(len(rotations), np.int64)
-        for k, world in enumerate(_placed(points, rotations, translations_m)):
-            cameras = _placed(world, views.rotation, views.translation_m)
-            for image, (fx, fy, cx, cy), seen in zip(
-                images, views.intrinsics, cameras, strict=True
-            ):
-                x, y, depth = seen[seen[:, 2] >= 0.05].T
-                column = np.floor((fx * x / depth + cx) + 0.5)
-                row = np.floor((fy * y / depth + cy) + 0.5)
-                within = (row >= 0) & (row < len(image)) & (column >= 0) & (column < image.shape[1])
-                pixel = row[within].astype(np.int64), column[within].astype(np.int64)
-                scores[k] += image[pixel].sum(dtype=np.int64)
+        placed = checked_placements(points, rotations, translations_m)
+        scores = np.empty(len(rotations), np.int64)
+        cameras = views.intrinsics, views.rotation, views.translation_m
+        kernels.pixel_scores(*placed, *cameras, images, scores)
         return scores
 
     def voxel_overlap(
@@ -113,14 +116,11 @@ class ReferenceBackend:
         translations_m: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """See `Backend.voxel_overlap`."""
-        scores = np.zeros((len(rotations), 2))
-        for score, world in zip(scores, _placed(points, rotations, translations_m), strict=True):
-            voxel = np.floor((world - grid.origin_m) * (1.0 / grid.voxel_size_m))
-            occupied = _look_up(occupancy, voxel, False)
-            # Sums in the order of the points.
-            sums = np.cumsum([np.where(occupied, weights, 0), np.where(occupied, 0, weights)], 1)
-            score[:] = sums[:, -1] if len(points) else 0.0
-        return scores[:, 0], scores[:, 1]
+        points, rotations, translations_m = checked_placements(points, rotations, translations_m)
+        inside, outside = np.empty((2, len(rotations)))
+        cells, placed = (occupancy, grid.origin_m, 1 / grid.voxel_size_m), (points, weights)
+        kernels.voxel_overlap(*cells, *placed, rotations, translations_m, inside, outside)
+        return inside, outside
 
     def voxel_cover(
         self,
@@ -132,28 +132,8 @@ class ReferenceBackend:
         translations_m: FloatArray,
     ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
         """See `Backend.voxel_cover`."""
-        sets = np.zeros((len(rotations), 64 * words), bool)
-        empty, taken = np.zeros((2, len(rotations)), np.int64)
-        for k, world in enumerate(_placed(points, rotations, translations_m)):
-            found = _look_up(numbers, np.floor((world - grid.origin_m) / grid.voxel_size_m), -1)
-            sets[k, found[found >= 0]] = True
-            empty[k], taken[k] = np.count_nonzero(found == -1), np.count_nonzero(found == -2)
-        return np.packbits(sets, axis=1, bitorder="little").view(np.uint64), empty, taken
-
-
-def _placed(
-    points: FloatArray, rotations: FloatArray, translations_m: FloatArray
-) -> Iterator[FloatArray]:
-    """Yields the points (P, 3) of every placement; written out, so that sums have one order."""
-    points, rotations, translations_m = checked_placements(points, rotations, translations_m)
-    for r, t in zip(rotations, translations_m, strict=True):
-        x, y, z = points[:, :1], points[:, 1:2], points[:, 2:]
-        yield ((x * r[:, 0] + y * r[:, 1]) + z * r[:, 2]) + t
-
-
-def _look_up(array: NDArray, voxel: FloatArray, beyond: int) -> NDArray:
-    """Returns the entries of an array at voxels (P, 3), or `beyond` outside of it."""
-    within = ((voxel >= 0) & (voxel < array.shape)).all(axis=1)
-    found = np.full(len(voxel), beyond, array.dtype)
-    found[within] = array[tuple(voxel[within].astype(np.int64).T)]
-    return found
+        placed = checked_placements(points, rotations, translations_m)
+        bits = np.empty((len(rotations), words), np.uint64)
+        empty, taken = np.empty((2, len(rotations)), np.int64)
+        kernels.voxel_cover(numbers, grid.origin_m, grid.voxel_size_m, *placed, bits, empty, taken)
+        return bits, empty, taken

@@ -2,6 +2,7 @@ import cv2
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from silhouette_core.image.distance import _removable
 from tests.kernel_examples import Example
 
 SIZE = (20, 30)
@@ -115,3 +116,8 @@ def draw(rng):
 
 def draw_many(rng):
     return Example((*mesh(rng, 3), False, np.zeros((3, 40, 60), np.uint8)))
+
+
+def thin_in_place(rng):
+    image = np.pad(blob(rng, (40, 50)).astype(np.uint8), 1)
+    return Example((image, _removable()))

@@ -1,4 +1,8 @@
-"""Loops of thinning and of the weighted silhouette distances."""
+"""Thinning of silhouettes to their middle lines, for the weights of the silhouette distance.
+
+Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), algorithm A1.
+Reference: `reference.py`.
+"""
 
 import numpy as np
 
@@ -10,8 +14,8 @@ def thin_in_place(image, removable):
     """Thins image (h + 2, w + 2) uint8 of 0 and 1 with an empty rim; removable (2, 256) says which
     neighbourhoods go in each pass.
 
-    A pixel that stayed in both passes is looked at again only once a neighbour went: nothing else
-        can change its lot.
+    A pixel that stayed in both passes is checked again only once a neighbour went: nothing else can
+    change the result.
     """
     width = image.shape[1]
     pixels = image.reshape(-1)
@@ -22,7 +26,7 @@ def thin_in_place(image, removable):
         np.empty(room, np.int32),
         np.empty(room, np.int32),
     )
-    waiting = np.zeros(room, np.uint8)  # how many more passes look at a pixel
+    waiting = np.zeros(room, np.uint8)  # how many more passes check a pixel
     count = 0
     for p in range(width + 1, room - width - 1):
         if pixels[p]:

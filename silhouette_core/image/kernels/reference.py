@@ -138,6 +138,21 @@ def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
         draw(pose, faces, face_part, matrix, near, cull, image, depth)
 
 
+def thin_in_place(image, removable):
+    """Guo and Hall, algorithm A1: two passes in turn over all pixels, until nothing goes."""
+    height, width = image.shape
+    around = ((0, 0), (0, 1), (0, 2), (1, 2), (2, 2), (2, 1), (2, 0), (1, 0))
+    inner, before = image[1:-1, 1:-1], np.empty(0)
+    while not np.array_equal(before, image):
+        before = image.copy()
+        for going in removable:
+            code = sum(
+                image[y : y + height - 2, x : x + width - 2].astype(int) << bit
+                for bit, (y, x) in enumerate(around)
+            )
+            inner[going[code]] = 0
+
+
 def _unit(colour):
     """Colours (H, W, 3) over their lengths; black stays black."""
     return colour / np.maximum(np.linalg.norm(colour, axis=2, keepdims=True), 1.0)

@@ -1,5 +1,6 @@
-"""Placed points looked up in the images of several cameras. Reference:
-`ReferenceBackend.pixel_scores`.
+"""Placed points looked up in the images of several cameras.
+
+Source: this project. Reference: `reference.py`.
 """
 
 import numpy as np

@@ -1,5 +1,6 @@
-"""Drawn silhouettes against an observed one. Reference: `ReferenceBackend.drawn_weights` and
-`ReferenceBackend.silhouette_errors`.
+"""Drawn silhouettes against an observed one.
+
+Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `reference.py`.
 """
 
 from silhouette_core.jit import kernel, parallel_kernel, prange

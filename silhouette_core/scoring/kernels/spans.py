@@ -1,7 +1,9 @@
-"""Silhouette distances as sums over runs: Okada and Stenger, eq. (7)-(9), rearranged.
+"""Silhouette distances as sums over runs of pixels.
 
 The weighted disagreement of P with Q is the sum of d_P over P plus the sum of d_P (1 - 2 P) over Q:
-two look-ups of a prefix sum for every run of Q. Reference: `ReferenceBackend.span_distances`.
+two look-ups of a prefix sum for every run of Q.
+
+Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `reference.py`.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""Many placements of a part on the voxels: Iiyama, Kameda and Minoh, section 2.
+"""Many placements of a part on the voxels.
 
-References: the methods of `ReferenceBackend` with the same names.
+Source: Iiyama, Kameda and Minoh, step (5). Reference: `reference.py`.
 """
 
 import math

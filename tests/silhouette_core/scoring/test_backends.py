@@ -1,5 +1,6 @@
 """One set of tests for every scoring backend: the project's own two and one registered outside."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -208,3 +209,18 @@ def test_what_is_registered_is_checked():
         load_backend("gpu")
     with pytest.raises(TypeError, match="types:SimpleNamespace is registered as backend 'nothing'"):
         load_backend("nothing")
+
+
+def test_scoring_kernels_are_known_to_the_scoring_room_alone():
+    root = Path(__file__).resolve().parents[3]
+    files = [
+        p
+        for name in ("calib", "silhouette_core", "voxelpose")
+        for p in root.glob(f"{name}/**/*.py")
+    ]
+    users = {
+        path.relative_to(root).parts[:2]
+        for path in files
+        if "scoring.kernels" in path.read_text(encoding="utf-8")
+    }
+    assert users == {("silhouette_core", "scoring")}

@@ -1,4 +1,8 @@
-"""Counts of voxels in sets that are kept as bits."""
+"""Counts of voxels in sets that are kept as bits.
+
+Source: Iiyama, Kameda and Minoh, steps (3) and (5), the voxels that several parts cover; the bounds
+are this project's. Reference: `reference.py`.
+"""
 
 import numpy as np
 
