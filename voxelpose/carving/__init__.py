@@ -1,1 +1,1 @@
-"""Voxel grids and the visual hull."""
+"""Voxel grids and visual hulls."""

@@ -1,4 +1,4 @@
-"""Where to carve: the smallest box that the silhouettes allow."""
+"""Bounding box of a visual hull, before it is carved."""
 
 from itertools import combinations
 from typing import Any
@@ -16,15 +16,14 @@ from voxelpose.carving.views import Masks, mask_list
 
 _SEARCH_VOXELS = 64  # along the longest edge of the box while it shrinks
 _SEARCH_STEPS = 6
-_STILL_SHRINKS = 0.9  # of the volume
+_LEAST_SHRINKAGE = 0.9  # ratio of volumes above which shrinking ends
 _MARGIN_VOXELS = 1
 _FAR_M = 1e4
 _LARGEST = 1 << 30  # voxels
-_OFF_AXIS = 1.5  # how much larger than on the axis something may appear toward the image's corners
+_OFF_AXIS = 1.5  # largest magnification toward the image's corners, relative to the axis
 
-_Sides = tuple[
-    NDArray[np.float64], NDArray[np.bool_]
-]  # a pyramid's planes, and which of them are image borders
+# A pyramid's planes, and which of them are image borders.
+_Sides = tuple[NDArray[np.float64], NDArray[np.bool_]]
 _Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # low and high corner
 
 
@@ -35,39 +34,39 @@ def place_grid(
     resolution: int = 128,
     rule: CarveRule | None = None,
 ) -> VoxelGrid:
-    """Finds the box that holds the visual hull.
+    """Smallest grid that holds the visual hull.
 
-    Every silhouette lies in a pyramid in front of its camera; the pyramids' common volume is a
-    convex body whose box six linear programs give. It is then carved coarsely, with silhouettes
-    widened by a voxel so that nothing thin is lost, and shrunk to what is left. A side of a
-    silhouette that lies on the border of its image does not bound anything, unless nothing else
-    does.
+    Every silhouette lies in a pyramid in front of its camera; the pyramids' intersection is a
+    convex body whose bounding box six linear programs yield. That box is carved coarsely, with
+    silhouettes dilated by a voxel so that thin structures remain, and shrunk to the occupied
+    voxels. A side of a silhouette on the border of its image is not a bound, unless there is no
+    other.
 
     Args:
         rig: C cameras.
         masks: Silhouettes, (h, w) bool each: by camera name, or in the order of the rig.
         voxel_size_m: Edge of a voxel, m; None divides the box's longest edge by `resolution`.
         resolution: Voxels along the longest edge where no size is given.
-        rule: When a voxel stays; its tolerance holds here as well.
+        rule: Condition under which a voxel is occupied; its tolerance holds here as well.
 
     Returns:
-        The grid, which has a margin of one voxel.
+        The grid, with a margin of one voxel.
 
     Raises:
-        InputError: No foreground, no common volume, or nothing left; it names the cameras.
-        ValueError: An impossible argument.
+        InputError: No foreground, no common volume, or no occupied voxel; it names the cameras.
+        ValueError: An argument is out of range.
     """
     if resolution < 1:
         raise ValueError(f"resolution must be at least 1 voxel, got {resolution}")
     if voxel_size_m is not None and not voxel_size_m > 0:
         raise ValueError(f"voxel_size_m must be positive, got {voxel_size_m}")
     rule = rule or CarveRule()
-    pictures = mask_list(rig, masks)
-    require_foreground(rig, pictures, rule.tolerance)
-    low, high = _pyramid_box(rig, pictures, rule)
+    images = mask_list(rig, masks)
+    require_foreground(rig, images, rule.tolerance)
+    low, high = _pyramid_box(rig, images, rule)
     if len(_blind(rig, low, high)) > rule.tolerance:
         raise _nothing_common(rig)
-    low, high = _shrink(rig, pictures, rule, low, high)
+    low, high = _shrink(rig, images, rule, low, high)
     size = voxel_size_m or float((high - low).max()) / resolution
     return grid_within(low - _MARGIN_VOXELS * size, high + _MARGIN_VOXELS * size, size)
 
@@ -75,8 +74,15 @@ def place_grid(
 def grid_within(
     low_m: NDArray[np.float64], high_m: NDArray[np.float64], voxel_size_m: float
 ) -> VoxelGrid:
-    """Makes the grid of a box (3,), (3,), world, m; raises InputError where it would not fit into
-    memory.
+    """Grid of a box.
+
+    Args:
+        low_m: (3,) float64, low corner, world.
+        high_m: (3,) float64, high corner, world.
+        voxel_size_m: Edge of a voxel.
+
+    Raises:
+        InputError: The box is empty, or the grid would not fit into memory.
     """
     edges = np.asarray(high_m, dtype=np.float64) - low_m
     if not (edges > 0).all():
@@ -110,10 +116,8 @@ def require_foreground(rig: Rig, masks: list[NDArray[Any]], tolerance: int = 0) 
 
 
 def _pyramid(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Returns the planes (4, 4) as [n, d], inside where n x + d <= 0, left right upper lower,
-    around the rays of pixels (N, 2).
-
-    None where no ray meets any of them.
+    """Planes (4, 4) of the pyramid around the rays of pixels (N, 2): left, right, upper, lower, as
+    [n, d] with n x + d <= 0 inside; None if no pixel has a ray.
     """
     _, directions = camera.rays(pixels)
     forward = (directions @ camera.rotation.T)[np.isfinite(directions).all(axis=1)]
@@ -126,11 +130,11 @@ def _pyramid(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def _outline(mask: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Returns the corners (N, 2) of the outermost foreground pixels of every row and column, px."""
+    """Corners (N, 2), px, of the outermost foreground pixels of every row and column."""
     outer = []
-    for picture, order in ((mask, (1, 0)), (mask.T, (0, 1))):
-        lines = np.flatnonzero(picture.any(axis=1))
-        part = picture[lines]
+    for image, order in ((mask, (1, 0)), (mask.T, (0, 1))):
+        lines = np.flatnonzero(image.any(axis=1))
+        part = image[lines]
         first, last = part.argmax(axis=1), part.shape[1] - 1 - part[:, ::-1].argmax(axis=1)
         outer += [np.column_stack([lines, column])[:, list(order)] for column in (first, last)]
     pixels = np.concatenate(outer).astype(np.float64)
@@ -138,12 +142,12 @@ def _outline(mask: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def _touches(mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Says at which image borders (left, right, upper, lower) the silhouette is cut off."""
+    """Whether each image border (left, right, upper, lower) cuts the silhouette, (4,) bool."""
     return np.array([mask[:, 0].any(), mask[:, -1].any(), mask[0].any(), mask[-1].any()])
 
 
 def _frame(camera: Camera) -> NDArray[np.float64]:
-    """Returns the whole image's pyramid (4, 4)."""
+    """Planes (4, 4) of the pyramid of the whole image."""
     planes = _pyramid(camera, _outline(np.ones((camera.size[1], camera.size[0]), dtype=np.uint8)))
     if planes is None:
         raise InputError(f"the lens of {camera.name} sees nothing: check its calibration")
@@ -151,8 +155,8 @@ def _frame(camera: Camera) -> NDArray[np.float64]:
 
 
 def _box(planes: NDArray[np.float64]) -> _Box | None:
-    """Returns the box around the points inside all planes (N, 4): corners with infinities where
-    unbounded, None where empty.
+    """Bounding box of the points inside all planes (N, 4), infinite where unbounded; None if there
+    are none.
     """
     corners = np.empty((2, 3))
     for axis in range(3):
@@ -166,16 +170,15 @@ def _box(planes: NDArray[np.float64]) -> _Box | None:
             )
             if solution.x is None:
                 return None
-            # Bounded by hand: left free, the solver may call an unbounded program infeasible.
-            corners[side, axis] = (
-                solution.x[axis] if abs(solution.x[axis]) < 0.99 * _FAR_M else -sign * np.inf
-            )
+            # Explicit bounds: without them the solver may call an unbounded program infeasible.
+            unbounded = abs(solution.x[axis]) >= 0.99 * _FAR_M
+            corners[side, axis] = -sign * np.inf if unbounded else solution.x[axis]
     return corners[0], corners[1]
 
 
 def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _Box:
-    """Returns the box of the pyramids' common volume, or of all volumes common to all but
-    `rule.tolerance` of them.
+    """Bounding box of the pyramids' intersection, or of all intersections without `rule.tolerance`
+    of them.
     """
     sides: list[_Sides] = []
     for camera, mask in zip(rig, masks, strict=True):
@@ -184,15 +187,13 @@ def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _
             sides.append(
                 (planes, _touches(mask) if rule.outside == "keep" else np.zeros(4, dtype=bool))
             )
-    # Cameras without foreground have used up their share of the tolerance.
+    # Cameras without foreground count toward the tolerance.
     used = max(1, min(len(sides), len(rig) - rule.tolerance))
-    boxes = [box for some in combinations(sides, used) if (box := _bounded_box(some)) is not None]
+    candidates = map(_bounded_box, combinations(sides, used))
+    boxes = [box for box in candidates if box is not None]
     if not boxes:
         raise _nothing_common(rig)
-    low, high = (
-        np.min([low for low, _ in boxes], axis=0),
-        np.max([high for _, high in boxes], axis=0),
-    )
+    low, high = np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]
     if not np.isfinite([low, high]).all():
         raise InputError(
             f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the same"
@@ -202,8 +203,8 @@ def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _
 
 
 def _bounded_box(sides: tuple[_Sides, ...]) -> _Box | None:
-    """Returns the box inside all planes that are not cut off by an image border, or inside all if
-    those leave it open.
+    """Bounding box inside all planes that are not image borders, or inside all planes if those do
+    not bound it.
     """
     box = _box(np.concatenate([planes[~cut] for planes, cut in sides]))
     if box is not None and not np.isfinite(box).all():
@@ -212,13 +213,13 @@ def _bounded_box(sides: tuple[_Sides, ...]) -> _Box | None:
 
 
 def _blind(rig: Rig, low: NDArray[np.float64], high: NDArray[np.float64]) -> list[str]:
-    """Names the cameras that see nothing of a box."""
+    """Names of the cameras that do not see any of a box."""
     box = np.block([[np.eye(3), -high[:, None]], [-np.eye(3), low[:, None]]])
     return [camera.name for camera in rig if _box(np.concatenate([box, _frame(camera)])) is None]
 
 
 def _nothing_common(rig: Rig) -> InputError:
-    """Says why there is no common volume."""
+    """Error that names the reason why there is no common volume."""
     frames = {camera.name: _frame(camera) for camera in rig}
     apart = [
         f"{a} and {b}"
@@ -248,15 +249,15 @@ def _shrink(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> _Box:
-    """Carves coarsely and cuts the box down, until that gains little."""
+    """Box after repeated coarse carving, until that no longer shrinks it much."""
     for _ in range(_SEARCH_STEPS):
-        # A silhouette that reaches all borders leaves a box so large that its coarse voxels are
-        # larger than a person: then finer ones.
+        # A silhouette that reaches all borders leaves a box so large that coarse voxels are larger
+        # than a person.
         for voxels in (_SEARCH_VOXELS, 2 * _SEARCH_VOXELS, 4 * _SEARCH_VOXELS, 8 * _SEARCH_VOXELS):
             grid = VoxelGrid.from_bounds(low, high, float((high - low).max()) / voxels)
             occupancy = carve(
                 rig,
-                [_widened(camera, mask, grid) for camera, mask in zip(rig, masks, strict=True)],
+                [_dilated(camera, mask, grid) for camera, mask in zip(rig, masks, strict=True)],
                 grid,
                 rule,
             )
@@ -264,32 +265,27 @@ def _shrink(
                 break
         else:
             raise _nothing_common(rig)
-        held, _ = grid.cropped(occupancy)
-        new_low, new_high = (
-            np.maximum(low, held.origin_m),
-            np.minimum(high, held.origin_m + held.size_m),
-        )
-        gain = (new_high - new_low).prod() / (high - low).prod()
-        low, high = new_low, new_high
-        if gain > _STILL_SHRINKS:
+        cropped, _ = grid.cropped(occupancy)
+        volume = (high - low).prod()
+        low = np.maximum(low, cropped.origin_m)
+        high = np.minimum(high, cropped.origin_m + cropped.size_m)
+        if (high - low).prod() / volume > _LEAST_SHRINKAGE:
             break
     return low, high
 
 
-def _widened(camera: Camera, mask: NDArray[np.uint8], grid: VoxelGrid) -> NDArray[np.bool_]:
-    """Widens a silhouette by half a voxel's diagonal, as the voxel nearest to the camera shows it."""
+def _dilated(camera: Camera, mask: NDArray[np.uint8], grid: VoxelGrid) -> NDArray[np.bool_]:
+    """Silhouette dilated by half the diagonal of the nearest voxel's image."""
     corners = grid.origin_m + grid.size_m * np.array(list(np.ndindex(2, 2, 2)))
     depth_m = (corners @ camera.rotation[2] + camera.translation[2]).min()
     half_m = 0.5 * np.sqrt(3) * grid.voxel_size_m
-    most = max(camera.size) // 8
-    radius = (
-        most
-        if depth_m <= half_m
-        else min(most, int(np.ceil(_OFF_AXIS * half_m * camera.matrix[0, 0] / (depth_m - half_m))))
-    )
+    radius = max(camera.size) // 8
+    if depth_m > half_m:
+        image_px = _OFF_AXIS * half_m * camera.matrix[0, 0] / (depth_m - half_m)
+        radius = min(radius, int(np.ceil(image_px)))
     return cv2.dilate(mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)).astype(bool)
 
 
 def _metres(point_m: NDArray[np.float64]) -> str:
-    """Writes three lengths."""
+    """Three lengths as text."""
     return " x ".join(f"{value:.2f}" for value in point_m) + " m"

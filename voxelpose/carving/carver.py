@@ -1,4 +1,4 @@
-"""The visual hull of silhouettes, as voxels."""
+"""Visual hull of silhouettes, as voxels."""
 
 import math
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from voxelpose.carving.views import Masks, block_order, mask_list, pack_masks, p
 
 @dataclass(frozen=True)
 class CarveRule:
-    """When a voxel stays.
+    """Condition under which a voxel is occupied; see `carve`.
 
     A camera sees a voxel whose centre is in front of it, inside the field of its lens, and whose
     nearest pixel is in its image. A camera that sees it agrees where that pixel is foreground, and
     objects where it is background.
 
-    Attributes: tolerance: Most cameras that may object: k where a voxel stays when at least C - k
-        of the C cameras that see it agree. outside: What a camera says of a voxel that it does not
-        see (behind it, or outside its image): "keep" says nothing,
-            "carve" objects.
-        least_agreeing: Fewest cameras that must agree, so that what stands near one camera and out
-            of sight of the others is not taken for a body; 0 keeps even what no camera sees. None
-            means three quarters of the cameras, less the tolerance.
+    Attributes:
+        tolerance: Most cameras that may object.
+        outside: Effect of a camera that does not see the voxel (behind it, or outside its image):
+            "keep" has none, "carve" counts as objecting.
+        least_agreeing: Fewest cameras that must agree, so that an object near one camera and
+            invisible to the others is not mistaken for a body; 0 keeps even voxels that no camera
+            sees. None means three quarters of the cameras, less the tolerance.
     """
 
     tolerance: int = 0
@@ -46,7 +46,7 @@ class CarveRule:
             )
 
     def packed(self, cameras: int) -> tuple[int, int, int]:
-        """Returns the rule for so many cameras as `blocks.carve_blocks` takes it."""
+        """Rule for a number of cameras, as `blocks.carve_blocks` takes it."""
         least = (
             max(1, 3 * cameras // 4 - self.tolerance)
             if self.least_agreeing is None
@@ -58,29 +58,42 @@ class CarveRule:
 def carve(
     rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
 ) -> NDArray[np.bool_]:
-    """Carves a volume: voxels whose projections are background are removed.
+    r"""Visual hull: the voxels whose projections are foreground.
 
-    Lenses are respected. A point's nearest pixel is floor(x + 0.5), floor(y + 0.5): a tie goes to
-    the right and downward. The result is, bit for bit, that of `voxelpose.carving.reference.carve`,
-    for every number of threads.
+    A voxel with centre v is occupied where
 
-    Whole blocks are decided first: a block's image lies in a box around its middle's pixel (for a
-    lens, widened by how much it can stretch there), and a summed-area table tells at once if that
-    box is all foreground or all background.
+    .. math::
 
-    Args: rig: C cameras. masks: Silhouettes, (h, w) bool each: by camera name, or in the order of
-        the rig. grid: The volume. rule: When a voxel stays; by default when every camera that sees
-        it agrees, and three quarters do.
+        \sum_{c=1}^{C} s_c(v)\, (1 - P_c(\pi_c(v))) \le k
+        \quad \text{and} \quad \sum_{c=1}^{C} s_c(v)\, P_c(\pi_c(v)) \ge a
+
+    with :math:`s_c(v)` = 1 if camera c sees v and 0 otherwise, :math:`P_c` its silhouette (1 in the
+    foreground), :math:`\pi_c` the projection to the nearest pixel, lens distortion included, k the
+    tolerance and a the least number of agreeing cameras of the rule. A point's nearest pixel is
+    floor(x + 0.5), floor(y + 0.5): a tie goes to the right and downward. The result is, bit for
+    bit, that of `voxelpose.carving.kernels.reference.carve_voxels`, for every number of threads.
+
+    Whole blocks are decided first: a block's image lies in a box around the pixel of its centre
+    (widened by a bound on the lens's stretching), and a summed-area table shows whether that box is
+    all foreground or all background.
+
+    Args:
+        rig: C cameras.
+        masks: Silhouettes, (h, w) bool each: by camera name, or in the order of the rig.
+        grid: The volume.
+        rule: Condition for a voxel; by default every camera that sees it agrees, and three quarters
+            of all cameras do.
 
     Returns:
-        (nx, ny, nz) bool, True where the voxel stays.
+        (nx, ny, nz) bool, True where the voxel is occupied.
 
     Raises:
         ValueError: A mask is missing, or differs in size from its camera's image.
         TypeError: A mask is not bool.
 
-    Source: the shape from silhouette that Iiyama, Kameda and Minoh assume as input; the blocks are
-    ours.
+    Source: shape from silhouette, which Iiyama, Kameda and Minoh assume as input, as in Laurentini,
+    "The visual hull concept for silhouette-based image understanding" (1994); tolerance and blocks
+    are ours.
     """
     rule = rule or CarveRule()
     frames, sums, pixels = pack_masks(mask_list(rig, masks))

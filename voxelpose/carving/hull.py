@@ -1,4 +1,4 @@
-"""Carving one frame of a recording folder."""
+"""Visual hull of one frame of a recording folder."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,14 +19,14 @@ from voxelpose.recording.folder import Recording
 
 @dataclass(frozen=True)
 class CarveSettings:
-    """How a frame is carved and written.
+    """Settings of carving a frame and writing its hull.
 
     Attributes:
         frame: Number of the frame.
         voxel_size_m: Edge of a voxel, m; None divides the volume's longest edge by `resolution`.
         resolution: Voxels along the longest edge where no size is given.
         volume_m: Low corner x, y, z and high corner x, y, z, world, m; None finds the volume.
-        rule: When a voxel stays.
+        rule: Condition under which a voxel is occupied.
         style: "surface" writes a triangle mesh, "voxels" the centres of the occupied voxels.
         cameras: Names of the cameras to use; None means all.
         unit: Unit of the calibration's lengths where its file does not say.
@@ -42,7 +42,7 @@ class CarveSettings:
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        """Checks what the user gave."""
+        """Checks the settings."""
         if self.frame < 0:
             raise InputError(f"frame {self.frame} is impossible: the first is 0")
         if self.voxel_size_m is not None and not (
@@ -62,11 +62,12 @@ class Hull:
     """A carved frame.
 
     Attributes:
-        grid: The voxels' places.
+        grid: Positions of the voxels.
         occupancy: (nx, ny, nz) bool.
         rig: The cameras used.
         masks: (h, w) bool by camera name.
-        without_background: Cameras whose background had to be guessed from the recording itself.
+        without_background: Cameras without frames of the empty scene, whose background was
+            estimated from the recording itself.
     """
 
     grid: VoxelGrid
@@ -87,25 +88,25 @@ def carve_recording(
     settings: CarveSettings | None = None,
     overwrite: bool = False,
 ) -> Hull:
-    """Carves one frame of a recording, and writes it.
+    """Visual hull of one frame of a recording, written to a file if one is named.
 
     Args:
         folder: The recording folder; see docs/recordings.md.
         out: PLY file to write; None writes nothing.
-        settings: What to carve, and how.
+        settings: Frame, volume, resolution and rule.
         overwrite: Whether `out` may exist.
 
     Returns:
         The hull.
 
     Raises:
-        InputError: Something is missing or does not fit, in one line; nothing is written.
+        InputError: Input is missing or inconsistent; nothing is written.
     """
     settings = settings or CarveSettings()
     if out is not None and Path(out).exists() and not overwrite:
         raise InputError(f"{out} exists: choose another name, or say --overwrite")
     cameras = None if settings.cameras is None else list(settings.cameras)
-    # One frame has no rate: any will do, so that folders of frames need none.
+    # A single frame needs no frame rate: any value does for folders of images.
     recording = Recording.open(
         folder, (settings.frame, settings.frame + 1), cameras, settings.unit, fps=1.0
     )
@@ -125,8 +126,16 @@ def carve_masks(
     settings: CarveSettings,
     without_background: tuple[str, ...] = (),
 ) -> Hull:
-    """Carves silhouettes (h, w) bool by camera name, in a volume that is given or found; InputError
-    where nothing is left.
+    """Visual hull of one set of silhouettes, in the given volume or in the smallest that holds it.
+
+    Args:
+        rig: C cameras.
+        masks: Silhouettes, (h, w) bool, by camera name.
+        settings: Volume, resolution and rule.
+        without_background: Cameras whose background was estimated from the recording.
+
+    Raises:
+        InputError: No voxel is occupied.
     """
     if settings.volume_m is None:
         grid = place_grid(rig, masks, settings.voxel_size_m, settings.resolution, settings.rule)

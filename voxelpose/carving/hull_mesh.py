@@ -1,4 +1,4 @@
-"""The skin of a voxel body, and PLY files."""
+"""Surface mesh of a voxel body, and PLY files."""
 
 import os
 from pathlib import Path
@@ -13,23 +13,24 @@ from calib.errors import InputError
 from voxelpose.carving.grid import VoxelGrid
 
 _RELAXATIONS = 5
-_FREEDOM = 0.49  # how far a vertex may move within its cell, in voxels
+_LARGEST_SHIFT = 0.49  # of a vertex from the centre of its cell, in voxels
 
 
 def surface(
     grid: VoxelGrid, occupancy: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Makes a closed triangle mesh around the occupied voxels.
+    """Closed triangle mesh around the occupied voxels.
 
-    One vertex for every eight neighbouring voxels that are not all alike; it then moves toward the
-    mean of its neighbours, but never out of its cell, so that the mesh is smooth, separates the
-    same voxel centres, and loses nothing thin.
+    There is one vertex for every eight neighbouring voxels that are neither all occupied nor all
+    empty. It is moved toward the mean of its neighbours, but not out of its cell, so that the mesh
+    is smooth, separates the same voxel centres, and keeps thin structures.
 
     Args:
-        grid: The voxels' places.
+        grid: Positions of the voxels.
         occupancy: (nx, ny, nz) bool.
 
-    Returns: Vertices (V, 3) float64, world, m, and triangles (F, 3) int64, counter-clockwise from
+    Returns:
+        Vertices (V, 3) float64, world, m, and triangles (F, 3) int64, counter-clockwise from
         outside.
 
     Raises:
@@ -40,17 +41,17 @@ def surface(
     """
     check_array("occupancy", occupancy, grid.shape, np.bool_)
     padded = np.pad(occupancy, 1)
-    cells = tuple(n + 1 for n in grid.shape)
-    count = np.zeros(cells, dtype=np.uint8)
+    shape = tuple(n + 1 for n in grid.shape)
+    count = np.zeros(shape, dtype=np.uint8)
     for i, j, k in np.ndindex(2, 2, 2):
-        count += padded[i : i + cells[0], j : j + cells[1], k : k + cells[2]]
+        count += padded[i : i + shape[0], j : j + shape[1], k : k + shape[2]]
     mixed = (count > 0) & (count < 8)
-    number = np.full(cells, -1, dtype=np.int64)
+    number = np.full(shape, -1, dtype=np.int64)
     number[mixed] = np.arange(np.count_nonzero(mixed))
-    places = np.argwhere(mixed)
+    cells = np.argwhere(mixed)
     quads = np.concatenate([_quads(padded, number, axis) for axis in range(3)])
-    # A cell's middle is a corner of voxels.
-    vertices = grid.lattice + places + _relax(len(places), quads, places)
+    # A cell's centre is a corner of voxels.
+    vertices = grid.lattice + cells + _relaxed_shifts(quads, cells)
     return vertices * grid.voxel_size_m, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
@@ -60,12 +61,12 @@ def write_ply(
     occupancy: NDArray[np.bool_],
     style: Literal["surface", "voxels"] = "surface",
 ) -> None:
-    """Writes the hull as a binary PLY file, in metres; it appears whole or not at all.
+    """Writes the hull as a binary PLY file, in metres; no partial file is left behind.
 
     Args:
         path: The file.
-        grid: The voxels' places.
-        occupancy: (nx, ny, nz) bool, something of it occupied.
+        grid: Positions of the voxels.
+        occupancy: (nx, ny, nz) bool, not all False.
         style: "surface" is a triangle mesh, "voxels" the centres of the occupied voxels as points.
 
     Raises:
@@ -91,9 +92,7 @@ def write_ply(
 
 
 def _quads(padded: NDArray[np.bool_], number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
-    """Returns (Q, 4) vertex numbers: a face across every pair of neighbours along `axis` of which
-    one is occupied.
-    """
+    """Vertices (Q, 4) of the faces between neighbours along `axis` of which one is occupied."""
     inside = np.moveaxis(padded, axis, 0)
     outward, inward = inside[:-1] & ~inside[1:], ~inside[:-1] & inside[1:]
     across, second, third = (axis, (axis + 1) % 3, (axis + 2) % 3)
@@ -112,18 +111,19 @@ def _quads(padded: NDArray[np.bool_], number: NDArray[np.int64], axis: int) -> N
     return np.concatenate(quads)
 
 
-def _relax(count: int, quads: NDArray[np.int64], places: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Returns the shift (V, 3), in voxels, of every vertex from the middle of its cell."""
+def _relaxed_shifts(quads: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Shifts (V, 3), in voxels, of the vertices from the centres of their cells (V, 3)."""
+    count = len(cells)
     ends = np.concatenate([quads[:, [i, (i + 1) % 4]] for i in range(4)])
     degree = np.bincount(ends.ravel(), minlength=count)[:, None]
     shift = np.zeros((count, 3))
     for _ in range(_RELAXATIONS):
-        now = places + shift
+        position = cells + shift
         mean = np.empty_like(shift)
         for axis in range(3):
-            total = np.bincount(ends[:, 0], weights=now[ends[:, 1], axis], minlength=count)
+            total = np.bincount(ends[:, 0], weights=position[ends[:, 1], axis], minlength=count)
             mean[:, axis] = total + np.bincount(
-                ends[:, 1], weights=now[ends[:, 0], axis], minlength=count
+                ends[:, 1], weights=position[ends[:, 0], axis], minlength=count
             )
-        shift = np.clip(mean / degree - places, -_FREEDOM, _FREEDOM)
+        shift = np.clip(mean / degree - cells, -_LARGEST_SHIFT, _LARGEST_SHIFT)
     return shift

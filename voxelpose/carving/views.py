@@ -1,4 +1,4 @@
-"""Cameras and masks as the plain arrays that the kernels take."""
+"""Cameras and masks packed into the plain arrays of the kernels."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,13 @@ _WIDEST = 100.0  # tangent of 89.4 degrees
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One camera for the kernels: its row, kind and bound (see `blocks.carve_blocks`)."""
+    """One camera for the kernels; see `blocks.carve_blocks`.
+
+    Attributes:
+        row: (COLUMNS,) float64.
+        kind: PINHOLE, RATIONAL or FISHEYE.
+        bound: (2, bins) float64.
+    """
 
     row: NDArray[np.float64]
     kind: int
@@ -35,20 +41,20 @@ class _View:
 
 
 class _Reused:
-    """Memory that is kept between calls: fresh pages would cost more than what is written to them."""
+    """Array reused between calls: allocating memory would take longer than filling it."""
 
     def __init__(self, dtype: type) -> None:
         self._array = np.empty(0, dtype=dtype)
 
-    def of(self, count: int) -> NDArray[Any]:
-        """Returns `count` elements of whatever was there before."""
+    def take(self, count: int) -> NDArray[Any]:
+        """The first `count` elements, with arbitrary contents."""
         if len(self._array) < count:
             self._array = np.empty(count, dtype=self._array.dtype)
         return self._array[:count]
 
 
 class _Workspace(local):
-    """One for every thread."""
+    """Reused arrays of one thread."""
 
     def __init__(self) -> None:
         self.pixels, self.sums = _Reused(np.uint8), _Reused(np.uint16)
@@ -62,34 +68,28 @@ _rigs: WeakKeyDictionary[
 
 
 def view(camera: Camera) -> _View:
-    """Returns a camera as the kernels take it; worked out once per camera, since a lens takes
-    milliseconds.
-    """
-    found = _views.get(camera)
-    if found is None:
-        found = _views[camera] = _make_view(camera)
-    return found
+    """Camera for the kernels, cached, since the bounds of a lens take milliseconds."""
+    if camera not in _views:
+        _views[camera] = _make_view(camera)
+    return _views[camera]
 
 
 def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Returns rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; worked out once
-    per rig.
-    """
-    found = _rigs.get(rig)
-    if found is None:
+    """Rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; cached."""
+    if rig not in _rigs:
         if len(rig) > _MOST_CAMERAS:
             raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
         views = [view(camera) for camera in rig]
         rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
-        found = _rigs[rig] = np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
-    return found
+        _rigs[rig] = np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
+    return _rigs[rig]
 
 
 def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
-    """Checks masks against their cameras.
+    """Masks in the order of the rig, checked against their cameras.
 
     Returns:
-        (h, w) uint8 each, 0 or 1, in the order of the rig.
+        (h, w) uint8 each, 0 or 1.
 
     Raises:
         ValueError: A mask is missing, or differs in size from its camera's image.
@@ -110,8 +110,7 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
 def pack_masks(
     masks: list[NDArray[np.uint8]],
 ) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
-    """Returns frames, sums and pixels of all masks, as in `blocks.carve_blocks`: only what is
-    around the foreground is kept.
+    """Frames, sums and pixels of all masks, as in `blocks.carve_blocks`, cropped to the foreground.
 
     The last two are overwritten by the next call in the same thread.
     """
@@ -132,7 +131,7 @@ def pack_masks(
         )
         pixel_count += (wide + 2) * (high + 2)
         sum_count += (wide + 3) * (high + 3)
-    pixels, sums = _workspace.pixels.of(pixel_count), _workspace.sums.of(sum_count)
+    pixels, sums = _workspace.pixels.take(pixel_count), _workspace.sums.take(sum_count)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
     for (_, _, left, top, wide, high, pixel, total), mask in zip(
         frames.tolist(), masks, strict=True
@@ -148,16 +147,16 @@ def pack_masks(
 
 @lru_cache(maxsize=16)
 def block_order(count: int) -> NDArray[np.int64]:
-    """Returns an order of that many blocks, as in `blocks.carve_blocks`.
+    """Order of `count` blocks, as in `blocks.carve_blocks`.
 
-    Neighbours cost alike; multiples of the golden section, sorted, deal them out over the whole
-    run, and so over the threads.
+    Neighbouring blocks have similar cost; sorting by multiples of the golden section distributes
+    them evenly over the threads.
     """
     return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
 
 
 def _make_view(camera: Camera) -> _View:
-    """Fills a camera's row; see the columns' names in `blocks`."""
+    """Row, kind and bound of a camera; see the columns' names in `blocks`."""
     row = np.zeros(blocks.COLUMNS)
     bound = np.zeros((2, _BINS))
     if camera.is_pinhole:
@@ -191,9 +190,9 @@ def _make_view(camera: Camera) -> _View:
 
 
 def _seen_radius(camera: Camera) -> float:
-    """Returns a radius of ideal coordinates outside of which nothing falls into the image.
+    """Radius of ideal coordinates outside of which no point is projected into the image.
 
-    Within its field a lens is one to one, so what the image's border encloses is what is seen.
+    Within its field a lens is one to one, so the image's border encloses all visible points.
     """
     width, height = camera.size
     x, y = np.arange(-1.0, width + 1), np.arange(-1.0, height + 1)
@@ -209,16 +208,17 @@ def _seen_radius(camera: Camera) -> float:
 
 
 def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.float64]:
-    """Bounds a lens's Jacobian J over discs around the axis.
+    """Bounds of a lens's Jacobian J over discs around the axis.
 
     Args:
         lens: The lens.
         reach: Radius of the largest disc, ideal coordinates.
 
-    Returns: (2, bins) float64: at least the largest |J| and |J - 1| (spectral norms) within radius
+    Returns:
+        (2, bins) float64: at least the largest |J| and |J - 1| (spectral norms) within radius
         (bin + 1) / bins * reach.
     """
-    # Sampled at both ends and the middle of every bin, and widened for what lies between.
+    # Sampled at both ends and the middle of every bin, and widened for the points between.
     radii = np.linspace(0, reach, 2 * _BINS + 1)
     angles = np.linspace(0, 2 * np.pi, _ANGLES, endpoint=False)
     points = np.stack(
@@ -237,6 +237,6 @@ def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.fl
 
 
 def _spectral_norm(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the largest singular value (N,) of (N, 2, 2), NaN where a number is."""
+    """Largest singular values (N,) of matrices (N, 2, 2); NaN where an entry is NaN."""
     a, b, c, d = matrices.reshape(-1, 4).T
     return 0.5 * (np.hypot(a + d, b - c) + np.hypot(a - d, b + c))
