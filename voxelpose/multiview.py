@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,18 +83,14 @@ class MultiViewEstimator:
         clock = StageClock()
         lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
         views = PinholeViews.from_rig(Rig(tuple(lens.pinhole for lens in lenses)))
-        store = MaskStore([lens.pinhole.size for lens in lenses], source.frame_count)
-        try:
+        tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
+        sizes = [lens.pinhole.size for lens in lenses]
+        with closing(MaskStore(sizes, source.frame_count)) as store:
             numbers, times = _store_silhouettes(source, settings, lenses, store, clock, reporter)
             observer = _observer(views, store, options, reporter)
-            observations = ObservationStore(observer, store)
-            matching = MatchSettings(interference=options.interference)
-            tracker, facts = _track(
-                observations, settings, PoseTrackerSettings(source.fps, matching), clock, reporter
-            )
-            motion = _motion(tracker, settings, numbers, times, clock, reporter)
-        finally:
-            store.close()
+            with closing(ObservationStore(observer, store)) as observations:
+                tracker, facts = _track(observations, settings, tracking, clock, reporter)
+                motion = _motion(tracker, settings, numbers, times, clock, reporter)
         return Estimate(
             motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts
         )

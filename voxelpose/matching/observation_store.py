@@ -13,7 +13,7 @@ from voxelpose.matching.observe import FrameObservation, HullComponents, HullObs
 
 
 class ObservationStore:
-    """Observations of all frames of a recording by number, every hull carved once.
+    """Observations of the frames of a recording by number; each body's hull is carved once.
 
     Hulls and their silhouettes are kept as compressed bits in a scratch file; memory holds only
     where each begins, and the boxes of the hull's components.
@@ -24,7 +24,7 @@ class ObservationStore:
     """
 
     def __init__(self, observer: HullObserver, masks: MaskStore):
-        """Starts empty; the scratch file vanishes with this object."""
+        """Creates the scratch file; `close` or the end of the process removes it."""
         self.observer = observer
         self._masks = masks
         self._components: dict[int, HullComponents] = {}
@@ -52,6 +52,10 @@ class ObservationStore:
         arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
         *masks, occupancy = (a.reshape(shape) for a, shape in zip(arrays, shapes, strict=True))
         return self.observer.select(masks, occupancy, grid, near_m)
+
+    def close(self) -> None:
+        """Removes the scratch file."""
+        self._file.close()
 
     def _carve(self, t: int, grid: VoxelGrid) -> tuple[VoxelGrid, int, int]:
         masks, occupancy = self.observer.carve(self._masks[t], grid)

@@ -1,7 +1,7 @@
 """Hulls of a recording: carved once, read back bit for bit, not held in memory."""
 
 import tracemalloc
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 
 import numpy as np
 import pytest
@@ -56,6 +56,12 @@ def masks(observer, frames):
 
 
 @pytest.fixture
+def store(observer, masks):
+    with closing(ObservationStore(observer, masks)) as opened:
+        yield opened
+
+
+@pytest.fixture
 def carved(monkeypatch):
     """A list that grows with every grid that is carved."""
     calls, carve = [], observe.carve
@@ -68,8 +74,7 @@ def carved(monkeypatch):
     return calls
 
 
-def test_what_is_stored_is_what_is_observed(observer, frames, masks):
-    store = ObservationStore(observer, masks)
+def test_what_is_stored_is_what_is_observed(observer, frames, store):
     assert len(store) == len(frames)
     for t, near in [(1, RIGHT), (0, None), (1, LEFT), (2, None), (1, RIGHT), (0, LEFT), (1, None)]:
         given, expected = store.observe(t, near), observer.observe(frames[t], near)
@@ -86,11 +91,10 @@ def test_what_is_stored_is_what_is_observed(observer, frames, masks):
                 np.testing.assert_array_equal(a, b)
 
 
-def test_each_body_of_a_frame_is_carved_once(observer, masks, carved):
+def test_each_body_of_a_frame_is_carved_once(store, carved):
     """However many stages observe the frame."""
     body = BodyGeometry.from_surface(Surface(fitting_model(), 600), VOXEL_M)
     settings = PoseTrackerSettings(30.0, MatchSettings())
-    store = ObservationStore(observer, masks)
     for _ in range(3):
         tracker = PoseTracker(body, store, settings, lambda _: nullcontext(), lambda: None)
         for t in (0, 1, 2, 0):
@@ -101,19 +105,27 @@ def test_each_body_of_a_frame_is_carved_once(observer, masks, carved):
     assert len(carved) == 3 * CARVES  # the other body of the frame with two
 
 
-def test_memory_holds_no_hulls(observer, frames, masks):
+def test_memory_holds_no_hulls(observer, frames):
     """A frame costs a few kilobytes; its silhouettes alone are 400."""
-    many = MaskStore([camera.size for camera in observer.views.rig], 12)
-    try:
-        for t in range(12):
-            many.put(t, frames[0])
-        store = ObservationStore(observer, many)
+    count = 12
+    sizes = [camera.size for camera in observer.views.rig]
+    with (
+        closing(MaskStore(sizes, count)) as masks,
+        closing(ObservationStore(observer, masks)) as store,
+    ):
+        for t in range(count):
+            masks.put(t, frames[0])
         store.observe(0), store.observe(1)
         tracemalloc.start()
-        for t in range(2, 12):
+        for t in range(2, count):
             store.observe(t)
         grown, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-    finally:
-        many.close()
-    assert grown < 10 * 4000
+    assert grown < 4000 * (count - 2)
+
+
+def test_the_scratch_file_vanishes(observer, masks, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with closing(ObservationStore(observer, masks)) as store:
+        store.observe(0)
+    assert not list(tmp_path.iterdir())

@@ -139,10 +139,11 @@ def test_a_motion_is_tracked_both_ways(body, monkeypatch):
             0.03,
             CarveRule(least_agreeing=3),
         )
+        observations = ObservationStore(observer, store)
         advanced = []
         track = PoseTracker(
             body,
-            ObservationStore(observer, store),
+            observations,
             PoseTrackerSettings(15.0, MatchSettings()),
             lambda _: nullcontext(),
             lambda: advanced.append(1),
@@ -154,6 +155,7 @@ def test_a_motion_is_tracked_both_ways(body, monkeypatch):
         track.polish()
         for t in range(6):
             track.observe(t)
+        observations.close()
     finally:
         store.close()
     assert track.poses[5] is None and np.isinf(track.error[5])
