@@ -1,5 +1,5 @@
-"""Breaks recordings and asks `calibrate check` and `calibrate sync`: python -m benchmarks.agreement
-[whole] [bumps] [breaks] [sync] [fit]
+"""Accuracy of `calibrate check` and `calibrate sync` on recordings with artificial defects:
+python -m benchmarks.agreement [whole] [bumps] [breaks] [sync] [fit]
 
 Silhouettes come from the videos. The recordings are in ../shared/data, or in
 $VOXELPOSE_SHARED/data.
@@ -40,16 +40,17 @@ from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.recording.truth import read_truth
 
 MOMENTS = 12
-MOST_LATE = 12
+MAX_OFFSET_FRAMES = 12
 AXES = {"nod": (1.0, 0, 0), "pan": (0, 1.0, 0), "roll": (0, 0, 1.0)}
 SIZES_DEG = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0)
 Masks = dict[str, list[np.ndarray]]
 
 
 @cache
-def filmed(name: str) -> tuple[Rig, Masks, float]:
-    """Returns the rig, the silhouettes of every frame and the rate; balancing4* is balancing4 with
-    its cam_3 put right.
+def recorded(name: str) -> tuple[Rig, Masks, float]:
+    """Rig, silhouettes of every frame, and frame rate of a recording.
+
+    balancing4* is balancing4 with the pose of its cam_3 corrected.
     """
     with tempfile.TemporaryDirectory() as folder:
         recording = Recording.open(_folder(name.rstrip("*"), Path(folder)))
@@ -94,7 +95,7 @@ def tracked(rig: Rig, masks: Masks, fps: float) -> dict[str, OutlineTrack]:
     }
 
 
-def asked(tracks: dict[str, OutlineTrack], fps: float) -> tuple[Agreement, np.ndarray]:
+def checked(tracks: dict[str, OutlineTrack], fps: float) -> tuple[Agreement, np.ndarray]:
     moments = even_moments(min(len(track.time_s) for track in tracks.values()), MOMENTS) / fps
     return agreement(list(tracks.values()), moments), moments
 
@@ -110,9 +111,9 @@ def bumped(
     )
 
 
-def letterboxed(masks: list[np.ndarray], share: float) -> list[np.ndarray]:
+def letterboxed(masks: list[np.ndarray], fraction: float) -> list[np.ndarray]:
     height, width = masks[0].shape
-    inner = round(height * share)
+    inner = round(height * fraction)
     top = (height - inner) // 2
     pictures = []
     for mask in masks:
@@ -125,45 +126,45 @@ def letterboxed(masks: list[np.ndarray], share: float) -> list[np.ndarray]:
 
 
 def whole() -> None:
-    """Recordings as they are."""
+    """Agreement of the unmodified recordings."""
     for name in ("walk4", "traffic4", "dance8", "standing4", "demo", "balancing4", "balancing4*"):
-        rig, masks, fps = filmed(name)
+        rig, masks, fps = recorded(name)
         tracks = tracked(rig, masks, fps)
         started = time.perf_counter()
-        found, _ = asked(tracks, fps)
-        worst = max(line.error_px for line in found.table)
+        result, _ = checked(tracks, fps)
+        worst = max(line.error_px for line in result.table)
         seconds = 1000 * (time.perf_counter() - started)
         print(
-            f"{name:<12} {found.error_px:5.2f} px, worst camera {worst:5.2f} px, {seconds:3.0f} ms:"
-            f" {found.summary}",
+            f"{name:<12} {result.error_px:5.2f} px, worst camera {worst:5.2f} px,"
+            f" {seconds:3.0f} ms: {result.summary}",
             flush=True,
         )
 
 
 def bumps() -> None:
-    """How small a turn is named."""
+    """Smallest rotation that is detected."""
     print(
         f"{'recording':<12} {'turn':<5}"
         + "".join(f"{size:>7}°" for size in SIZES_DEG)
         + "   named rightly, of all cameras; wrongly: another"
     )
     for name in ("walk4", "traffic4", "dance8", "balancing4*"):
-        rig, masks, fps = filmed(name)
+        rig, masks, fps = recorded(name)
         tracks = tracked(rig, masks, fps)
         for turn, axis in AXES.items():
             cells, wrong = [], 0
             for size in SIZES_DEG:
                 right = 0
                 for camera in rig:
-                    found, _ = asked(
+                    result, _ = checked(
                         tracks
                         | {
                             camera.name: tracks[camera.name].with_camera(bumped(camera, size, axis))
                         },
                         fps,
                     )
-                    right += found.culprits == (camera.name,)
-                    wrong += bool(set(found.culprits) - {camera.name})
+                    right += result.culprits == (camera.name,)
+                    wrong += bool(set(result.culprits) - {camera.name})
                 cells.append(f"{right}/{len(rig)}")
             print(
                 f"{name:<12} {turn:<5}"
@@ -174,12 +175,12 @@ def bumps() -> None:
 
 
 def broken(name: str) -> Iterator[tuple[str, str, dict[str, OutlineTrack], Camera]]:
-    """Yields every way of breaking a recording: way, camera, tracks, and the camera as it was."""
-    rig, masks, fps = filmed(name)
+    """Yields each defect of a recording: kind, camera, tracks, and the original camera."""
+    rig, masks, fps = recorded(name)
     tracks = tracked(rig, masks, fps)
-    late = round(0.1 * fps)
+    delay = round(0.1 * fps)
     for index, camera in enumerate(rig):
-        own, mine = tracks[camera.name], masks[camera.name]
+        own, own_masks = tracks[camera.name], masks[camera.name]
         other = rig.cameras[(index + 1) % len(rig)]
         yield (
             "turned",
@@ -193,9 +194,9 @@ def broken(name: str) -> Iterator[tuple[str, str, dict[str, OutlineTrack], Camer
             tracks | {camera.name: own.with_camera(bumped(camera, 3, (0.6, 0.8, 0), 0.2))},
             camera,
         )
-        delayed = replace(own, time_s=own.time_s + late / fps)
+        delayed = replace(own, time_s=own.time_s + delay / fps)
         yield "out of step", camera.name, tracks | {camera.name: delayed}, camera
-        box = OutlineTrack.from_masks(camera, own.time_s, letterboxed(mine, 0.75))
+        box = OutlineTrack.from_masks(camera, own.time_s, letterboxed(own_masks, 0.75))
         yield "scaled", camera.name, tracks | {camera.name: box}, camera
         if camera.size == other.size:
             swap = {
@@ -206,25 +207,29 @@ def broken(name: str) -> Iterator[tuple[str, str, dict[str, OutlineTrack], Camer
 
 
 def breaks() -> None:
-    """What is told of a broken camera, and how near a repair comes."""
+    """Diagnosis of each defect, and accuracy of its repair."""
     for name in ("walk4", "balancing4*"):
-        told: dict[str, list[tuple[bool, bool, float, float, float, float]]] = {}
-        fps = filmed(name)[2]
-        for way, camera, tracks, was in broken(name):
-            found, moments = asked(tracks, fps)
-            repairs = explain(tracks, found, moments, MOST_LATE / fps)
+        outcomes: dict[str, list[tuple[bool, bool, float, float, float, float]]] = {}
+        fps = recorded(name)[2]
+        for kind, camera, tracks, original in broken(name):
+            result, moments = checked(tracks, fps)
+            repairs = explain(tracks, result, moments, MAX_OFFSET_FRAMES / fps)
             line = (False, False, np.nan, np.nan, np.nan, np.nan)
             if len(repairs) == 1 and camera in (repairs[0].camera, repairs[0].with_camera):
-                one = repairs[0]
-                mm, deg = (np.nan, np.nan) if one.with_camera else pose_difference(one.after, was)
-                frames = abs(one.offset_s * fps - (way == "out of step") * round(0.1 * fps))
-                line = True, one.kind == way, mm, deg, frames, one.after_px
-            told.setdefault(way, []).append(line)
-        for way, lines in told.items():
+                repair = repairs[0]
+                mm, deg = (
+                    (np.nan, np.nan)
+                    if repair.with_camera
+                    else pose_difference(repair.after, original)
+                )
+                frames = abs(repair.offset_s * fps - (kind == "out of step") * round(0.1 * fps))
+                line = True, repair.kind == kind, mm, deg, frames, repair.after_px
+            outcomes.setdefault(kind, []).append(line)
+        for kind, lines in outcomes.items():
             named, right, *numbers = zip(*lines, strict=True)
             mm, deg, frames, px = (_spread(column) for column in numbers)
             print(
-                f"{name:<12} {way:<12} named {sum(named)}/{len(lines)}, as such"
+                f"{name:<12} {kind:<12} named {sum(named)}/{len(lines)}, as such"
                 f" {sum(right)}/{len(lines)}; median/worst after repair: {mm} mm, {deg} deg,"
                 f" {frames} frames, {px} px",
                 flush=True,
@@ -237,7 +242,7 @@ def _spread(values: tuple[float, ...]) -> str:
 
 
 def in_between(masks: list[np.ndarray], frames: float) -> list[np.ndarray]:
-    """Shifts silhouettes by a part of a frame: the mean of two signed distances."""
+    """Silhouettes shifted by a fraction of a frame: weighted means of signed distance fields."""
     fields = [
         cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 3)
         - cv2.distanceTransform((~m).astype(np.uint8), cv2.DIST_L2, 3)
@@ -247,9 +252,9 @@ def in_between(masks: list[np.ndarray], frames: float) -> list[np.ndarray]:
 
 
 def sync() -> None:
-    """Offsets of shifted cameras, in frames."""
+    """Errors of the estimated offsets of shifted cameras, in frames."""
     for name in ("walk4", "traffic4", "demo", "dance8", "balancing4*"):
-        rig, masks, fps = filmed(name)
+        rig, masks, fps = recorded(name)
         tracks = list(tracked(rig, masks, fps).values())
         unshifted = synchronise(tracks, 1.0)
         print(f"{name:<12} as filmed: {_worst(unshifted, np.zeros(len(rig)), fps)}", flush=True)
@@ -257,26 +262,26 @@ def sync() -> None:
         for kind in ("whole", "fractional", "half rate"):
             cut = rng.integers(0, 12, len(rig)).astype(float)
             shifted = []
-            for index, (camera, ahead) in enumerate(zip(rig, cut, strict=True)):
+            for index, (camera, skipped) in enumerate(zip(rig, cut, strict=True)):
                 part = 0.25 * (1 + index % 3) if kind == "fractional" else 0.0
-                kept = in_between(masks[camera.name], part) if part else masks[camera.name]
+                selected = in_between(masks[camera.name], part) if part else masks[camera.name]
                 step = 2 if kind == "half rate" and index % 2 else 1
-                kept = kept[int(ahead) :: step]
+                selected = selected[int(skipped) :: step]
                 cut[index] += part
                 shifted.append(
-                    OutlineTrack.from_masks(camera, np.arange(len(kept)) * step / fps, kept)
+                    OutlineTrack.from_masks(camera, np.arange(len(selected)) * step / fps, selected)
                 )
-            found = synchronise(shifted, 1.0)
+            result = synchronise(shifted, 1.0)
             print(
-                f"{name:<12} {kind:<11}: {_worst(found, -(cut - cut[0]), fps)};"
-                f" {found.before_px:.1f} -> {found.after_px:.2f} px",
+                f"{name:<12} {kind:<11}: {_worst(result, -(cut - cut[0]), fps)};"
+                f" {result.before_px:.1f} -> {result.after_px:.2f} px",
                 flush=True,
             )
 
 
-def _worst(found: Synchronisation, frames: np.ndarray, fps: float) -> str:
-    errors = np.array([line.offset_s * fps for line in found.offsets]) - frames
-    stated = np.array([line.error_s * fps for line in found.offsets])
+def _worst(result: Synchronisation, frames: np.ndarray, fps: float) -> str:
+    errors = np.array([line.offset_s * fps for line in result.offsets]) - frames
+    stated = np.array([line.error_s * fps for line in result.offsets])
     mean, worst = np.abs(errors[1:]).mean(), np.abs(errors).max()
     return (
         f"error {mean:.3f} frames, worst {worst:.3f}; stated standard error up to"
@@ -285,7 +290,7 @@ def _worst(found: Synchronisation, frames: np.ndarray, fps: float) -> str:
 
 
 def fitted() -> None:
-    """dance8 with its videos started up to 9 frames apart: fitted as it is, and in step."""
+    """Fits of dance8 with videos started up to 9 frames apart, before and after synchronisation."""
     source = SHARED / "data" / "dance8"
     stature_m = json.loads((source / "truth.json").read_text())["stature"]
     truth = read_truth(source / "truth.json")
@@ -303,8 +308,8 @@ def fitted() -> None:
         folder = Path(scratch) / "dance8"
         shutil.copytree(source / "background", folder / "background")
         shutil.copy(source / "calibration.toml", folder)
-        for name, ahead in cut.items():
-            frames = list(Recording.open(source, cameras=[name]).readers[name])[ahead:80]
+        for name, skipped in cut.items():
+            frames = list(Recording.open(source, cameras=[name]).readers[name])[skipped:80]
             (folder / name).mkdir()
             for number, frame in enumerate(frames):
                 cv2.imwrite(str(folder / name / f"{number:04d}.png"), frame)

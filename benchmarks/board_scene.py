@@ -1,6 +1,4 @@
-"""Made-up cameras that film a made-up board: exact corners with noise, or rendered pictures. Needs
-no data.
-"""
+"""Synthetic cameras and boards: exact corners with noise, or rendered pictures. Needs no data."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,14 +17,14 @@ FACE_UP = np.diag([1.0, -1, -1])  # a board on the floor: its z points down
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 _TEXTURE_PX = 40  # per square
-_ROOM = 60  # px beyond the picture's edges, from where a lens may bend into it
-_FINER = 2  # rendered so many times finer, then averaged
+_BORDER_PX = 60  # beyond the picture's edges, from where distortion may move content into it
+_OVERSAMPLING = 2
 
 
 def random_poses(
     count: int, seed: int = 0, centre=(0.0, 0.0, 1.2), sigma_m: float = 0.8
 ) -> list[Pose]:
-    """Returns world-from-board rotations (3, 3) and places of a board's middle (3,), m."""
+    """Random rotations (3, 3), world from board, and positions of a board's middle (3,), m."""
     rng = np.random.default_rng(seed)
     poses = []
     for _ in range(count):
@@ -38,14 +36,14 @@ def random_poses(
 def held_poses(
     count: int, seed: int = 0, distance_m: tuple[float, float] = (0.5, 1.2)
 ) -> list[Pose]:
-    """Returns places of a board that is held before a camera, in the camera's frame."""
+    """Random poses of a board in front of a camera, in the camera's frame."""
     rng = np.random.default_rng(seed)
     poses = []
     for _ in range(count):
-        turn = matrix_from_rodrigues(rng.uniform(-0.7, 0.7, 3))
+        rotation = matrix_from_rodrigues(rng.uniform(-0.7, 0.7, 3))
         poses.append(
             (
-                turn,
+                rotation,
                 np.array([rng.uniform(-0.4, 0.4), rng.uniform(-0.3, 0.3), 1.0])
                 * rng.uniform(*distance_m),
             )
@@ -56,9 +54,7 @@ def held_poses(
 def seen(
     camera: Camera, board: Board, pose: Pose, noise_px: float, rng: np.random.Generator
 ) -> BoardView | None:
-    """Returns the view of a board placed in the world, or None if it does not show its face or all
-    its corners.
-    """
+    """View of a board, or None unless its face and all its corners are visible."""
     points = (board.points_m - board.points_m.mean(axis=0)) @ pose[0].T + pose[1]
     facing = (points[0] - camera.center_m) @ pose[0][:, 2] > 0.15 * np.linalg.norm(
         points[0] - camera.center_m
@@ -79,29 +75,27 @@ def seen(
 def lens_views(
     camera: Camera, count: int, noise_px: float, board: Board = CHECKERBOARD, seed: int = 0
 ) -> dict[str, BoardView]:
-    """Returns `count` views of a board held before a camera that stands at the origin and looks
-    along z.
-    """
+    """`count` views of a board in front of a camera at the origin that looks along z."""
     rng = np.random.default_rng(seed)
-    found = [seen(camera, board, pose, noise_px, rng) for pose in held_poses(20 * count, seed)]
+    views = [seen(camera, board, pose, noise_px, rng) for pose in held_poses(20 * count, seed)]
     return {
         f"picture_{number:02d}": view
-        for number, view in enumerate([view for view in found if view][:count])
+        for number, view in enumerate([view for view in views if view][:count])
     }
 
 
 def turned_to(rig: Rig, poses: Sequence[Pose]) -> list[Pose]:
-    """Turns boards so that they face the cameras, one after the other."""
+    """Boards rotated so that they face the cameras in turn."""
     return [
-        (rig.cameras[index % len(rig)].rotation.T @ turn, place)
-        for index, (turn, place) in enumerate(poses)
+        (rig.cameras[index % len(rig)].rotation.T @ rotation, position)
+        for index, (rotation, position) in enumerate(poses)
     ]
 
 
 def board_views(
     rig: Rig, board: Board, count: int, noise_px: float, seed: int = 0
 ) -> dict[str, dict[str, BoardView]]:
-    """Waves a board about in the middle of the room; each camera sees those that face it."""
+    """Views of a board at random poses in the middle of a room, by moment and camera."""
     rng = np.random.default_rng(seed)
     views = {}
     for index, pose in enumerate(turned_to(rig, random_poses(count, seed))):
@@ -112,19 +106,19 @@ def board_views(
 
 def looking_at(
     name: str,
-    place: np.ndarray,
+    position: np.ndarray,
     target: np.ndarray,
     matrix: np.ndarray,
     size=(1280, 720),
     distortion=(),
 ) -> Camera:
-    """Returns a camera that looks from one place to another, upright."""
-    forward = (target - place) / np.linalg.norm(target - place)
+    """Upright camera at a position that looks at a target."""
+    forward = (target - position) / np.linalg.norm(target - position)
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)
     rotation = np.array([right, np.cross(forward, right), forward])
     return Camera(
-        name, size, matrix, np.array(distortion, dtype=float), rotation, -rotation @ place
+        name, size, matrix, np.array(distortion, dtype=float), rotation, -rotation @ position
     )
 
 
@@ -135,56 +129,61 @@ def room(
     size: tuple[int, int] = (1280, 720),
     arc_deg: float = 180,
 ) -> Rig:
-    """Returns cameras on part of a circle about the middle of a room, of different heights."""
+    """Cameras on an arc about the middle of a room, at different heights."""
     rng = np.random.default_rng(seed)
     cameras = []
     for index, angle in enumerate(np.linspace(0, np.radians(arc_deg), count)):
-        place = np.array(
+        position = np.array(
             [radius_m * np.cos(angle), radius_m * np.sin(angle), rng.uniform(1.0, 2.2)]
         )
         focal = rng.uniform(850, 950) * size[0] / 1280
         matrix = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1]])
         cameras.append(
             looking_at(
-                f"cam_{index}", place, np.array([0, 0, 1.0]), matrix, size, (-0.1, 0.05, 0.001, 0.0)
+                f"cam_{index}",
+                position,
+                np.array([0, 0, 1.0]),
+                matrix,
+                size,
+                (-0.1, 0.05, 0.001, 0.0),
             )
         )
     return Rig(tuple(cameras))
 
 
 def without_poses(rig: Rig) -> Rig:
-    """Forgets where cameras stand."""
+    """The rig with all cameras at the origin."""
     return Rig(
         tuple(replace(camera, rotation=np.eye(3), translation=np.zeros(3)) for camera in rig)
     )
 
 
 class BoardCamera:
-    """Pictures that a camera takes of a board."""
+    """Renders the pictures that a camera takes of a board."""
 
     def __init__(self, camera: Camera, board: Board, seed: int = 0) -> None:
-        """Prepares what is the same in every picture."""
+        """Prepares the parts that all pictures share."""
         self.camera, self.board = camera, board
         self.rng = np.random.default_rng(seed)
         width, height = camera.size
-        # Straight lines first, in a picture with room around it, then bent by the lens.
-        straight = camera.pinhole(_FINER)
-        room_px = _ROOM * _FINER
-        shifted = straight.matrix + np.array([[0, 0, room_px], [0, 0, room_px], [0, 0, 0]])
+        # Rendered without distortion in a larger picture, then distorted.
+        pinhole = camera.pinhole(_OVERSAMPLING)
+        border_px = _BORDER_PX * _OVERSAMPLING
+        shifted = pinhole.matrix + np.array([[0, 0, border_px], [0, 0, border_px], [0, 0, 0]])
         self.fine = replace(
-            straight,
+            pinhole,
             matrix=shifted,
-            size=(straight.size[0] + 2 * room_px, straight.size[1] + 2 * room_px),
+            size=(pinhole.size[0] + 2 * border_px, pinhole.size[1] + 2 * border_px),
         )
         x, y = np.meshgrid(np.arange(width), np.arange(height))
         ideal = (
-            (camera.undistort(np.column_stack([x.ravel(), y.ravel()])) + 0.5) * _FINER
+            (camera.undistort(np.column_stack([x.ravel(), y.ravel()])) + 0.5) * _OVERSAMPLING
             - 0.5
-            + room_px
+            + border_px
         )
         self.maps = cv2.resize(
             ideal.astype(np.float32).reshape(height, width, 2),
-            straight.size,
+            pinhole.size,
             interpolation=cv2.INTER_LINEAR,
         )
         self.texture = 25 + 0.8 * board_picture(board, _TEXTURE_PX).astype(np.float32)
@@ -192,14 +191,16 @@ class BoardCamera:
         self.wall = cv2.resize(rough, self.fine.size, interpolation=cv2.INTER_CUBIC)
 
     def picture(self, pose: Pose) -> NDArray[np.uint8]:
-        """Returns (H, W, 3) uint8 of a board whose middle is at a pose in the world, before a
-        blurred wall, with sensor noise.
+        """Picture (H, W, 3) uint8 of a board in front of a blurred wall, with sensor noise.
+
+        Args:
+            pose: Rotation, world from board, and position of the board's middle.
         """
-        turn = self.camera.rotation @ pose[0]
+        rotation = self.camera.rotation @ pose[0]
         middle = self.camera.rotation @ pose[1] + self.camera.translation
         fine = self.wall.copy()
-        corner = middle - turn @ self.board.points_m.mean(axis=0)
-        if middle @ turn[:, 2] > 0 and middle[2] > 0:  # its face is seen
+        corner = middle - rotation @ self.board.points_m.mean(axis=0)
+        if middle @ rotation[:, 2] > 0 and middle[2] > 0:  # its face is visible
             side = self.board.square_m / _TEXTURE_PX
             from_texture = np.array(
                 [
@@ -209,7 +210,9 @@ class BoardCamera:
                 ]
             )
             homography = (
-                self.fine.matrix @ np.column_stack([turn[:, 0], turn[:, 1], corner]) @ from_texture
+                self.fine.matrix
+                @ np.column_stack([rotation[:, 0], rotation[:, 1], corner])
+                @ from_texture
             )
             cv2.warpPerspective(
                 self.texture,

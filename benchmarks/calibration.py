@@ -1,5 +1,5 @@
-"""Calibration from the same corners by this project, by OpenCV and by aniposelib: `python -m
-benchmarks.calibration`.
+"""Accuracy of calibration from the same corners by this project, OpenCV and aniposelib:
+`python -m benchmarks.calibration`.
 
 Synthetic corners need nothing; the real ones are those of the shared recordings board_images and
 standing4 (see CONTRIBUTING.md). aniposelib is installed into an environment of its own, in the
@@ -39,8 +39,13 @@ Views = Mapping[str, Mapping[str, BoardView]]
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Corners to calibrate from; `lenses` are right where `lenses_known`, else only their sizes
-    are.
+    """Input of a calibration.
+
+    Attributes:
+        board: The board.
+        lenses: Cameras; only their image sizes are valid unless `lenses_known`.
+        views: Detected corners: moment -> camera -> view.
+        lenses_known: Whether the lenses are calibrated.
     """
 
     board: Board
@@ -50,10 +55,10 @@ class Task:
 
 
 def by_us(task: Task) -> Rig:
-    """Lenses one by one where they are not known, then places, then both together."""
+    """Lenses separately unless known, then poses, then both together."""
     lenses = task.lenses
     if not task.lenses_known:
-        found = []
+        calibrated = []
         for camera in lenses:
             own = {
                 moment: seen[camera.name]
@@ -61,8 +66,8 @@ def by_us(task: Task) -> Rig:
                 if camera.name in seen
             }
             lens = calibrate_intrinsics(task.board, own, camera=camera.name)
-            found.append(replace(camera, matrix=lens.matrix, distortion=lens.distortion))
-        lenses = Rig(tuple(found))
+            calibrated.append(replace(camera, matrix=lens.matrix, distortion=lens.distortion))
+        lenses = Rig(tuple(calibrated))
     return calibrate_extrinsics(
         task.board, without_poses(lenses), task.views, refine_lenses=not task.lenses_known
     ).rig
@@ -113,9 +118,9 @@ def by_aniposelib(task: Task) -> Rig:
             if name in seen:
                 corners[index, moment] = seen[name].pixels
     with tempfile.TemporaryDirectory() as folder:
-        given, found = Path(folder) / "given.npz", Path(folder) / "found.npz"
+        input_file, output_file = Path(folder) / "given.npz", Path(folder) / "found.npz"
         np.savez(
-            given,
+            input_file,
             corners=corners,
             matrices=np.array([camera.matrix for camera in task.lenses]),
             distortions=np.array([_five(camera.distortion) for camera in task.lenses]),
@@ -124,25 +129,25 @@ def by_aniposelib(task: Task) -> Rig:
             square_m=task.board.square_m,
             lenses_known=task.lenses_known,
         )
-        done = subprocess.run(
-            [python, Path(__file__).with_name("with_aniposelib.py"), given, found],
+        process = subprocess.run(
+            [python, Path(__file__).with_name("with_aniposelib.py"), input_file, output_file],
             capture_output=True,
             text=True,
         )
-        if done.returncode:
-            raise RuntimeError(done.stderr.strip().splitlines()[-1])
-        answer = np.load(found)
+        if process.returncode:
+            raise RuntimeError(process.stderr.strip().splitlines()[-1])
+        result = np.load(output_file)
         return _rig(
             task.lenses,
-            answer["matrices"],
-            answer["distortions"],
-            answer["turns"],
-            answer["shifts"],
+            result["matrices"],
+            result["distortions"],
+            result["turns"],
+            result["shifts"],
         )
 
 
 def _environment() -> Path:
-    """Returns the interpreter of aniposelib's environment, made where it is not there."""
+    """Interpreter of aniposelib's environment, which is created if missing."""
     folder = Path(platformdirs.user_cache_dir("voxelpose")) / "aniposelib"
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     if not (folder / "ready").exists():
@@ -158,14 +163,14 @@ def _five(distortion: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _rig(like: Rig, matrices, distortions, turns, shifts) -> Rig:
-    """Makes a rig of another library's answer."""
+    """Rig from another library's result."""
     cameras = []
     for camera, matrix, distortion, turn, shift in zip(
         like, matrices, distortions, turns, shifts, strict=True
     ):
         matrix = np.asarray(matrix, dtype=np.float64)
-        placed = {"rotation": matrix_from_rodrigues(np.ravel(turn)), "translation": np.ravel(shift)}
-        cameras.append(replace(camera, matrix=matrix, distortion=np.ravel(distortion), **placed))
+        pose = {"rotation": matrix_from_rodrigues(np.ravel(turn)), "translation": np.ravel(shift)}
+        cameras.append(replace(camera, matrix=matrix, distortion=np.ravel(distortion), **pose))
     return Rig(tuple(cameras))
 
 
@@ -177,9 +182,7 @@ METHODS = {
 
 
 def off_centre(rig: Rig, seed: int) -> Rig:
-    """Moves the optical centres off the middle of the image by some pixels, as those of real lenses
-    are.
-    """
+    """The rig with optical centres off the middle of the image, as in real lenses."""
     rng = np.random.default_rng(seed)
     cameras = []
     for camera in rig:
@@ -190,7 +193,7 @@ def off_centre(rig: Rig, seed: int) -> Rig:
 
 
 def synthetic(methods: Mapping[str, Callable[[Task], Rig]], rooms: int) -> None:
-    """Four cameras 4 m from the middle of a room, a board of 8 x 5 corners waved about in it."""
+    """Four cameras 4 m from the middle of a room, a board of 8 x 5 corners moved through it."""
     print(
         f"{rooms} room(s) of 4 cameras, {MOMENTS} boards, {NOISE_PX} px noise: mean (and worst)"
         " error of a camera"
@@ -208,11 +211,11 @@ def synthetic(methods: Mapping[str, Callable[[Task], Rig]], rooms: int) -> None:
                     lenses_known,
                 )
                 started = time.perf_counter()
-                found = align_rigs(method(task), truth)
+                estimate = align_rigs(method(task), truth)
                 seconds += time.perf_counter() - started
                 for camera in truth:
-                    focal = abs(found[camera.name].matrix[0, 0] / camera.matrix[0, 0] - 1)
-                    lines.append((*pose_difference(found[camera.name], camera), 100 * focal))
+                    focal = abs(estimate[camera.name].matrix[0, 0] / camera.matrix[0, 0] - 1)
+                    lines.append((*pose_difference(estimate[camera.name], camera), 100 * focal))
             mean, worst = np.mean(lines, axis=0), np.max(lines, axis=0)
             focal = "" if lenses_known else f", focal length {mean[2]:.2f} ({worst[2]:.2f}) %"
             print(
@@ -223,7 +226,7 @@ def synthetic(methods: Mapping[str, Callable[[Task], Rig]], rooms: int) -> None:
 
 
 def near_boards(rooms: int) -> None:
-    """Lenses alone, from boards held before the camera, beside cv2.calibrateCamera with the same
+    """Lenses alone, from boards in front of the camera, against cv2.calibrateCamera with the same
     model.
     """
     print(
@@ -245,7 +248,7 @@ def near_boards(rooms: int) -> None:
 
 
 def _calibrate_camera(board: Board, views: list[BoardView], camera: Camera) -> tuple[float, float]:
-    """Returns OpenCV's reprojection error, px, and focal length."""
+    """OpenCV's reprojection error, px, and focal length."""
     points = [board.points_m[view.ids].astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
     rms, matrix, *_ = cv2.calibrateCamera(
@@ -255,25 +258,30 @@ def _calibrate_camera(board: Board, views: list[BoardView], camera: Camera) -> t
 
 
 def board_images(folder: Path) -> None:
-    """The real stills."""
+    """Lenses from real stills."""
     print("board_images: reprojection error, px (focal length)")
     board = Board(7, 4, 0.06)
-    for one in sorted(folder.glob("cam_*")):
-        views = {path.name: board.find(cv2.imread(str(path))) for path in sorted(one.glob("*.jpg"))}
-        ours = calibrate_intrinsics(board, views, camera=one.name)
+    for camera_folder in sorted(folder.glob("cam_*")):
+        views = {
+            path.name: board.find(cv2.imread(str(path)))
+            for path in sorted(camera_folder.glob("*.jpg"))
+        }
+        ours = calibrate_intrinsics(board, views, camera=camera_folder.name)
         good = [view for view in views.values() if isinstance(view, BoardView)]
-        camera = Camera(one.name, ours.size, ours.matrix, ours.distortion, np.eye(3), np.zeros(3))
+        camera = Camera(
+            camera_folder.name, ours.size, ours.matrix, ours.distortion, np.eye(3), np.zeros(3)
+        )
         rms, focal = _calibrate_camera(board, good, camera)
         print(
-            f"  {one.name}: ours {ours.rms_px:.3f} ({ours.matrix[0, 0]:.0f}), cv2.calibrateCamera"
-            f" {rms:.3f} ({focal:.0f})",
+            f"  {camera.name}: ours {ours.rms_px:.3f} ({ours.matrix[0, 0]:.0f}),"
+            f" cv2.calibrateCamera {rms:.3f} ({focal:.0f})",
             flush=True,
         )
 
 
 def standing4(folder: Path, methods: Mapping[str, Callable[[Task], Rig]]) -> None:
-    """One real board, seen by four cameras at once. Its end is ambiguous: the others get the lists
-    put right.
+    """One real board seen by four cameras. Its order of corners is ambiguous, and is corrected for
+    the other programs.
     """
     known = read_rig(folder / "calibration.toml")
     board = Board(8, 6, 0.115)
@@ -284,9 +292,11 @@ def standing4(folder: Path, methods: Mapping[str, Callable[[Task], Rig]]) -> Non
             .reshape(-1, 2)
             .astype(float)
         )
-        again = camera.project(board.points_m)[0]
-        right = min((listed, listed[::-1]), key=lambda pixels: np.linalg.norm(pixels - again))
-        seen[camera.name] = BoardView(np.arange(48), right, camera.size)
+        reprojected = camera.project(board.points_m)[0]
+        ordered = min(
+            (listed, listed[::-1]), key=lambda pixels: np.linalg.norm(pixels - reprojected)
+        )
+        seen[camera.name] = BoardView(np.arange(48), ordered, camera.size)
     print("standing4, one board: reprojection error, px")
     print(f"  {'its calibration.toml':<26} {_reprojection(known, board, seen):.3f}")
     for name, method in methods.items():
@@ -298,14 +308,14 @@ def standing4(folder: Path, methods: Mapping[str, Callable[[Task], Rig]]) -> Non
 
 
 def _reprojection(rig: Rig, board: Board, seen: Mapping[str, BoardView]) -> float:
-    """Returns the rms reprojection error of one board at its best place among the cameras, px."""
-    found = calibrate_board(rig, board, seen)
-    errors = [camera.project(found)[0] - seen[camera.name].pixels for camera in rig]
+    """Root mean square reprojection error, px, of one board at its optimal pose."""
+    corners_m = calibrate_board(rig, board, seen)
+    errors = [camera.project(corners_m)[0] - seen[camera.name].pixels for camera in rig]
     return float(np.sqrt((np.concatenate(errors) ** 2).sum(axis=1).mean()))
 
 
 def calibrate_board(rig: Rig, board: Board, seen: Mapping[str, BoardView]) -> NDArray[np.float64]:
-    """Returns a board's corners (N, 3), m, where cameras that stay like them best."""
+    """Corners (N, 3), m, of a board at the pose with the least error in fixed cameras."""
     from scipy.optimize import least_squares
 
     from calib.adjust import ideal_poses
@@ -337,15 +347,15 @@ def main() -> None:
         default=1,
         help="how many made-up rooms; aniposelib takes minutes for each",
     )
-    given = parser.parse_args()
-    left_out = given.without_aniposelib
+    arguments = parser.parse_args()
+    without_aniposelib = arguments.without_aniposelib
     methods = {
         name: method
         for name, method in METHODS.items()
-        if not (left_out and name.startswith("aniposelib"))
+        if not (without_aniposelib and name.startswith("aniposelib"))
     }
-    near_boards(given.rooms)
-    synthetic(methods, given.rooms)
+    near_boards(arguments.rooms)
+    synthetic(methods, arguments.rooms)
     if (SHARED / "data" / "board_images").is_dir():
         board_images(SHARED / "data" / "board_images")
         standing4(SHARED / "data" / "standing4", methods)

@@ -1,6 +1,6 @@
 """Calibrates cameras by aniposelib; run by benchmarks.calibration in an environment of its own.
 
-aniposelib wants opencv-contrib-python, which cannot stand beside opencv-python-headless, and states
+aniposelib wants opencv-contrib-python, which conflicts with opencv-python-headless, and states
 no ranges: hence another process, and .npz files between the two. Nothing of this project is
 imported here.
 """
@@ -16,10 +16,10 @@ from aniposelib.boards import Checkerboard
 from aniposelib.cameras import Camera, CameraGroup
 
 
-def main(given: str, found: str) -> None:
+def main(input_file: str, output_file: str) -> None:
     """Reads corners and lenses, writes cameras and seconds."""
     warnings.simplefilter("ignore")
-    data = np.load(given)
+    data = np.load(input_file)
     cameras = [
         Camera(
             matrix=data["matrices"][index],
@@ -53,7 +53,7 @@ def main(given: str, found: str) -> None:
         )
     seconds = time.perf_counter() - started
     np.savez(
-        found,
+        output_file,
         matrices=np.array([camera.get_camera_matrix() for camera in cameras]),
         distortions=np.array([np.ravel(camera.get_distortions()) for camera in cameras]),
         turns=np.array([np.ravel(camera.get_rotation()) for camera in cameras]),

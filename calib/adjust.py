@@ -11,11 +11,10 @@ from scipy import sparse
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from calib.camera import Camera
+from calib.camera import Camera, FloatArray
 from calib.lens import FisheyeLens, RationalLens
 from calib.rotation import matrix_from_rodrigues
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Free = Literal["lenses", "poses", "both"]
 Fixed = Literal["camera", "board"]

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.camera import Rig
+from calib.camera import FloatArray, Rig
 from calib.errors import InputError
 from calib.tangency import Mask, OutlineTrack, PairErrors, all_tangencies
-
-FloatArray = NDArray[np.float64]
 
 _KEPT = 0.8  # fraction of the errors in the trimmed mean: the rest are shadows and lost limbs
 _REFERENCE_DIAGONAL_PX = 600.0  # tolerances are for images of 480 x 360

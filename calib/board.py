@@ -12,10 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import FloatArray, check_array
 from calib.errors import InputError
 
-FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Effort = Literal["quick", "patient", "thorough"]
 

@@ -13,11 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.checks import float_array, image_size
+from calib.checks import FloatArray, float_array, image_size
 from calib.errors import InputError
 from calib.lens import FisheyeLens, RationalLens
-
-FloatArray = NDArray[np.float64]
 
 _ROTATION_TOLERANCE = 1e-3  # files round their matrices to a few digits
 _COUNTS = (0, 4, 5, 8, 12, 14)

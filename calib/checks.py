@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+FloatArray = NDArray[np.float64]
+
 
 def check_array(
     name: str,
@@ -50,7 +52,7 @@ def check_array(
 
 def float_array(
     name: str, value: ArrayLike, shape: Sequence[int | str], *, finite: bool = False
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Returns a value as float64 of a given shape, without a copy where possible.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-FloatArray = NDArray[np.float64]
+from calib.checks import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

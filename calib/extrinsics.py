@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.adjust import Adjustment, BundleScene, Observations, adjust, rms_px
 from calib.board import Board, BoardView
@@ -27,8 +26,6 @@ from calib.pairs import (
     shared_boards,
 )
 from calib.rotation import nearest_rotation, rodrigues_from_matrix
-
-FloatArray = NDArray[np.float64]
 
 _FAR_PX = 20.0  # boards with a larger initial error are excluded from the adjustment
 _FOCAL_PX = 1000.0  # focal length for which errors are stated
@@ -101,15 +98,15 @@ def calibrate_extrinsics(
         raise InputError(
             f"camera {name} saw boards but has no lens calibration: calibrate its intrinsics first"
         )
-    placed = board_candidates(board, lenses, views)
-    shared = shared_boards(lenses.names, placed)
-    starts, agreeing = chain_poses(lenses.names, placed, shared)
+    candidates = board_candidates(board, lenses, views)
+    shared = shared_boards(lenses.names, candidates)
+    starts, agreeing = chain_poses(lenses.names, candidates, shared)
     refuse_mirrored(board, lenses, views, agreeing, shared)
     cameras = tuple(
         replace(camera, rotation=starts[camera.name][0], translation=starts[camera.name][1])
         for camera in lenses
     )
-    moments, scene, seen = _scene(board, cameras, views, placed, floor)
+    moments, scene, seen = _scene(board, cameras, views, candidates, floor)
     adjusted = adjust(scene, seen, "both" if refine_lenses else "poses")
     cameras = adjusted.scene.cameras
     if floor is not None:
@@ -123,7 +120,7 @@ def _scene(
     board: Board,
     cameras: tuple[Camera, ...],
     views: Views,
-    placed: Candidates,
+    candidates: Candidates,
     floor: str | None,
 ) -> tuple[list[str], BundleScene, Observations]:
     """Initial pose of every board, and the observations.
@@ -133,8 +130,8 @@ def _scene(
     moments: list[str] = []
     rotations, translations, parts = [], [], []
     by_name = {camera.name: (index, camera) for index, camera in enumerate(cameras)}
-    for moment, seen in placed.items():
-        candidates = []
+    for moment, seen in candidates.items():
+        choices = []
         if len(seen) < 2 and moment != floor:
             continue  # does not constrain the relative poses of cameras
         for name, poses in seen.items():
@@ -145,24 +142,18 @@ def _scene(
                     camera.rotation.T @ (translation - camera.translation),
                 )
                 if not flipped or len(seen) > 1:
-                    candidates.append((*_misfit(board, by_name, views[moment], pose), pose))
-        if not candidates:
+                    choices.append((*_misfit(board, by_name, views[moment], pose), pose))
+        if not choices:
             continue
-        error, flips, pose = min(candidates, key=lambda choice: choice[0])
+        error, flips, pose = min(choices, key=lambda choice: choice[0])
         if error > _FAR_PX * len(flips):
             continue
         for name, flipped in flips.items():
             view, index = views[moment][name], by_name[name][0]
             points = board.points_m[view.ids]
             points = flipped_points(board, points) if flipped else points
-            parts.append(
-                (
-                    np.full(len(points), index),
-                    np.full(len(points), len(moments)),
-                    points,
-                    view.pixels,
-                )
-            )
+            numbers = np.full(len(points), index), np.full(len(points), len(moments))
+            parts.append((*numbers, points, view.pixels))
         moments.append(moment)
         rotations.append(pose[0])
         translations.append(pose[1])

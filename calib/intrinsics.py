@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from calib.adjust import BundleScene, Observations, adjust, ideal_poses, rms_px
 from calib.board import Board, BoardView, Refusal
-from calib.camera import Camera
+from calib.camera import Camera, FloatArray
 from calib.errors import InputError
 
-FloatArray = NDArray[np.float64]
 LensKind = Literal["pinhole", "rational", "fisheye"]
 
 _MIN_PICTURES = 4

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from calib.checks import FloatArray
 
 _NEWTON_STEPS = 20
 _TOLERANCE = 1e-12

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.adjust import ideal_poses
 from calib.board import Board, BoardView
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.rotation import nearest_rotation
 
-FloatArray = NDArray[np.float64]
 Pair = tuple[str, str]
 Pose = tuple[FloatArray, FloatArray]  # rotation (3, 3) and translation (3,), m
 Views = Mapping[str, Mapping[str, BoardView]]  # moment -> camera -> view

@@ -10,15 +10,12 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.adjust import Adjustment, BundleScene, Observations, adjust, rms_px
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, camera_error
 from calib.rotation import matrix_from_rodrigues
-
-FloatArray = NDArray[np.float64]
 
 _NEEDED = 4
 _OUTLIER = 4.0  # times the median error

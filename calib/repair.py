@@ -10,16 +10,14 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.agreement import Agreement, agreement
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.suspect import SuspectCamera, best_offset, moved_camera, solve, stretched_camera
 from calib.tangency import OutlineTrack, offset_grid
 
-FloatArray = NDArray[np.float64]
 Kind = Literal[
     "swapped", "out of step", "turned", "moved", "scaled", "moved and out of step", "unexplained"
 ]
@@ -65,7 +63,7 @@ class Repair:
 
     def rig(self, rig: Rig) -> Rig:
         """The rig with the camera corrected."""
-        return Rig(tuple(self.after if one.name == self.camera else one for one in rig))
+        return Rig(tuple(self.after if camera.name == self.camera else camera for camera in rig))
 
 
 def explain(

@@ -1,9 +1,9 @@
 """Rotation vectors and matrices, numerically stable at every angle."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from calib.checks import FloatArray
 
 
 def matrix_from_rodrigues(vector: ArrayLike) -> FloatArray:

@@ -5,15 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.agreement import Tolerance, image_scale, trimmed_mean
-from calib.camera import Camera
+from calib.camera import Camera, FloatArray
 from calib.rotation import matrix_from_rodrigues
 from calib.tangency import OutlineTrack, offset_grid, tangency
-
-FloatArray = NDArray[np.float64]
 
 _MIN_SOFT_PX = 0.5
 _STEP_FRAMES = 0.25  # steps in which offsets are tried

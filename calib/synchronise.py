@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.agreement import image_scale, trimmed_mean
+from calib.checks import FloatArray
 from calib.errors import InputError
 from calib.tangency import OutlineTrack, interpolate, offset_grid, tangency
-
-FloatArray = NDArray[np.float64]
 
 _MAX_MOMENTS = 240
 _STEP_FRAMES = 0.5

@@ -18,11 +18,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Camera
+from calib.camera import Camera, FloatArray
 from calib.checks import check_array
 from calib.components import label_components
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LEAST_PIXELS = 50

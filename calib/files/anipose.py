@@ -1,16 +1,16 @@
-"""TOML in aniposelib's layout, as aniposelib, Pose2Sim, FreeMoCap and Caliscope write it.
+"""TOML in aniposelib's layout, written by aniposelib, Pose2Sim, FreeMoCap and Caliscope.
 
 One table per camera: name, size [w, h], matrix, distortions, rotation (world to camera),
-translation, perhaps fisheye; then `[metadata]`. The variants that are read:
+translation, optionally fisheye; then `[metadata]`. The variants that are read:
 
 - aniposelib and FreeMoCap name tables cam_0, cam_1 ... with the camera's own name in `name`, and
-  leave `fisheye` out where false;
+  omit `fisheye` if false;
 - Pose2Sim names tables after cameras and writes sizes as floats;
 - Caliscope has `[cameras.N]` or `[cam_N]` with `port` or `cam_id` in place of `name`, the rotation
-  as a 3x3 matrix, `ignore = true` for cameras it left out, and tables for its own business.
+  as a 3x3 matrix, `ignore = true` for excluded cameras, and tables of its own.
 
-None of them states a unit; ours is `[metadata] unit = "m"`. Tables without any camera key, and keys
-that are not ours, are passed over. On writing, tables are named after cameras and rotations are
+None of them states a unit; ours is `[metadata] unit = "m"`. Tables without any camera key, and
+unknown keys, are ignored. On writing, tables are named after cameras and rotations are
 Rodrigues vectors, as aniposelib expects.
 """
 
@@ -43,18 +43,21 @@ def read_anipose(source: Source) -> Rig:
     nested = tables.pop("cameras", None)
     if isinstance(nested, dict):
         tables |= {f"cam_{key}" if key.isdigit() else key: value for key, value in nested.items()}
-    found = {
+    cameras = {
         key: table
         for key, table in tables.items()
         if isinstance(table, dict) and _CAMERA_KEYS & table.keys() and not table.get("ignore")
     }
-    if not found:
+    if not cameras:
         return source.rig([])
     metadata = content.get("metadata")
     metadata = metadata if isinstance(metadata, dict) else {}
     metres = source.metres_per_unit(metadata.get("unit", metadata.get("units")), _REMEDY)
     return source.rig(
-        [source.camera(str(table.get("name", key)), table, metres) for key, table in found.items()]
+        [
+            source.camera(str(table.get("name", key)), table, metres)
+            for key, table in cameras.items()
+        ]
     )
 
 

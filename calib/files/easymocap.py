@@ -1,14 +1,13 @@
 """EasyMocap's folder of `intri.yml` and `extri.yml` (OpenCV FileStorage).
 
-Per camera NAME in the list `names`: `K_NAME`, `dist_NAME` and perhaps `H_NAME`, `W_NAME` (image
-    size, px) in the first; `Rot_NAME` (3x3)
-or `R_NAME` (Rodrigues) and `T_NAME` in the second. Neither states a unit nor, mostly, a size: a
-`unit: m` entry in either file is ours, the size comes from the caller where it is missing.
+Per camera NAME in the list `names`: `K_NAME`, `dist_NAME` and optionally `H_NAME`, `W_NAME` (image
+size, px) in the first; `Rot_NAME` (3x3) or `R_NAME` (Rodrigues) and `T_NAME` in the second. Neither
+states a unit nor, usually, a size: a `unit: m` entry in either file is ours, and a missing size is
+given by the caller.
 """
 
 import re
 from pathlib import Path
-from typing import Any
 
 import cv2
 
@@ -21,7 +20,7 @@ _FILES = ("intri.yml", "extri.yml")
 
 
 def is_easymocap(path: Path) -> bool:
-    """Whether a path is such a folder, or one of its two files."""
+    """Whether a path is EasyMocap's folder or one of its two files."""
     folder = path if path.is_dir() else path.parent
     return (path.is_dir() or path.name in _FILES) and any(
         (folder / name).is_file() for name in _FILES
@@ -35,10 +34,10 @@ def read_easymocap(source: Source) -> Rig:
         InputError: A file is missing, or a camera in it is incomplete or wrong.
     """
     folder = source.path if source.path.is_dir() else source.path.parent
-    whole = Source(folder, source.unit, source.size)
+    folder_source = Source(folder, source.unit, source.size)
     missing = [name for name in _FILES if not (folder / name).is_file()]
     if missing:
-        raise whole.error(
+        raise folder_source.error(
             f"{missing[0]} is missing: EasyMocap's calibration is {' and '.join(_FILES)}"
         )
     content = {
@@ -46,33 +45,29 @@ def read_easymocap(source: Source) -> Rig:
     }
     names = content.get("names")
     if not isinstance(names, list) or not names:
-        raise whole.error("names is missing: a list of the cameras' names")
-    metres = whole.metres_per_unit(content.get("unit"), "add an entry unit: m to extri.yml")
+        raise folder_source.error("names is missing: a list of the cameras' names")
+    metres = folder_source.metres_per_unit(content.get("unit"), "add an entry unit: m to extri.yml")
     cameras = []
     for number_or_name in names:
-        name = (
-            str(int(number_or_name)) if isinstance(number_or_name, float) else str(number_or_name)
-        )
-
-        def of(key: str, name: str = name) -> Any:
-            return content.get(f"{key}_{name}")
-
+        name = str(int(number_or_name) if isinstance(number_or_name, float) else number_or_name)
+        suffix = f"_{name}"
+        own = {key.removesuffix(suffix): content[key] for key in content if key.endswith(suffix)}
         values = {
-            "size": None if of("W") is None or of("H") is None else [of("W"), of("H")],
-            "matrix": of("K"),
-            "distortions": of("dist"),
-            "rotation": of("R") if of("Rot") is None else of("Rot"),
-            "translation": of("T"),
+            "size": [own["W"], own["H"]] if {"W", "H"} <= own.keys() else None,
+            "matrix": own.get("K"),
+            "distortions": own.get("dist"),
+            "rotation": own.get("Rot", own.get("R")),
+            "translation": own.get("T"),
         }
-        cameras.append(whole.camera(name, values, metres))
-    return whole.rig(cameras)
+        cameras.append(folder_source.camera(name, values, metres))
+    return folder_source.rig(cameras)
 
 
 def write_easymocap(rig: Rig, path: Path) -> None:
     """Writes the folder, in metres.
 
     Raises:
-        InputError: A camera's lens or name has no place in these files.
+        InputError: A camera's lens or name cannot be stored in these files.
         OSError: The folder cannot be written.
     """
     for camera in rig:

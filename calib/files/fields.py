@@ -1,6 +1,4 @@
-"""What every calibration format has in common: units, checked numbers, and one clear line for each
-thing that is wrong.
-"""
+"""Common parts of the calibration formats: units, validated numbers, and error messages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,27 +6,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.rotation import matrix_from_rodrigues, nearest_rotation
 
-FloatArray = NDArray[np.float64]
-
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-_AGAIN = "mend the file or calibrate this camera again"
+_REMEDY = "mend the file or calibrate this camera again"
 _FULL_TURN = 2 * np.pi + 1e-6
 
 
 @dataclass(frozen=True)
 class Source:
-    """A calibration file on its way in, with what the caller knows and the file may not say.
+    """A calibration file to be read, with values that the file may lack.
 
     Attributes:
         path: The file or folder.
-        unit: Unit of its lengths ("m", "cm" or "mm") where the caller stated one.
-        size: Image (width, height), px, where the caller stated it, for formats that do not.
+        unit: Unit of its lengths ("m", "cm" or "mm") as given by the caller, or None.
+        size: Image (width, height), px, as given by the caller, or None.
     """
 
     path: Path
@@ -36,7 +31,7 @@ class Source:
     size: tuple[int, int] | None = None
 
     def error(self, message: str, camera: str | None = None) -> InputError:
-        """Makes the one line that names the file, the camera and the remedy."""
+        """Error with a message of one line that names the file and the camera."""
         return InputError(
             f"{self.path}: camera {camera}: {message}"
             if camera is not None
@@ -44,14 +39,14 @@ class Source:
         )
 
     def metres_per_unit(self, stated: object, remedy: str) -> float:
-        """Returns the length of the file's unit in metres.
+        """Length of the file's unit in metres.
 
         Args:
-            stated: What the file itself says, or None.
-            remedy: How a unit is written into this format.
+            stated: Unit stated in the file, or None.
+            remedy: How a unit is written in this format.
 
         Raises:
-            InputError: Nobody stated a unit, it is unknown, or the file and the caller differ.
+            InputError: No unit is given, it is unknown, or the file and the caller differ.
         """
         unit = self.unit if stated is None else stated
         if unit is None:
@@ -71,35 +66,42 @@ class Source:
     def numbers(
         self, camera: str, key: str, value: object, shape: tuple[int, ...] | None = None
     ) -> FloatArray:
-        """Returns finite float64 numbers of one shape (flat where None); lists nested one deeper
-        than needed are accepted.
+        """Finite float64 numbers of a given shape.
+
+        Args:
+            camera: Name of the camera, for messages.
+            key: Name of the value, for messages.
+            value: The value; lists nested one level deeper than needed are accepted.
+            shape: Required shape; None for any number of values, flat.
 
         Raises:
             InputError: The value is missing, not numbers, not finite, or has another shape.
         """
         if value is None:
-            raise self.error(f"{key} is missing: {_AGAIN}", camera)
+            raise self.error(f"{key} is missing: {_REMEDY}", camera)
         try:
             array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):
             raise self.error(
-                f"{key} must be numbers, got {_short(value)}: {_AGAIN}", camera
+                f"{key} must be numbers, got {_short(value)}: {_REMEDY}", camera
             ) from None
         count = array.size if shape is None else int(np.prod(shape))
         if array.size != count or (
             shape is not None and len(shape) == 2 and array.ndim == 2 and array.shape != shape
         ):
-            raise self.error(f"{key} must have shape {shape}, got {array.shape}: {_AGAIN}", camera)
+            raise self.error(f"{key} must have shape {shape}, got {array.shape}: {_REMEDY}", camera)
         if not np.isfinite(array).all():
-            raise self.error(f"{key} holds a NaN or infinite number: {_AGAIN}", camera)
+            raise self.error(f"{key} holds a NaN or infinite number: {_REMEDY}", camera)
         return array.reshape(-1 if shape is None else shape)
 
     def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera:
-        """Makes a camera of raw values.
+        """Camera from raw values.
 
-        Args: name: Camera name. values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or
-            matrix), `translation` and perhaps `fisheye`. metres_per_unit: Metres in one unit of the
-            translation.
+        Args:
+            name: Camera name.
+            values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation`
+                and optionally `fisheye`.
+            metres_per_unit: Length of the translation's unit, m.
 
         Raises:
             InputError: A value is missing or wrong.
@@ -109,7 +111,7 @@ class Source:
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise self.error(
                 f"focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}:"
-                f" {_AGAIN}",
+                f" {_REMEDY}",
                 name,
             )
         fisheye = values.get("fisheye", False)
@@ -117,9 +119,7 @@ class Source:
             raise self.error(f"fisheye must be true or false, got {_short(fisheye)}", name)
         distortion = self.numbers(name, "distortions", values.get("distortions"))
         if fisheye and len(distortion) == 5 and distortion[4] == 0:
-            distortion = distortion[
-                :4
-            ]  # some programs write the pinhole model's fifth place for fisheyes too
+            distortion = distortion[:4]  # some programs write five terms for fisheyes too
         try:
             return Camera(
                 name=name,
@@ -132,12 +132,10 @@ class Source:
                 fisheye=fisheye,
             )
         except ValueError as error:
-            raise self.error(f"{error}: {_AGAIN}") from None
+            raise self.error(f"{error}: {_REMEDY}") from None
 
     def rotation(self, camera: str, value: object) -> FloatArray:
-        """Returns a (3, 3) rotation of a Rodrigues vector (3 numbers, rad) or of a matrix rounded
-        at most to three digits.
-        """
+        """Rotation (3, 3) from a Rodrigues vector (3 numbers, rad) or from a rounded matrix."""
         numbers = self.numbers(camera, "rotation", value)
         if numbers.size == 3:
             if np.linalg.norm(numbers) > _FULL_TURN:
@@ -150,7 +148,7 @@ class Source:
         if numbers.size != 9:
             raise self.error(
                 f"rotation must be 3 (Rodrigues) or 9 (matrix) numbers, got {numbers.size}:"
-                f" {_AGAIN}",
+                f" {_REMEDY}",
                 camera,
             )
         given = numbers.reshape(3, 3)
@@ -158,13 +156,13 @@ class Source:
         error = float(np.abs(given - rotation).max())
         if error > 1e-3:
             raise self.error(
-                f"rotation is not a rotation matrix (off by {error:.2g}): {_AGAIN}", camera
+                f"rotation is not a rotation matrix (off by {error:.2g}): {_REMEDY}", camera
             )
-        # Re-orthonormalising numbers that are right already would only disturb their last digits.
+        # An exact rotation is kept as it is, to preserve its last digits.
         return rotation if error > 1e-12 else given
 
     def image_size(self, camera: str, value: object) -> tuple[int, int]:
-        """Returns the image's (width, height), from the file or else from the caller."""
+        """Image (width, height), from the file or else from the caller."""
         if value is None:
             if self.size is None:
                 raise self.error(
@@ -179,18 +177,18 @@ class Source:
         return int(width), int(height)
 
     def rig(self, cameras: list[Camera]) -> Rig:
-        """Makes the rig, or says that there is no camera or that two share a name."""
+        """Rig of the cameras; an error if there is none or two share a name."""
         if not cameras:
             raise self.error(
                 "no camera in it: expected at least one with matrix, distortions, rotation and"
                 " translation"
             )
         names = [camera.name for camera in cameras]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
             raise self.error(
-                f"name {twice[0]!r} appears {names.count(twice[0])} times: give every camera its"
-                " own name"
+                f"name {repeated[0]!r} appears {names.count(repeated[0])} times: give every camera"
+                " its own name"
             )
         return Rig(tuple(cameras))
 
@@ -226,6 +224,6 @@ def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
 
 
 def _short(value: object) -> str:
-    """Shows a value without filling the screen."""
+    """Representation of a value, shortened."""
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -87,24 +87,18 @@ def read_opencv_folder(source: Source) -> Rig:
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         inner = [Source(file, source.unit, source.size) for file in files]
         holding = [
-            (one, content)
-            for one in inner
-            if _is_storage(one.path) and "matrix" in _named(content := load(one))
+            (file_source, content)
+            for file_source in inner
+            if _is_storage(file_source.path) and "matrix" in _named(content := load(file_source))
         ]
         if entry.is_dir() and len(holding) > 1:
             raise Source(entry).error(
                 f"{len(holding)} calibrations in one camera's folder: keep"
                 f" {holding[0][0].path.name} or the other"
             )
-        for one, content in holding:
-            cameras.append(
-                _camera(
-                    one,
-                    entry.stem if entry.is_file() else entry.name,
-                    content,
-                    _metres(one, content),
-                )
-            )
+        for file_source, content in holding:
+            name = entry.stem if entry.is_file() else entry.name
+            cameras.append(_camera(file_source, name, content, _metres(file_source, content)))
     return source.rig(cameras)
 
 
@@ -145,7 +139,7 @@ def write_opencv(rig: Rig, path: Path) -> None:
 
 
 def load(source: Source) -> dict[str, Any]:
-    """Returns a file's whole tree as dictionaries, lists, arrays, numbers and strings.
+    """Content of a file as dictionaries, lists, arrays, numbers and strings.
 
     Raises:
         InputError: OpenCV cannot parse it.
@@ -163,7 +157,7 @@ def load(source: Source) -> dict[str, Any]:
 
 
 def _plain(node: Any) -> Any:
-    """Turns a FileNode into plain values."""
+    """A FileNode as plain values."""
     if node.isMap():
         keys = set(node.keys())
         matrix = node.mat() if {"rows", "cols", "data"} <= keys else None
@@ -176,7 +170,7 @@ def _plain(node: Any) -> Any:
 
 
 def _is_storage(path: Path) -> bool:
-    """Whether a file looks like a FileStorage rather than somebody else's YAML, XML or JSON."""
+    """Whether a file looks like a FileStorage rather than other YAML, XML or JSON."""
     start = path.read_bytes()[:1000].lstrip()
     return (
         start.startswith(b"%YAML")
@@ -186,17 +180,17 @@ def _is_storage(path: Path) -> bool:
 
 
 def _named(content: dict[str, Any]) -> dict[str, Any]:
-    """Returns a camera's entries under this project's names; the first alias wins."""
+    """A camera's entries under this project's names; the first alias takes precedence."""
     named: dict[str, Any] = {}
     for key, value in content.items():
-        ours = _KEY.get(key.lower().replace("_", ""))
-        if ours is not None:
-            named.setdefault(ours, value)
+        name = _KEY.get(key.lower().replace("_", ""))
+        if name is not None:
+            named.setdefault(name, value)
     return named
 
 
 def _metres(source: Source, *maps: dict[str, Any]) -> float:
-    """Returns metres per unit, as stated in any of the maps."""
+    """Metres per unit, as stated in any of the maps."""
     stated = {unit for values in maps if (unit := _named(values).get("unit")) is not None}
     if len(stated) > 1:
         raise source.error(
@@ -206,7 +200,7 @@ def _metres(source: Source, *maps: dict[str, Any]) -> float:
 
 
 def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera:
-    """Makes one camera of its map."""
+    """Camera from its map."""
     values = _named(content)
     if "size" not in values and {"width", "height"} <= values.keys():
         values["size"] = [values["width"], values["height"]]

@@ -1,11 +1,10 @@
 """A list of 3x4 projection matrices in JSON.
 
 `{"unit": "m", "projections": [[[...4], [...4], [...4]], ...]}`, or the bare list. Optional lists
-beside `projections`, one entry per
-matrix: `names` (else cam_0, cam_1 ...) and `sizes` as [w, h] (or one `size` for all); else the
-caller states the size. A matrix is taken apart into K, R and t, with the skew kept, so that K [R |
-t] is the given matrix again up to its scale. Its sign is free: a matrix and its negative are one
-camera, and points with a positive depth are before it once det(K R) > 0.
+with one entry per matrix: `names` (else cam_0, cam_1 ...) and `sizes` as [w, h] (or one `size` for
+all); otherwise the caller gives the size. A matrix is decomposed into K, R and t, including the
+skew, so that K [R | t] equals the given matrix up to scale. Its sign is arbitrary: a matrix and its
+negative are the same camera; it is chosen such that det(K R) > 0.
 """
 
 import json
@@ -13,28 +12,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.files.fields import Source
 
-FloatArray = NDArray[np.float64]
-
 
 def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Takes a projection apart by RQ.
+    r"""RQ decomposition of a projection matrix.
+
+    .. math:: P \sim K \, [R \mid t]
 
     Args:
         projection: (3, 4), homogeneous pixels from world, of any scale and sign.
 
-    Returns: matrix (3, 3) with a positive diagonal and 1 in the corner, rotation (3, 3),
-        translation (3,) in the world's unit.
+    Returns:
+        Matrix K (3, 3) with a positive diagonal and 1 in the corner, rotation R (3, 3), translation
+        t (3,) in the world's unit.
 
     Raises:
-        ValueError: The left 3x3 part is singular: no camera at a finite place.
+        ValueError: The left 3x3 part is singular: the camera is not at a finite position.
 
-    Source: Hartley and Zisserman, Multiple BoardView Geometry, 2nd ed., 6.2.4.
+    Source: Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed., 6.2.4.
     """
     left = projection[:, :3]
     scale = float(np.linalg.norm(left[2]))
@@ -45,7 +44,7 @@ def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     ):
         raise ValueError("the left 3x3 part is singular")
     scaled = projection / (scale * np.sign(np.linalg.det(left)))
-    # RQ of M is QR of M turned upside down.
+    # The RQ decomposition of M is the QR decomposition of M with reversed rows.
     q, r = np.linalg.qr(scaled[::-1, :3].T)
     upper, rotation = r.T[::-1, ::-1], q.T[::-1]
     signs = np.diag(np.sign(np.diag(upper)))
@@ -98,7 +97,7 @@ def write_projections(rig: Rig, path: Path) -> None:
     """Writes the rig in metres.
 
     Raises:
-        InputError: A camera bends straight lines, which a matrix cannot say.
+        InputError: A camera has lens distortion, which a matrix cannot hold.
     """
     bent = [camera.name for camera in rig if not camera.is_pinhole]
     if bent:
@@ -116,7 +115,7 @@ def write_projections(rig: Rig, path: Path) -> None:
 
 
 def _listed(source: Source, content: dict[str, Any], key: str, count: int) -> list[Any] | None:
-    """Returns an optional list that must go with the matrices."""
+    """Optional list with one entry per matrix."""
     value = content.get(key)
     if value is not None and (not isinstance(value, list) or len(value) != count):
         raise source.error(f"{key} must be a list of {count}, one for each projection")

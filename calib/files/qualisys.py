@@ -1,15 +1,15 @@
 """Qualisys Track Manager's calibration export, `.qca.txt` (XML).
 
-What QTM writes, and what becomes of it here:
+What QTM writes, and how it is converted:
 
-- `transform`: the camera's place in the world in millimetres, and a rotation whose camera looks
+- `transform`: the camera's position in the world in millimetres, and a rotation whose camera looks
   along -z with y up; OpenCV's rotation is diag(1, -1, -1) times it.
 - `intrinsic`: focal lengths and centre in 1/64 px of the whole sensor; `fov_video` is the part of
   it that is filmed.
 - distortion: k1, k2, p1, p2, k3 on normalised coordinates, as OpenCV's. They are *not* in 64ths:
   board stills of such a camera give k1 = -0.049 where its file says -0.048. (Pose2Sim divides them
   by 64; a TOML that comes from there has next to no distortion.)
-- `viewrotation` turns QTM's own display only and is passed over.
+- `viewrotation` rotates only QTM's own display and is ignored.
 
 Marker cameras are left out where there are video cameras. The unit is always mm.
 """
@@ -47,14 +47,14 @@ def read_qualisys(source: Source) -> Rig:
     except (ElementTree.ParseError, ValueError) as error:
         raise source.error(f"broken XML: {error}") from None
     metres = source.metres_per_unit("mm", "QTM writes mm")
-    found = [camera for camera in root.iter("camera") if camera.get("active", "1") != "0"]
+    active = [camera for camera in root.iter("camera") if camera.get("active", "1") != "0"]
     video = [
         camera
-        for camera in found
+        for camera in active
         if "video" in camera.get("model", "").lower() or camera.get("model") == "none"
     ]
     return source.rig(
-        [_camera(source, index, element, metres) for index, element in enumerate(video or found)]
+        [_camera(source, index, element, metres) for index, element in enumerate(video or active)]
     )
 
 
@@ -74,15 +74,16 @@ def write_qualisys(rig: Rig, path: Path) -> None:
             "camera",
             {"active": "1", "model": "none", "serial": camera.name, "viewrotation": "0"},
         )
-        whole = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
+        full_frame = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
         for key in ("fov_marker", "fov_marker_max", "fov_video", "fov_video_max"):
-            ElementTree.SubElement(element, key, whole)
+            ElementTree.SubElement(element, key, full_frame)
         rotation = _FLIP @ camera.rotation
-        place = dict(zip("xyz", map(_text, 1000 * camera.center_m), strict=True))
+        position = dict(zip("xyz", map(_text, 1000 * camera.center_m), strict=True))
         ElementTree.SubElement(
             element,
             "transform",
-            place | {f"r{i + 1}{j + 1}": _text(rotation[i, j]) for i in range(3) for j in range(3)},
+            position
+            | {f"r{i + 1}{j + 1}": _text(rotation[i, j]) for i in range(3) for j in range(3)},
         )
         numbers = {
             "focalLengthU": _SUBPIXELS * camera.matrix[0, 0],
@@ -103,7 +104,7 @@ def write_qualisys(rig: Rig, path: Path) -> None:
 
 
 def _camera(source: Source, index: int, element: ElementTree.Element, metres: float) -> Camera:
-    """Makes one camera."""
+    """Camera from its element."""
     name = element.get("serial") or f"cam_{index + 1}"
     video = _numbers(source, name, element, "fov_video", ("left", "top", "right", "bottom"))
     left, top, right, bottom = video
@@ -134,14 +135,14 @@ def _camera(source: Source, index: int, element: ElementTree.Element, metres: fl
     rotation = _numbers(
         source, name, element, "transform", tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
     ).reshape(3, 3)
-    place = _numbers(source, name, element, "transform", ("x", "y", "z"))
+    position = _numbers(source, name, element, "transform", ("x", "y", "z"))
     values = {
         "size": size,
         "matrix": np.asarray(matrix, dtype=np.float64) / _SUBPIXELS,
         "distortions": _numbers(source, name, element, "intrinsic", _DISTORTION, missing="0"),
         "rotation": _FLIP @ source.rotation(name, rotation),
     }
-    return source.camera(name, values | {"translation": -values["rotation"] @ place}, metres)
+    return source.camera(name, values | {"translation": -values["rotation"] @ position}, metres)
 
 
 def _numbers(
@@ -152,7 +153,7 @@ def _numbers(
     keys: tuple[str, ...],
     missing: str | None = None,
 ) -> NDArray[np.float64]:
-    """Returns the named attributes of a camera's child."""
+    """Numeric attributes of a camera's child element."""
     child = element.find(tag)
     if child is None:
         raise source.error(f"<{tag}> is missing: export the calibration from QTM again", name)
@@ -160,5 +161,5 @@ def _numbers(
 
 
 def _text(value: float) -> str:
-    """Writes a number with all its digits."""
+    """A number with all its digits."""
     return repr(float(value))

@@ -1,7 +1,7 @@
 """Draws the pictures of docs/calibration.md: `python -m docs.figures.calibration` writes
 docs/images/calibration_*.
 
-A made-up rig films a made-up board; everything from there on is what the commands do.
+A synthetic rig records a synthetic board; the rest is what the commands do.
 """
 
 from dataclasses import replace
@@ -37,7 +37,7 @@ def main() -> None:
     stills, lenses = [], []
     # The second camera's board never comes into the lower left.
     for number, (camera, skipped) in enumerate(((rig.cameras[0], False), (rig.cameras[1], True))):
-        film = BoardCamera(
+        renderer = BoardCamera(
             replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number
         )
         poses = [
@@ -45,14 +45,16 @@ def main() -> None:
             for pose in held_poses(90, number, (1.0, 1.7))
             if not skipped or pose[1][0] > 0.3 or pose[1][1] < -0.2
         ]
-        pictures = {f"{index:02d}.png": film.picture(pose) for index, pose in enumerate(poses[:24])}
+        pictures = {
+            f"{index:02d}.png": renderer.picture(pose) for index, pose in enumerate(poses[:24])
+        }
         views = {name: BOARD.find(picture) for name, picture in pictures.items()}
-        found = calibrate_intrinsics(BOARD, views, camera=camera.name)
-        lenses.append(Lens(camera.name, found, views))
+        intrinsics = calibrate_intrinsics(BOARD, views, camera=camera.name)
+        lenses.append(Lens(camera.name, intrinsics, views))
         stills.append(
-            [pictures[line.picture] for line in found.pictures if line.left_out is None][3:6]
+            [pictures[line.picture] for line in intrinsics.pictures if line.left_out is None][3:6]
         )
-        print(camera.name, *found.advice, sep="\n  ")
+        print(camera.name, *intrinsics.advice, sep="\n  ")
     strip = np.hstack(
         [cv2.resize(still, (320, 240), interpolation=cv2.INTER_AREA) for still in stills[0]]
     )
@@ -60,8 +62,8 @@ def main() -> None:
     (IMAGES / "calibration_coverage.png").write_bytes(png(coverage_picture(lenses)))
     views = board_views(rig, BOARD, 80, 0.2)
     floor = {camera.name: camera.project(BOARD.points_m @ FACE_UP.T)[0] for camera in rig}
-    some = next(iter(views["moment_0"].values()))
-    views["floor"] = {name: replace(some, pixels=pixels) for name, pixels in floor.items()}
+    view = next(iter(views["moment_0"].values()))
+    views["floor"] = {name: replace(view, pixels=pixels) for name, pixels in floor.items()}
     (IMAGES / "calibration_rig.png").write_bytes(
         png(rig_picture(calibrate_extrinsics(BOARD, without_poses(rig), views, floor="floor").rig))
     )

@@ -22,9 +22,9 @@ __all__ = [
     "drawn",
     "lens_views",
     "looking_at",
-    "without_poses",
     "room",
     "seen",
+    "without_poses",
 ]
 
 

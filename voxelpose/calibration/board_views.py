@@ -7,9 +7,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.board import Board, BoardView, Effort, Refusal
+from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import pictures_by_camera
@@ -21,8 +21,6 @@ _FAST = 2.0  # times the median speed
 _PATIENT_STEP = 20  # one frame in this many is searched with more effort
 _KEPT_FAILURES = 5  # pictures without the board in which another board is searched
 NOT_NEW = "shows the board much as another frame does"
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
     Raises:
         InputError: A path is missing, there is no picture in it, or two cameras share a name.
     """
-    found: dict[str, CameraPictures] = {}
+    cameras: dict[str, CameraPictures] = {}
     loose: dict[Path, list[Path]] = {}
     for path in paths:
         if not path.exists():
@@ -87,10 +85,10 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
                 " folder with one of these per camera"
             )
         for name, pictures in inside.items():
-            _add(found, name, _pictures(pictures))
+            _add(cameras, name, _pictures(pictures))
     for folder, stills in loose.items():
-        _add(found, folder.name, CameraPictures(tuple(stills)))
-    return found
+        _add(cameras, folder.name, CameraPictures(tuple(stills)))
+    return cameras
 
 
 def _pictures(path: Path) -> CameraPictures:
@@ -98,12 +96,12 @@ def _pictures(path: Path) -> CameraPictures:
     return CameraPictures(readers.stills) if readers.stills else CameraPictures(video=readers)
 
 
-def _add(found: dict[str, CameraPictures], name: str, pictures: CameraPictures) -> None:
-    if name in found:
+def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures) -> None:
+    if name in cameras:
         raise InputError(
             f"two sets of pictures are named {name}: name each folder or video after its camera"
         )
-    found[name] = pictures
+    cameras[name] = pictures
 
 
 def find_views(
@@ -153,23 +151,23 @@ class _Finder:
 
     def __call__(self, picture: Frame, important: bool = False) -> BoardView | Refusal:
         """Detects the board, with all effort in an important picture."""
-        found = self.board.find(picture, self.effort)
+        detection = self.board.find(picture, self.effort)
         if (
-            isinstance(found, Refusal)
+            isinstance(detection, Refusal)
             and self.effort == "quick"
             and self.count % _PATIENT_STEP == 0
         ):
-            found = self.board.find(picture, "patient")
-            if isinstance(found, BoardView):
+            detection = self.board.find(picture, "patient")
+            if isinstance(detection, BoardView):
                 self.effort = "patient"  # the quick search misses small boards
-        if isinstance(found, Refusal) and important:
-            found = self.board.find(picture, "thorough")
+        if isinstance(detection, Refusal) and important:
+            detection = self.board.find(picture, "thorough")
         self.count += 1
-        if isinstance(found, Refusal):
-            self.reasons[found.reason] += 1
+        if isinstance(detection, Refusal):
+            self.reasons[detection.reason] += 1
             if len(self.refused) < _KEPT_FAILURES:
                 self.refused.append(picture)
-        return found
+        return detection
 
     def failure(self) -> str:
         """Reason of failure: a defect of a detected board, else another board in the pictures."""
@@ -268,9 +266,9 @@ def board_moments(
     for number, frames in enumerate(read_together(readers, 0, count)):
         if number % step and number != floor:
             continue
-        found = {name: finders[name](frame, number == floor) for name, frame in frames.items()}
+        detections = {name: finders[name](frame, number == floor) for name, frame in frames.items()}
         views[f"frame {number}"] = {
-            name: view for name, view in found.items() if isinstance(view, BoardView)
+            name: view for name, view in detections.items() if isinstance(view, BoardView)
         }
         reporter.advance()
     seen = {name: sum(name in moment for moment in views.values()) for name in readers}

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.rotation import matrix_from_rodrigues
 from voxelpose.view.images.canvas import (
     FAINT,
@@ -21,8 +21,6 @@ from voxelpose.view.images.canvas import (
     text_width,
     write_text,
 )
-
-FloatArray = NDArray[np.float64]
 
 _PANEL, _MARGIN, _HEAD, _GAP, _FOOT = 640, 48, 84, 56, 44
 _CELLS = 72  # along the longest edge
