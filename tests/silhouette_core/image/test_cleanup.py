@@ -1,4 +1,4 @@
-"""Specks, holes and regions."""
+"""Removal of small components and holes, and cropping to regions."""
 
 import numpy as np
 import pytest
@@ -14,11 +14,11 @@ def ring() -> np.ndarray:
     return mask
 
 
-def test_small_components_go_and_large_ones_stay(ring):
-    dirty = ring.copy()
-    dirty[35, 40:43] = True
-    np.testing.assert_array_equal(clean(dirty, min_area_px=4), ring)
-    np.testing.assert_array_equal(clean(dirty, min_area_px=3), dirty)
+def test_small_components_are_removed(ring):
+    with_speck = ring.copy()
+    with_speck[35, 40:43] = True
+    np.testing.assert_array_equal(clean(with_speck, min_area_px=4), ring)
+    np.testing.assert_array_equal(clean(with_speck, min_area_px=3), with_speck)
 
 
 def test_only_small_holes_are_filled(ring):
@@ -28,7 +28,7 @@ def test_only_small_holes_are_filled(ring):
     assert clean(pinhole, max_hole_px=100)[12, 12]
 
 
-def test_a_gap_at_the_image_edge_is_no_hole():
+def test_a_gap_at_the_image_border_is_not_filled():
     mask = np.ones((20, 20), bool)
     mask[0, 3] = False
     np.testing.assert_array_equal(clean(mask, max_hole_px=50), mask)
@@ -45,7 +45,7 @@ def test_empty_and_full():
     assert clean(np.ones((5, 5), bool), min_area_px=3, max_hole_px=3).all()
 
 
-def test_wrong_arrays_are_named(ring):
+def test_wrong_arrays_are_refused(ring):
     with pytest.raises(TypeError, match=r"mask must be \(H, W\) bool, got \(5, 5\) uint8"):
         clean(np.zeros((5, 5), np.uint8))
     with pytest.raises(ValueError, match=r"region must be \(40, 50\) bool"):
