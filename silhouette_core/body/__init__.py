@@ -1,1 +1,1 @@
-"""Bodies: an articulated tree of parts with joints, limits, a mesh and measurements."""
+"""Body models: an articulated tree of parts with joints, limits, a mesh and measurements."""

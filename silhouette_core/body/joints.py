@@ -1,12 +1,12 @@
-"""The articulated tree: 27 parts, and how far each joint turns.
+"""Articulated tree of 27 parts, and the ranges of its joints.
 
-Every part owns the joint at its proximal end. A joint turns by `Exp(sum_k q_k axis_k)`, the axes
+Every part has the joint at its proximal end. A joint rotates by `Exp(sum_k q_k axis_k)`, the axes
 given in the body frame of the rest pose (z up, facing -y, left hand toward +x; arms 45 degrees
 below the horizontal). Positive angles mean the anatomical movement named. Limits are ranges of a
 healthy adult, rounded outward (Kapandji, The Physiology of the Joints; AAOS, Joint Motion).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ _ARM = np.sqrt(0.5)  # the rest pose holds the arms 45 degrees below the horizon
 
 @dataclass(frozen=True)
 class Dof:
-    """One degree of freedom of a joint.
+    """Degree of freedom of a joint.
 
     Attributes:
         name: the anatomical movement that a positive angle makes.
@@ -105,15 +105,17 @@ _LEFT: tuple[tuple[str, str, tuple[Dof, ...]], ...] = (
 def _side(side: str) -> tuple[tuple[str, str, tuple[Dof, ...]], ...]:
     sign = 1.0 if side == "left" else -1.0
     own = {name for name, _, _ in _LEFT}
-    # A rotation axis is a pseudo-vector: mirroring x turns its y and z parts round.
-    mirrored = lambda f: Dof(
-        f.name, (f.axis[0], sign * f.axis[1], sign * f.axis[2]), f.limits_deg, f.fixed
-    )  # noqa: E731
+    # A rotation axis is a pseudo-vector: mirroring x changes the signs of its y and z.
+
+    def mirrored(dof: Dof) -> Dof:
+        x, y, z = dof.axis
+        return replace(dof, axis=(x, sign * y, sign * z))
+
     return tuple(
         (
             f"{side}_{name}",
             f"{side}_{parent}" if parent in own else parent,
-            tuple(mirrored(f) for f in dofs),
+            tuple(mirrored(dof) for dof in dofs),
         )
         for name, parent, dofs in _LEFT
     )
@@ -143,7 +145,7 @@ _LANDMARK_OF = {
 
 
 def landmark_part(landmark: str) -> int:
-    """Returns the index of the part that carries a landmark of `LANDMARK_NAMES`."""
+    """Index of the part that carries a landmark of `LANDMARK_NAMES`."""
     side, _, joint = landmark.partition("_")
     if joint in _LANDMARK_OF:
         return PART_NAMES.index(f"{side}_{_LANDMARK_OF[joint]}")
@@ -164,4 +166,4 @@ LANDMARK_BONES = np.array(
         for bone in pairwise(chain.split())
     ]
 )
-"""(14, 2) int: the lines of a skeleton through the 15 joints of joints.csv."""
+"""(14, 2) int, the bones between the 15 joints of joints.csv."""

@@ -1,6 +1,4 @@
-"""The articulated body that both estimators fit: parts, joints, limits, a closed mesh, and how
-bodies differ.
-"""
+"""Articulated body model: parts, joints, limits, a closed mesh and a shape space."""
 
 from __future__ import annotations
 
@@ -23,17 +21,22 @@ _USUAL_CHEST = 0.55  # chest girth over stature, both templates
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
-    """An articulated body at rest. All lengths in metres, body frame: z up, facing -y, left hand
-    toward +x.
+    """Articulated body at rest.
 
-    Attributes: joints_m: (27, 3) float64, the joint at the proximal end of every part. vertices_m:
-        (V, 3) float64, the closed surface at rest. faces: (F, 3) int32, outward oriented triangles.
-        face_part: (F,) int32, the one part to which each triangle belongs. skin_parts: (V, 4)
-        int32, parts that move a vertex. skin_weights: (V, 4) float64, their shares, summing to 1.
+    Lengths are in metres, in the body frame: z up, facing -y, left hand toward +x.
+
+    Attributes:
+        joints_m: (27, 3) float64, joints at the proximal ends of the parts.
+        vertices_m: (V, 3) float64, vertices of the closed surface.
+        faces: (F, 3) int32, outward oriented triangles.
+        face_part: (F,) int32, part of each triangle.
+        skin_parts: (V, 4) int32, parts that move a vertex.
+        skin_weights: (V, 4) float64, weights of those parts, summing to 1.
         landmarks_m: (15, 3) float64, the HumanEva joints at rest, in the order of
-        `joints.LANDMARK_NAMES`. space: how this body may differ from itself in shape (relative to
-        the template it was made from). shape: (20,) float64, its deviations along
-        `sizes.SHAPE_AXES`. sizes: the measurements it was made from.
+            `joints.LANDMARK_NAMES`.
+        space: shape space around the template.
+        shape: (20,) float64, deviations along `sizes.SHAPE_AXES`.
+        sizes: measurements of the person.
     """
 
     joints_m: np.ndarray
@@ -59,13 +62,14 @@ class BodyModel:
 
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
-        """Makes the default body for a person's measurements.
+        """Default body of a person's measurements.
 
-        Args: sizes: stature, and chest girth and sex where known. An unknown sex takes the man's
-            template.
+        Args:
+            sizes: stature, and chest girth and sex if known. An unknown sex takes the man's
+                template.
 
         Returns:
-            The template of that sex, scaled to the stature, its girths following the chest's.
+            The template of that sex, scaled to the stature, with girths that follow the chest's.
         """
         template = _read_template("woman" if sizes.sex == "female" else "man")
         scale = sizes.stature_m / template.sizes.stature_m
@@ -91,7 +95,7 @@ class BodyModel:
         return body.reshaped(shape)
 
     def reshaped(self, shape: np.ndarray) -> BodyModel:
-        """Returns this body with other deviations along the shape axes.
+        """This body with other deviations along the shape axes.
 
         Args:
             shape: (20,) float64, relative to the template scaled to the stature.
@@ -122,7 +126,7 @@ class BodyModel:
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:
-        """(V, 3) float64, outward unit normals at rest, area-weighted."""
+        """Outward unit normals (V, 3) float64 of the vertices, weighted by area."""
         a, b, c = (self.vertices_m[self.faces[:, k]] for k in range(3))
         face_normals = np.cross(b - a, c - a)
         normals = np.zeros_like(self.vertices_m)
@@ -131,7 +135,7 @@ class BodyModel:
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
     def part_points(self, spacing_m: float) -> list[np.ndarray]:
-        """Samples the inside of every part on a lattice, for voxel work.
+        """Lattice points inside every part.
 
         Args:
             spacing_m: distance between neighbouring samples.
@@ -143,7 +147,7 @@ class BodyModel:
         return [points[part == p] - self.joints_m[p] for p in range(len(PART_NAMES))]
 
     def part_volumes_m3(self, spacing_m: float = 0.01) -> np.ndarray:
-        """Returns the (27,) volumes of the parts, counted on a lattice."""
+        """Volumes (27,) of the parts, m³, counted on a lattice."""
         _, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
         return np.bincount(part, minlength=len(PART_NAMES)) * spacing_m**3
 
@@ -165,7 +169,7 @@ def _read_template(name: str) -> BodyModel:
     weights = data["skin_weights"].astype(float)
     weights /= weights.sum(1, keepdims=True)
     sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])
-    space = ShapeSpace.of(joints, vertices, landmarks, data["skin_parts"], weights)
+    space = ShapeSpace.from_rest(joints, vertices, landmarks, data["skin_parts"], weights)
     return BodyModel(
         joints_m=joints,
         vertices_m=vertices,

@@ -1,4 +1,4 @@
-"""How bodies differ: every measure of `SHAPE_AXES` moves joints and surface linearly."""
+"""Shape space of bodies: every axis of `SHAPE_AXES` moves joints and surface linearly."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from silhouette_core.body.sizes import SHAPE_AXES, ShapeAxis
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpace:
-    """A linear space of bodies around one rest body. K shape axes, V vertices; metres.
+    """Linear space of bodies around a body at rest. K shape axes, V vertices; metres.
 
-    Attributes: joints_m: (27, 3), vertices_m: (V, 3), landmarks_m: (15, 3): the middle of the
-        space. joints_change: (K, 27, 3), vertices_change: (K, V, 3), landmarks_change: (K, 15, 3):
-        change per unit deviation.
+    Attributes:
+        joints_m: (27, 3) float64, joints of the body in the middle of the space.
+        vertices_m: (V, 3) float64, its vertices.
+        landmarks_m: (15, 3) float64, its landmarks.
+        joints_change: (K, 27, 3) float64, change of the joints per unit deviation.
+        vertices_change: (K, V, 3) float64, change of the vertices.
+        landmarks_change: (K, 15, 3) float64, change of the landmarks.
     """
 
     joints_m: np.ndarray
@@ -27,7 +31,7 @@ class ShapeSpace:
     landmarks_change: np.ndarray
 
     @classmethod
-    def of(
+    def from_rest(
         cls,
         joints: np.ndarray,
         vertices: np.ndarray,
@@ -35,7 +39,7 @@ class ShapeSpace:
         skin_parts: np.ndarray,
         skin_weights: np.ndarray,
     ) -> ShapeSpace:
-        """Builds the space around a rest body.
+        """Shape space around a body at rest.
 
         A part's surface is scaled about the part's own joint, and so are the joints that it
         carries; vertices blend between parts by their skin weights, so that no seam opens.
@@ -49,9 +53,7 @@ class ShapeSpace:
         )
 
     def apply(self, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns joints (27, 3), vertices (V, 3) and landmarks (15, 3) at the deviations `shape`
-        (K,).
-        """
+        """Joints (27, 3), vertices (V, 3) and landmarks (15, 3) at deviations `shape` (K,)."""
         return (
             self.joints_m + np.tensordot(shape, self.joints_change, 1),
             self.vertices_m + np.tensordot(shape, self.vertices_change, 1),
@@ -59,22 +61,23 @@ class ShapeSpace:
         )
 
     def scaled(self, factor: float) -> ShapeSpace:
-        """Returns the space with every length multiplied by `factor`."""
+        """Space with every length multiplied by `factor`."""
         return ShapeSpace(*(factor * getattr(self, name) for name in self.__dataclass_fields__))
 
 
 def bone_directions(joints: np.ndarray) -> np.ndarray:
-    """Returns the (27, 3) unit vectors along the parts, from each joint toward the next one (or on
-    from the parent's).
+    """Unit vectors (27, 3) along the parts, from each joint to the next one.
+
+    A part without a child continues the direction of its parent.
     """
     children = [np.flatnonzero(p == PARENTS) for p in range(len(PARENTS))]
     direction = np.zeros_like(joints)
-    for p, found in enumerate(children):
+    for p, own in enumerate(children):
         name = PART_NAMES[p]
-        if name in ("pelvis", "hand", "head") or not len(found):
+        if name in ("pelvis", "hand", "head") or not len(own):
             direction[p] = joints[p] - joints[PARENTS[p]] if PARENTS[p] >= 0 else (0, 0, 1)
         else:
-            direction[p] = joints[found[0]] - joints[p]
+            direction[p] = joints[own[0]] - joints[p]
         if name.endswith(("foot", "toes")):
             direction[p] = (0, -1, 0)
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
@@ -92,13 +95,13 @@ def _change(
     for p, direction in enumerate(bone_directions(joints)):
         if PART_NAMES[p].removeprefix("left_").removeprefix("right_") in axis.parts:
             along = np.outer(direction, direction)
-            one = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+            unit = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
             stretch[p] = (
                 along
                 if axis.along == "length"
                 else np.eye(3) - along
                 if axis.along == "girth"
-                else np.diag(one[axis.along])
+                else np.diag(unit[axis.along])
             )
     moved = np.zeros_like(joints)
     for p, parent in enumerate(PARENTS):

@@ -1,4 +1,4 @@
-"""What is measured on a person, and what the tape does not tell."""
+"""Measurements of a person, and the axes of the shape space."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from calib.errors import InputError
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Measurements from which the default body is made.
+    """Measurements of a person, from which the default body is made.
 
     Attributes:
         stature_m: height standing upright without shoes.
-        chest_girth_m: girth at the nipples; None means what is usual for the stature.
+        chest_girth_m: girth at the nipples; None: usual for the stature.
         sex: "male", "female" or "unknown".
 
     Raises:
@@ -40,13 +40,16 @@ class BodySizes:
 
 @dataclass(frozen=True)
 class ShapeAxis:
-    """One way in which bodies of the same stature differ, as a relative change of size.
+    """Axis of the shape space: a relative change of the size of some parts.
 
-    Attributes: name: of the measure. parts: base names of the parts it scales ("thigh" stands for
-        both sides). along: "length" (along the bone), "girth" (across it), or one of "x", "y", "z"
-        of the body frame. sigma: standard deviation over adults, relative; the prior of the
-        adaptation. joints: whether the joints carried by those parts move with it. flesh: whether
-        the surface moves with it.
+    Attributes:
+        name: name of the measure.
+        parts: base names of the parts it scales ("thigh" stands for both sides).
+        along: "length" (along the bone), "girth" (across it), or one of "x", "y", "z" of the body
+            frame.
+        sigma: relative standard deviation over adults, the prior of the adaptation.
+        joints: whether the joints carried by those parts move.
+        flesh: whether the surface moves.
     """
 
     name: str

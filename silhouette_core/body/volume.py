@@ -1,4 +1,4 @@
-"""The inside of a closed mesh, sampled on a lattice and shared out among the parts."""
+"""Lattice points inside a closed mesh, and their parts."""
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -9,7 +9,7 @@ from silhouette_core.jit import kernel
 def sample_volume(
     vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarray, spacing_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples the inside of a closed mesh.
+    """Lattice points inside a closed mesh.
 
     Args:
         vertices_m: (V, 3) float64.
@@ -17,13 +17,13 @@ def sample_volume(
         face_part: (F,) int32.
         spacing_m: lattice spacing.
 
-    Returns: points (N, 3) float64 inside the mesh, and the part (N,) int32 of the nearest triangle
+    Returns:
+        points (N, 3) float64 inside the mesh, and the part (N,) int32 of the nearest triangle
         centre.
     """
     low, high = vertices_m.min(0), vertices_m.max(0)
     shape = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
-    # Half-integer offsets with an irrational touch keep lattice lines off vertices and edges, where
-    # parity would be ambiguous.
+    # Uneven offsets keep lattice lines off vertices and edges, where parity would be ambiguous.
     origin = low + spacing_m * np.array([0.5000317, 0.4999713, 0.5])
     inside = np.zeros(tuple(shape), np.bool_)
     _fill(vertices_m, faces.astype(np.int64), origin, spacing_m, inside)
@@ -34,9 +34,7 @@ def sample_volume(
 
 @kernel
 def _fill(vertices, faces, origin, spacing, inside):
-    """Parity along z: every triangle toggles the cells above it in each lattice column that it
-    covers.
-    """
+    """Fills inside (nx, ny, nz) by parity: every triangle toggles the cells above it."""
     nx, ny, nz = inside.shape
     for f in range(faces.shape[0]):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]

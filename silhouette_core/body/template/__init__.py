@@ -1,3 +1,1 @@
-"""The template bodies, and the maker that models them from anthropometric measures (the maker needs
-the `dev` extra).
-"""
+"""Template bodies, and their generation from anthropometric measures (needs the `dev` extra)."""

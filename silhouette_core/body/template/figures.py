@@ -1,7 +1,7 @@
-"""The measures of the two template bodies, in units of stature unless said.
+"""Measures of the two template bodies, in units of stature unless stated.
 
 Breadths, depths and girths follow published surveys (ANSUR II, ISO 7250-1 and ISO/TR 7250-2, JIS
-L4004/L4005 for the choice of stature and chest), scaled to a lean adult; how flesh is shared out
+L4004/L4005 for the choice of stature and chest), scaled to a lean adult; the distribution of flesh
 between front and back, and along a limb, is modelled by eye on anatomy.
 Positions: x to the left, y to the back, z up, origin on the floor under the pelvis joint.
 """
@@ -22,11 +22,12 @@ ARM_UP = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
 
 @dataclass(frozen=True)
 class Figure:
-    """One body's measures. Tables: rows of position, outer, inner, front and back radius (see
-    `implicit.Loft`).
+    """Measures of one body.
+
+    Tables have rows of position, outer, inner, front and back radius, see `implicit.Loft`.
 
     Attributes:
-        name: of the template file.
+        name: name of the template file.
         sex: "male" or "female".
         stature_m: height in metres.
         chest_girth_m: girth at the nipples in metres; the trunk is widened until it fits.
@@ -68,7 +69,7 @@ class Figure:
         object.__setattr__(self, "joints", _joints(self.hip, self.shoulder, self.forearm))
 
     def joint_array(self) -> NDArray[np.float64]:
-        """Returns the (27, 3) joints in the order of the parts."""
+        """Joints (27, 3) in the order of the parts."""
         mirror = np.array([-1.0, 1.0, 1.0])
         return np.stack(
             [
@@ -85,7 +86,7 @@ class Figure:
 def _joints(hip: float, shoulder: float, forearm: float) -> dict[str, NDArray[np.float64]]:
     elbow = np.array([shoulder, -0.008, 0.8006]) + 0.150 * ARM
     wrist = elbow + forearm * ARM
-    places = {
+    positions = {
         "pelvis": (0, 0, 0.541),
         "lumbar": (0, 0.014, 0.583),
         "abdomen": (0, 0.014, 0.625),
@@ -104,7 +105,7 @@ def _joints(hip: float, shoulder: float, forearm: float) -> dict[str, NDArray[np
         "left_foot": (hip + 0.0235, -0.007, 0.041),
         "left_toes": (hip + 0.0295, -0.087, 0.012),
     }
-    return {name: np.array(place, float) for name, place in places.items()}
+    return {name: np.array(position, float) for name, position in positions.items()}
 
 
 MAN = Figure(

@@ -1,5 +1,6 @@
-"""Solids as signed functions: negative inside, roughly a distance in their own unit, joined by
-smooth unions.
+"""Solids as signed functions, joined by smooth unions.
+
+The functions are negative inside and about a distance in the solid's unit.
 """
 
 from collections.abc import Sequence
@@ -11,13 +12,13 @@ from scipy.interpolate import PchipInterpolator
 
 Point = Sequence[float] | NDArray[np.floating]
 FAR = 1.0
-"""What a solid returns where it is too far away to matter."""
+"""Value of a solid at points that are far away."""
 
 
 def smooth_union(
     a: NDArray[np.floating], b: NDArray[np.floating], reach: float
 ) -> NDArray[np.floating]:
-    """Joins two solids with a fillet.
+    """Union of two solids with a fillet.
 
     Args:
         a: values of the first solid.
@@ -25,7 +26,9 @@ def smooth_union(
         reach: difference of the two values within which they blend; 0 is the plain union.
 
     Returns:
-        Values of the joined solid. Source: Quilez, smooth minimum (quadratic polynomial).
+        Values of the joined solid.
+
+    Source: Quilez, smooth minimum (quadratic polynomial).
     """
     if reach <= 0:
         return np.minimum(a, b)
@@ -35,23 +38,23 @@ def smooth_union(
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """An ellipsoid with axes along x, y and z.
+    """Ellipsoid with axes along x, y and z.
 
     Attributes:
-        centre: (3,).
-        radii: (3,).
+        centre: (3,), centre.
+        radii: (3,), radii along x, y and z.
     """
 
     centre: tuple[float, float, float]
     radii: tuple[float, float, float]
 
     def bounds(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Returns the lower and upper corner of the box around it."""
+        """Lower and upper corner of the bounding box."""
         centre, radii = np.array(self.centre), np.array(self.radii)
         return centre - radii, centre + radii
 
     def values(self, points: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Returns the signed values (N,) at points (N, 3)."""
+        """Signed values (N,) at points (N, 3)."""
         offset = points - self.centre
         relative = np.linalg.norm(offset / self.radii, axis=-1)
         slope = np.linalg.norm(offset / np.square(self.radii), axis=-1)
@@ -60,13 +63,15 @@ class Ellipsoid:
 
 @dataclass(frozen=True, eq=False)
 class Loft:
-    """Ellipse-like cross-sections strung along a straight axis, each with four radii of its own.
+    """Ellipse-like cross-sections along a straight axis, each with four radii.
 
-    Attributes: start: (3,) where t = 0. end: (3,) where t = 1. front: (3,) direction of the front
-        radius; made perpendicular to the axis. The outer radius is perpendicular to both, toward
-        +x. stations: rows of t, outer, inner, front and back radius; monotone cubics run between
-        them. Beyond the first and the last row
-            the solid ends flat.
+    Attributes:
+        start: (3,), point of t = 0.
+        end: (3,), point of t = 1.
+        front: (3,), direction of the front radius, made perpendicular to the axis. The outer radius
+            is perpendicular to both, toward +x.
+        stations: rows of t, outer, inner, front and back radius, joined by monotone cubics. The
+            solid ends flat at the first and the last row.
         power: exponent of the cross-section; 2 is an ellipse, more is squarer.
     """
 
@@ -79,7 +84,7 @@ class Loft:
     def frame(
         self,
     ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating], float]:
-        """Returns the unit vectors along, outward and to the front, and the length of the axis."""
+        """Unit vectors along, outward and to the front, and the length of the axis."""
         axis = np.asarray(self.end, np.float64) - np.asarray(self.start, np.float64)
         length = float(np.linalg.norm(axis))
         along = axis / length
@@ -90,13 +95,13 @@ class Loft:
         return along, outward if outward[0] >= 0 else -outward, front, length
 
     def bounds(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Returns the lower and upper corner of a box around it."""
+        """Lower and upper corner of a bounding box."""
         table = np.asarray(self.stations, float)
         ends = np.asarray(self.start) + table[[0, -1], :1] * np.subtract(self.end, self.start)
         return ends.min(0) - table[:, 1:].max(), ends.max(0) + table[:, 1:].max()
 
     def values(self, points: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Returns the signed values (N,) at points (N, 3)."""
+        """Signed values (N,) at points (N, 3)."""
         along, outward, front, length = self.frame()
         table = np.asarray(self.stations, float)
         offset = points - np.asarray(self.start, float)
@@ -126,9 +131,7 @@ Solid = Ellipsoid | Loft
 def union_values(
     solids: Sequence[tuple[Solid, float]], points: NDArray[np.floating]
 ) -> NDArray[np.floating]:
-    """Returns the signed values (N,) of a smooth union at points (N, 3); every solid comes with the
-    reach of its union.
-    """
+    """Signed values (N,) at points (N, 3) of a union of solids, each with its fillet's reach."""
     values = solids[0][0].values(points)
     for solid, reach in solids[1:]:
         values = smooth_union(values, solid.values(points), reach)
@@ -137,12 +140,12 @@ def union_values(
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """A regular lattice of sample points.
+    """Regular lattice of sample points.
 
     Attributes:
-        origin: (3,) first point.
-        spacing: between neighbours.
-        shape: number of points along x, y and z.
+        origin: (3,), first point.
+        spacing: distance of neighbouring points.
+        shape: numbers of points along x, y and z.
     """
 
     origin: NDArray[np.floating]
@@ -150,7 +153,7 @@ class Lattice:
     shape: tuple[int, int, int]
 
     def sample(self, solids: Sequence[tuple[Solid, float]], margin: float) -> NDArray[np.float64]:
-        """Samples the smooth union of solids.
+        """Values of the smooth union of solids on the lattice.
 
         Args:
             solids: each with the reach of its union with those before it.

@@ -1,8 +1,8 @@
-"""Makes the template files: `python -m silhouette_core.body.template.make_templates [FOLDER]`
-(needs the `dev` extra).
+"""Generates the template files.
 
-The shape comes from `figures` (measures) and `surface` (implicit surfaces); nothing is taken from
-any other body mesh.
+Usage: `python -m silhouette_core.body.template.make_templates [FOLDER]` (needs the `dev` extra).
+The shape is defined by the measures in `figures` and the implicit surfaces in `mesh`; nothing is
+taken from other body meshes.
 """
 
 import argparse
@@ -25,12 +25,12 @@ HEAD_TOP = (0.0, -0.033, 1.0)
 def make_template(
     figure: Figure, triangles: int = 4500, spacing: float = 0.004
 ) -> tuple[dict[str, NDArray[np.generic]], dict[str, str]]:
-    """Makes one template body.
+    """Arrays and metadata of one template body.
 
     Args:
-        figure: its measures.
-        triangles: about how many triangles.
-        spacing: of the sampling lattice, in units of stature.
+        figure: measures of the body.
+        triangles: approximate number of triangles.
+        spacing: spacing of the sampling lattice, in units of stature.
 
     Returns:
         The arrays of the file (lengths in metres) and its metadata.
@@ -65,9 +65,7 @@ def make_template(
 
 
 def _sort_header(file: Path) -> None:
-    """Sorts the header, whose order the writer leaves to chance, so that equal bodies give equal
-    files.
-    """
+    """Sorts the header, whose order is otherwise random, so that equal bodies give equal files."""
     data = file.read_bytes()
     end = 8 + int.from_bytes(data[:8], "little")
     header = (

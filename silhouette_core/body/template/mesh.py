@@ -1,4 +1,4 @@
-"""From a figure's measures to a closed, mirror-symmetric triangle mesh."""
+"""Closed, mirror-symmetric triangle meshes from the measures of figures."""
 
 import numpy as np
 import trimesh
@@ -19,7 +19,7 @@ from silhouette_core.body.template.remesh import Field, Remesher, fill_out
 
 FORWARD, UP = (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
 CHEST_HEIGHT = 0.728
-"""Where the chest girth is taken: at the nipples, under the armpits of the rest pose."""
+"""Height of the chest girth: at the nipples, under the armpits of the rest pose."""
 ARM_REACH, LEG_REACH = 0.026, 0.022
 FINE = (
     ((0.0, -0.030, 0.930), 0.080, 0.0125),
@@ -33,17 +33,17 @@ FINE = (
     ("left_shin", 0.050, 0.0155),
     ("left_upper_arm", 0.060, 0.0160),
 )
-"""Place or joint, distance from it, edge length there."""
+"""Position or joint, distance from it, edge length there."""
 Group = list[tuple[Solid, float]]
 
 
 def trunk(figure: Figure, width: float) -> Group:
-    """Returns trunk, neck and head; `width` scales the sections of the chest, less those below it."""
+    """Trunk, neck and head; `width` scales the sections of the chest, and less those below it."""
     axis = ((0, 0, 0), (0, 0, 1), FORWARD)
-    share = [1 + (width - 1) * min(max((row[0] - 0.60) / 0.10, 0.0), 1.0) for row in figure.trunk]
+    scales = [1 + (width - 1) * min(max((row[0] - 0.60) / 0.10, 0.0), 1.0) for row in figure.trunk]
     wide = [
         (row[0], *(r * scale for r in row[1:]))
-        for row, scale in zip(figure.trunk, share, strict=True)
+        for row, scale in zip(figure.trunk, scales, strict=True)
     ]
     group: Group = [(Loft(*axis, wide, power=2.25), 0.0)]
     for x, y, z, *radii, reach in figure.lumps:
@@ -66,7 +66,7 @@ def trunk(figure: Figure, width: float) -> Group:
 
 
 def head(figure: Figure) -> Group:
-    """Returns skull, face with nose and jaw, and ears."""
+    """Skull, face with nose and jaw, and ears."""
     across, along = figure.head
     face = (
         (0.8675, 0.010, 0.010, 0.012, 0.020),
@@ -96,7 +96,7 @@ def head(figure: Figure) -> Group:
 
 
 def arm(figure: Figure) -> Group:
-    """Returns the left arm with hand and thumb."""
+    """Left arm with hand and thumb."""
     joints = figure.joints
     shoulder, elbow, wrist = (joints[f"left_{name}"] for name in ("upper_arm", "forearm", "hand"))
     root = joints["left_thumb"] - 0.004 * ARM
@@ -117,7 +117,7 @@ def arm(figure: Figure) -> Group:
 
 
 def leg(figure: Figure) -> Group:
-    """Returns the left leg with the foot."""
+    """Left leg with the foot."""
     hip, knee, ankle, toes = (
         figure.joints[f"left_{name}"] for name in ("thigh", "shin", "foot", "toes")
     )
@@ -132,7 +132,7 @@ def leg(figure: Figure) -> Group:
 
 
 def body_field(figure: Figure, width: float) -> Field:
-    """Returns the signed function of the left half of the body."""
+    """Signed function of the left half of the body."""
     groups = [trunk(figure, width), arm(figure), leg(figure)]
 
     def field(points: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -147,7 +147,7 @@ def body_field(figure: Figure, width: float) -> Field:
 def half_mesh(
     figure: Figure, spacing: float, width: float
 ) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
-    """Polygonises the left half (x >= 0), open where it meets the plane x = 0; units of stature."""
+    """Mesh of the left half (x >= 0), open at the plane x = 0, in units of stature."""
     origin = np.array([0.0, -0.16, -2 * spacing])
     size = np.ceil((np.array([0.43, 0.10, 1.01]) - origin) / spacing).astype(int) + 1
     lattice = Lattice(origin, spacing, (int(size[0]), int(size[1]), int(size[2])))
@@ -164,12 +164,10 @@ def half_mesh(
 
 
 def edge_length(figure: Figure, points: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Returns how long edges should be at points, in units of stature: finer where flesh is thin or
-    bends.
-    """
+    """Target edge length at points, in units of stature: shorter where flesh is thin or bends."""
     length = np.full(len(points), 0.0185)
-    for place, reach, fine in FINE:
-        middle = figure.joints[place] if isinstance(place, str) else np.array(place)
+    for position, reach, fine in FINE:
+        middle = figure.joints[position] if isinstance(position, str) else np.array(position)
         near = np.linalg.norm(points - middle, axis=1) / reach
         length = np.minimum(length, fine + (0.0185 - fine) * np.clip((near - 0.7) / 0.6, 0, 1))
     return length
@@ -178,7 +176,7 @@ def edge_length(figure: Figure, points: NDArray[np.floating]) -> NDArray[np.floa
 def mirror_mesh(
     vertices: NDArray[np.floating], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
-    """Closes a left half by its mirror image; the vertices of the seam at x = 0 are shared."""
+    """Left half and its mirror image as one mesh; the vertices of the seam at x = 0 are shared."""
     seam = np.abs(vertices[:, 0]) < 1e-6
     vertices = np.where(seam[:, None], vertices * [0, 1, 1], vertices)
     twin = np.where(seam, np.arange(len(vertices)), 0)
@@ -188,9 +186,7 @@ def mirror_mesh(
 
 
 def girth(vertices: NDArray[np.floating], faces: NDArray[np.int32], height: float) -> float:
-    """Returns the tape's length around the trunk at a height: the hull of the slice that surrounds
-    the body's middle.
-    """
+    """Girth of the trunk at a height: perimeter of the hull of the slice around the middle."""
     section = trimesh.Trimesh(vertices, faces, process=False).section([0, 0, 1], [0, 0, height])
     if section is None:
         raise ValueError(f"nothing to measure at height {height}")
@@ -203,19 +199,20 @@ def girth(vertices: NDArray[np.floating], faces: NDArray[np.int32], height: floa
 def body_mesh(
     figure: Figure, triangles: int, spacing: float
 ) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
-    """Makes the whole surface of a figure.
+    """Surface of a figure.
 
     Args:
-        figure: its measures.
-        triangles: about how many to keep.
-        spacing: of the sampling lattice, in units of stature.
+        figure: measures of the body.
+        triangles: approximate number of triangles.
+        spacing: spacing of the sampling lattice, in units of stature.
 
-    Returns: vertices (V, 3) float64 in units of stature and faces (F, 3) int32, closed, outward
+    Returns:
+        Vertices (V, 3) float64 in units of stature and faces (F, 3) int32, closed, outward
         oriented, mirror-symmetric.
     """
-    wanted, width = figure.chest_girth_m / figure.stature_m, 1.0
+    target, width = figure.chest_girth_m / figure.stature_m, 1.0
     for _ in range(3):  # the girth is almost proportional to the trunk's width
-        width *= wanted / girth(*mirror_mesh(*half_mesh(figure, 2 * spacing, width)), CHEST_HEIGHT)
+        width *= target / girth(*mirror_mesh(*half_mesh(figure, 2 * spacing, width)), CHEST_HEIGHT)
     field = body_field(figure, width)
     scale = 1.0
     remesher = Remesher(

@@ -1,8 +1,8 @@
-"""Even triangles for a surface: edges are split, collapsed and flipped until they have the wished
-length.
+"""Remeshing of a surface to even triangles of given edge lengths.
 
-An even mesh bends well at the joints, where the long slivers that a quadric simplification leaves
-along limbs would not.
+An even mesh bends well at the joints; the long triangles that a quadric simplification leaves along
+limbs would not.
+
 Source: Botsch and Kobbelt, A Remeshing Approach to Multiresolution Modeling (2004), with a length
 that varies in space, borders that stay in their plane, and vertices put back on the implicit
 surface itself.
@@ -17,7 +17,7 @@ Field = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 
 
 class Remesher:
-    """A triangle mesh under reconstruction."""
+    """Triangle mesh whose edges are split, collapsed and flipped."""
 
     def __init__(
         self,
@@ -26,20 +26,20 @@ class Remesher:
         surface: Field,
         length: Field,
     ) -> None:
-        """Takes over a mesh.
+        """Loads a mesh.
 
         Args:
             vertices: (V, 3); those with x = 0 are the border and stay in that plane.
             faces: (F, 3) with consistent winding.
-            surface: signed function whose zero set the vertices shall lie on.
-            length: wished edge length at points.
+            surface: signed function whose zero set is the surface.
+            length: target edge length at points.
         """
         self.surface, self.length = surface, length
         self._load(np.asarray(vertices, float), faces)
 
     def _load(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
         self.points: list[NDArray[np.floating]] = list(vertices)
-        self.wished: list[float] = self.length(vertices).tolist()
+        self.target_length: list[float] = self.length(vertices).tolist()
         self.border: list[bool] = (np.abs(vertices[:, 0]) < 1e-9).tolist()
         self.faces: dict[int, tuple[int, int, int]] = {
             k: (int(a), int(b), int(c)) for k, (a, b, c) in enumerate(faces)
@@ -51,7 +51,7 @@ class Remesher:
         self.next_face = len(self.faces)
 
     def run(self, passes: int) -> None:
-        """Goes through split, collapse, flip and relax several times."""
+        """Splits, collapses, flips and relaxes several times."""
         for _ in range(passes):
             self._split_long()
             self._collapse_short()
@@ -60,7 +60,7 @@ class Remesher:
             self._relax()
 
     def arrays(self) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
-        """Returns vertices (V, 3) and faces (F, 3)."""
+        """Vertices (V, 3) and faces (F, 3)."""
         self._compact()
         return np.array(self.points), np.array(list(self.faces.values()), np.int32)
 
@@ -79,7 +79,7 @@ class Remesher:
 
     def _relative(self, a: int, b: int) -> float:
         d = self.points[a] - self.points[b]
-        return float(np.sqrt(d @ d)) * 2 / (self.wished[a] + self.wished[b])
+        return float(np.sqrt(d @ d)) * 2 / (self.target_length[a] + self.target_length[b])
 
     def _neighbours(self, v: int) -> set[int]:
         return {w for key in self.around[v] for w in self.faces[key]} - {v}
@@ -112,7 +112,7 @@ class Remesher:
                 continue
             middle = len(self.points)
             self.points.append((self.points[a] + self.points[b]) / 2)
-            self.wished.append((self.wished[a] + self.wished[b]) / 2)
+            self.target_length.append((self.target_length[a] + self.target_length[b]) / 2)
             self.border.append(len(shared) == 1)
             self.around.append(set())
             for key in shared:
@@ -127,9 +127,7 @@ class Remesher:
                 self._collapse(a, b)
 
     def _collapse(self, keep: int, drop: int) -> None:
-        """Merges two neighbours where the surface stays a surface, edges stay short and no triangle
-        turns over.
-        """
+        """Merges two neighbours if the surface stays closed, edges short and triangles upright."""
         shared = self.around[keep] & self.around[drop]
         if not shared or (self.border[keep] and self.border[drop] and len(shared) == 2):
             return
@@ -138,7 +136,7 @@ class Remesher:
         near_keep, near_drop = self._neighbours(keep), self._neighbours(drop)
         if len(near_keep & near_drop) != len(shared):
             return
-        place = (
+        merged = (
             (self.points[keep] + self.points[drop]) / 2
             if self.border[keep] == self.border[drop]
             else self.points[keep]
@@ -146,7 +144,7 @@ class Remesher:
         old = self.points[keep], self.points[drop]
         kept = (self.around[keep] | self.around[drop]) - shared
         before = [self._normal(self.faces[key]) for key in kept]
-        self.points[keep] = self.points[drop] = place
+        self.points[keep] = self.points[drop] = merged
         fine = all(self._relative(keep, v) < 4 / 3 for v in (near_keep | near_drop) - {keep, drop})
         fine = fine and all(
             n @ self._normal(self.faces[key]) > 0.4 for n, key in zip(before, kept, strict=True)
@@ -162,9 +160,7 @@ class Remesher:
             self._add(*(keep if v == drop else v for v in face))
 
     def _flip(self) -> None:
-        """Turns edges whose four corners come nearer to six neighbours (four on the border) that
-        way.
-        """
+        """Flips edges whose corners then have nearer to six neighbours (four on the border)."""
         for a, b in self._edges():
             shared = self.around[a] & self.around[b]
             if len(shared) != 2:
@@ -191,13 +187,11 @@ class Remesher:
             self._add(d, b, c)
 
     def _excess(self, v: int, step: int) -> int:
-        wanted = 3 if self.border[v] else 6  # counted in triangles
-        return (len(self.around[v]) + step - wanted) ** 2
+        target = 3 if self.border[v] else 6  # counted in triangles
+        return (len(self.around[v]) + step - target) ** 2
 
     def _relax(self) -> None:
-        """Moves vertices toward the middle of their neighbours along the surface, then back onto
-        it.
-        """
+        """Moves vertices toward the middle of their neighbours, and back onto the surface."""
         points, border = np.array(self.points), np.array(self.border)
         faces = np.array(list(self.faces.values()))
         a, b = np.array(self._edges()).T
@@ -213,13 +207,13 @@ class Remesher:
         step = middle / np.maximum(count, 1)[:, None] - points
         step -= normals * (step * normals).sum(1, keepdims=True)
         points = project(points + 0.6 * step, border, self.surface)
-        self.points, self.wished = list(points), self.length(points).tolist()
+        self.points, self.target_length = list(points), self.length(points).tolist()
 
 
 def vertex_normals(
     points: NDArray[np.floating], faces: NDArray[np.integer]
 ) -> NDArray[np.floating]:
-    """Returns the (V, 3) area-weighted unit normals."""
+    """Unit normals (V, 3), weighted by area."""
     corners = points[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(points)
@@ -229,7 +223,7 @@ def vertex_normals(
 
 
 def gradient(points: NDArray[np.floating], surface: Field) -> NDArray[np.floating]:
-    """Returns the (N, 3) gradient of a signed function by central differences."""
+    """Gradient (N, 3) of a signed function by central differences."""
     step = 2e-4
     return np.stack(
         [
@@ -243,9 +237,7 @@ def gradient(points: NDArray[np.floating], surface: Field) -> NDArray[np.floatin
 def project(
     points: NDArray[np.floating], border: NDArray[np.bool_], surface: Field, times: int = 2
 ) -> NDArray[np.floating]:
-    """Moves points onto the zero set along the gradient, those of the border within the plane x =
-    0.
-    """
+    """Projection of points onto the zero set, those of the border within the plane x = 0."""
     for _ in range(times):
         slope = gradient(points, surface)
         slope[border, 0] = 0
@@ -261,8 +253,9 @@ def fill_out(
     border: NDArray[np.bool_],
     surface: Field,
 ) -> NDArray[np.floating]:
-    """Pushes vertices out until the flat triangles lie as much outside a round surface as inside,
-    so that no girth is lost.
+    """Vertices moved outward until triangles lie as much outside a round surface as inside it.
+
+    This preserves girths.
     """
     middles = points[faces].mean(1)
     slope = np.maximum(np.linalg.norm(gradient(middles, surface), axis=1), 0.3)

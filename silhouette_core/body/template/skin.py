@@ -1,8 +1,8 @@
-"""Which parts move a vertex, and how much: every joint has a zone across which its two parts blend.
+"""Skin weights: every joint has a zone across which its two parts blend.
 
-The zone lies along a plane through the joint and is about as wide as the limb. A limb takes its
-share of the surface by being nearer than the trunk, so that an arm pulls at the armpit but not at
-the flank; left and right meet only within a finger's breadth of the crotch.
+The zone lies along a plane through the joint and is about as wide as the limb. The surface belongs
+to a limb where it is nearer to it than to the trunk, so that an arm moves the armpit but not the
+flank; left and right blend only within a finger's breadth of the crotch.
 """
 
 from collections.abc import Sequence
@@ -53,7 +53,7 @@ HIP: Plane = ((0.62, 0, -0.78), 0.055, (0, 0, -0.008))
 
 
 def dense_weights(vertices: NDArray[np.floating], figure: Figure) -> NDArray[np.float64]:
-    """Returns the (V, 27) shares of all parts at vertices (V, 3) in units of stature."""
+    """Weights (V, 27) of all parts at vertices (V, 3) in units of stature."""
     left = vertices * [1, 1, 1]
     left[:, 0] = np.abs(left[:, 0])
     weights = np.zeros((len(vertices), len(PART_NAMES)))
@@ -66,13 +66,12 @@ def dense_weights(vertices: NDArray[np.floating], figure: Figure) -> NDArray[np.
         * (1 - _beyond(left, figure, *SPINE[4]))
         * trunk
     )
-    _share(weights, trunk - clavicle, "pelvis", SPINE, left, figure)
+    _distribute(weights, trunk - clavicle, "pelvis", SPINE, left, figure)
     weights[:, PART_NAMES.index("left_clavicle")] = clavicle
-    _share(weights, arm, "left_upper_arm", ARM_CHAIN, left, figure)
+    _distribute(weights, arm, "left_upper_arm", ARM_CHAIN, left, figure)
     _thumb(weights, left, figure)
-    _share(weights, leg, "left_thigh", LEG_CHAIN, left, figure)
-    # Limbs so far moved both sides: hand over the right half's share, crossing over within the
-    # crotch.
+    _distribute(weights, leg, "left_thigh", LEG_CHAIN, left, figure)
+    # So far the left limbs have the weights of both sides: mirror those of the right half.
     side = _ramp(vertices[:, 0], 0.010)[:, None]
     return (
         weights * side + weights[:, MIRROR] * (1 - side) if np.any(vertices[:, 0] < 0) else weights
@@ -82,14 +81,14 @@ def dense_weights(vertices: NDArray[np.floating], figure: Figure) -> NDArray[np.
 def strongest(
     weights: NDArray[np.floating], count: int = 4
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Keeps the largest shares of each vertex and makes them sum to 1.
+    """Largest weights of each vertex, normalised to sum to 1.
 
     Args:
         weights: (V, 27).
-        count: how many to keep.
+        count: number of weights per vertex.
 
     Returns:
-        parts (V, count) int32 and weights (V, count) float32, largest first.
+        Parts (V, count) int32 and weights (V, count) float32, largest first.
     """
     parts = np.argsort(-weights, axis=1, kind="stable")[:, :count]
     kept = np.take_along_axis(weights, parts, axis=1)
@@ -99,12 +98,12 @@ def strongest(
 
 
 def face_parts(weights: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Returns the (F,) part with the largest share over each face's corners."""
+    """Part (F,) of the largest weight over each face's corners."""
     return weights[faces].sum(1).argmax(1).astype(np.int32)
 
 
 def _ramp(value: NDArray[np.floating], half_width: float) -> NDArray[np.float64]:
-    """Rises smoothly from 0 at -half_width to 1 at half_width."""
+    """Smooth step from 0 at -half_width to 1 at half_width."""
     t = np.clip((value / half_width + 1) / 2, 0, 1)
     return t * t * (3 - 2 * t)
 
@@ -121,7 +120,7 @@ def _distance(points: NDArray[np.floating], group: mesh.Group) -> NDArray[np.flo
     return np.min([solid.values(points) for solid, _ in group], axis=0)
 
 
-def _share(
+def _distribute(
     weights: NDArray[np.float64],
     whole: NDArray[np.floating],
     root: str,
@@ -129,7 +128,7 @@ def _share(
     points: NDArray[np.floating],
     figure: Figure,
 ) -> None:
-    """Hands a share down a chain of parts: each passes on what lies beyond its child's joint."""
+    """Distributes a weight along a chain of parts, divided at the joints."""
     holder = PART_NAMES.index(root)
     weights[:, holder] = whole
     for name, plane in chain:
@@ -140,11 +139,11 @@ def _share(
 
 
 def _thumb(weights: NDArray[np.float64], points: NDArray[np.floating], figure: Figure) -> None:
-    """Gives the thumb what is nearer to it than to the palm, from hand and fingers alike."""
+    """Moves weight from hand and fingers to the thumb where that is nearer than the palm."""
     *_, palm, thumb = (solid for solid, _ in mesh.arm(figure))
-    share = _ramp(palm.values(points) - thumb.values(points) - 0.002, 0.006)
-    share *= _ramp((points - figure.joints["left_thumb"]) @ ARM - 0.006, 0.012)
+    fraction = _ramp(palm.values(points) - thumb.values(points) - 0.002, 0.006)
+    fraction *= _ramp((points - figure.joints["left_thumb"]) @ ARM - 0.006, 0.012)
     hand, fingers, own = (PART_NAMES.index(f"left_{name}") for name in ("hand", "fingers", "thumb"))
-    weights[:, own] = share * (weights[:, hand] + weights[:, fingers])
-    weights[:, hand] *= 1 - share
-    weights[:, fingers] *= 1 - share
+    weights[:, own] = fraction * (weights[:, hand] + weights[:, fingers])
+    weights[:, hand] *= 1 - fraction
+    weights[:, fingers] *= 1 - fraction
