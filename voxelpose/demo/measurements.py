@@ -88,20 +88,16 @@ def tailor(measurements: Measurements) -> Mannequin:
     """
     standard = Mannequin.build()
     shape = _Shape(standard, measurements)
-    clothed = np.zeros(len(standard.vertices_m), bool)
+    points = np.vstack([standard.vertices_m, standard.joints_m, standard.head_top_m])
+    bones = np.r_[standard.vertex_bone, : len(BONE_NAMES), BONE_NAMES.index("head")]
+    clothed = np.zeros(len(points), bool)
     clothed[standard.faces[np.isin(standard.face_colour, (SHIRT, TROUSERS))]] = True
-    vertices, joints = standard.vertices_m.copy(), standard.joints_m.copy()
     for k, name in enumerate(BONE_NAMES):
-        own = standard.vertex_bone == k
-        vertices[own] = shape.moved(name, vertices[own], clothed[own])
-        joints[k] = shape.moved(name, joints[k : k + 1], np.zeros(1, bool))[0]
-    head_top = shape.moved("head", standard.head_top_m[None], np.zeros(1, bool))[0]
+        points[bones == k] = shape.moved(name, points[bones == k], clothed[bones == k])
+    vertices, joints = np.split(points[:-1], [len(standard.vertices_m)])
+    stride = float(shape.heights_m[2] - shape.heights_m[1]) / (_HEIGHTS_M[2] - _HEIGHTS_M[1])
     return replace(
-        standard,
-        vertices_m=vertices,
-        joints_m=joints,
-        head_top_m=head_top,
-        stride=float(shape.heights_m[2] - shape.heights_m[1]) / (_HEIGHTS_M[2] - _HEIGHTS_M[1]),
+        standard, vertices_m=vertices, joints_m=joints, head_top_m=points[-1], stride=stride
     )
 
 
@@ -115,18 +111,15 @@ class _Shape:
         self._head = self._scale**0.4 * person.head
         head = self._head * (_HEIGHTS_M[4] - _HEIGHTS_M[3])
         legs = (person.stature_m - head) * _LEG_FRACTION * person.legs
-        top = person.stature_m
-        self.heights_m = np.array([-person.sole_m, 0, legs, top - head, top, top + _HAIR_M])
-        self.heights_m += person.sole_m
+        top, sole = person.stature_m + person.sole_m, person.sole_m
+        self.heights_m = np.array([0, sole, legs + sole, top - head, top, top + _HAIR_M])
         girths = (person.hip_girth_m, person.waist_girth_m, person.chest_girth_m)
         self._width, self._depth = np.array(
             [
-                _growth(_ring(standard, *place), (girth + 2 * np.pi * person.cloth_m) / self._scale)
+                _growth(standard, *place, (girth + 2 * np.pi * person.cloth_m) / self._scale)
                 for place, girth in zip(_GIRTHS, girths, strict=True)
             ]
-        ).T[:, [0, 1, 2, 2, 2]]
-        self._width = 1 + _TRUNK_GROWTH * (self._width - 1)
-        self._depth = 1 + _TRUNK_GROWTH * (self._depth - 1)
+        ).T[:, [0, 1, 2, 2, 2]] * _TRUNK_GROWTH + (1 - _TRUNK_GROWTH)
         self._joints = dict(zip(BONE_NAMES, standard.joints_m, strict=True))
         shoulder, elbow = (self._joints[f"left_{name}"] for name in ("upper_arm", "forearm"))
         self._shoulder_x = self._scale * (
@@ -150,14 +143,9 @@ class _Shape:
         elif name in ("thigh", "shin", "foot"):
             moved = self._leg(points, clothed)
         else:
-            z = points[:, 2]
-            if name == "head":
-                factor = np.array([self._head, self._head])
-            else:
-                factor = self._scale * np.column_stack(
-                    [np.interp(z, _TRUNK_M, growth) for growth in (self._width, self._depth)]
-                )
-            height = np.interp(z, _HEIGHTS_M, self.heights_m)
+            growths = (np.interp(points[:, 2], _TRUNK_M, g) for g in (self._width, self._depth))
+            factor = self._head if name == "head" else self._scale * np.column_stack([*growths])
+            height = np.interp(points[:, 2], _HEIGHTS_M, self.heights_m)
             moved = np.column_stack([factor * points[:, :2], height])
         return moved * mirror
 
@@ -198,18 +186,13 @@ class _Shape:
         return offset * (target / np.maximum(radius, 1e-9))[:, None]
 
 
-def _ring(standard: Mannequin, bone: str, height_m: float) -> NDArray[np.float64]:
-    """Ring (RING, 2) of the tube of a trunk bone that is nearest to a height."""
+def _growth(standard: Mannequin, bone: str, height_m: float, girth_m: float) -> tuple[float, float]:
+    """Factors of width and depth that give the trunk a girth at a height of one of its bones."""
     tube = standard.vertices_m[standard.vertex_bone == BONE_NAMES.index(bone)][:-2]
     rings = tube.reshape(-1, RING, 3)
-    return rings[np.abs(rings[:, 0, 2] - height_m).argmin(), :, :2]
-
-
-def _growth(ring: NDArray[np.float64], girth_m: float) -> tuple[float, float]:
-    """Factors of width and depth that give a ring (RING, 2) a girth."""
+    ring = rings[np.abs(rings[:, 0, 2] - height_m).argmin(), :, :2]
     perimeter = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum()
-    growth = girth_m / float(perimeter)
-    a, b = np.ptp(ring, axis=0)
+    growth, (a, b) = girth_m / float(perimeter), np.ptp(ring, axis=0)
     depth = growth**_DEPTH_POWER
     # The girth of a flat ellipse goes as the root of the mean square of its half axes.
     return float(np.sqrt(growth**2 * (a**2 + b**2) - (depth * b) ** 2) / a), float(depth)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,31 +24,25 @@ class Recipe:
     """Recipe of one recording.
 
     Attributes:
+        person: measurements of the actor.
         seed: of limb proportions, clothing and sensor noise.
-        stature_m: of the person, barefoot.
-        chest_girth_m: over the skin.
-        waist_girth_m: likewise.
-        hip_girth_m: likewise.
         performance: a name of `choreography.PERFORMANCES`.
         cameras: numbers of the cameras that film, 1 to 8.
         frames: number of frames.
     """
 
+    person: Measurements
     seed: int
-    stature_m: float
-    chest_girth_m: float
-    waist_girth_m: float
-    hip_girth_m: float
     performance: str
-    cameras: tuple[int, ...]
+    cameras: list[int]
     frames: int
 
-    @property
-    def person(self) -> Measurements:
-        """Measurements of the person."""
-        girths = self.chest_girth_m, self.waist_girth_m, self.hip_girth_m
-        person = Measurements(self.stature_m, *girths)
-        return person.with_variation(np.random.default_rng(self.seed))
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> Recipe:
+        """Recipe of a TOML table; its lengths in metres are those of the person."""
+        person = Measurements(**{key: table[key] for key in table if key.endswith("_m")})
+        others = {key: table[key] for key in table if not key.endswith("_m")}
+        return cls(person.with_variation(np.random.default_rng(table["seed"])), **others)
 
     def render(self, folder: Path) -> Path:
         """Renders the recording, unless the folder already holds that of this very recipe.
@@ -61,19 +57,19 @@ class Recipe:
             InputError: it cannot be written.
             ValueError: the recipe has an unknown performance or camera.
         """
-        stamp, text = folder / _STAMP, f"{self}\n{self.person}\n"
-        if not stamp.is_file() or stamp.read_text(encoding="utf-8") != text:
-            beside = folder.with_name(f".{folder.name}.{os.getpid()}")
-            cameras = [f"cam_{number}" for number in self.cameras]
+        stamp = folder / _STAMP
+        if not stamp.is_file() or stamp.read_text(encoding="utf-8") != str(self):
+            partial = folder.with_name(f".{folder.name}.{os.getpid()}")
+            names = [f"cam_{number}" for number in self.cameras]
             try:
                 make_recording(
-                    beside, self.frames, self.seed, self.performance, cameras, self.person
+                    partial, self.frames, self.seed, self.performance, names, self.person
                 )
-                (beside / _STAMP).write_text(text, encoding="utf-8")
+                (partial / _STAMP).write_text(str(self), encoding="utf-8")
                 shutil.rmtree(folder, ignore_errors=True)
-                beside.rename(folder)
+                partial.rename(folder)
             finally:
-                shutil.rmtree(beside, ignore_errors=True)
+                shutil.rmtree(partial, ignore_errors=True)
         return folder
 
 
@@ -88,9 +84,6 @@ def read_recipes(path: Path) -> dict[str, Recipe]:
     """
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
-        return {
-            name: Recipe(**table | {"cameras": tuple(table["cameras"])})
-            for name, table in tables.items()
-        }
+        return {name: Recipe.from_table(table) for name, table in tables.items()}
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path} cannot be read as recipes of recordings: {error}") from error

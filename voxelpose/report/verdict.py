@@ -62,16 +62,14 @@ def overall(assessed: Sequence[Finding]) -> tuple[Level, str]:
     """The worst level, and a sentence for the top of the page."""
     levels: list[Level] = [finding.level for finding in assessed]
     if "bad" in levels:
-        words = "Parts of this result are not reliable; problems and remedies are listed below."
-        return "bad", words
+        return "bad", "Parts of this result are not reliable; problems and remedies follow below."
     if "look" in levels:
-        words = "Most of this result is reliable; check the parts and frames listed below."
-        return "look", words
-    words = (
+        return "look", "Most of this result is reliable; check the parts and frames listed below."
+    return (
+        "good",
         "The numbers show no problem with this result. Check the pictures nevertheless: they show"
-        " errors that no number does."
+        " errors that no number does.",
     )
-    return "good", words
 
 
 def frame_ranges(frames: NDArray[np.int64], chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -18,7 +18,7 @@ from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 
 RECIPES = Path(__file__).resolve().parents[3] / "datasets" / "made" / "recipes.toml"
-SHORT_HEAVY = Recipe(1, 1.50, 1.14, 1.10, 1.18, "arm_swing", (2, 3, 5), 3)
+SHORT_HEAVY = Recipe(Measurements(1.50, 1.14, 1.10, 1.18), 1, "arm_swing", [2, 3, 5], 3)
 
 
 def test_the_standard_actor_stays_as_it_is():
@@ -77,7 +77,7 @@ def test_all_recipes_are_known_and_unlike_each_other():
     assert 6 <= len(recipes) <= 8
     assert {recipe.performance for recipe in recipes.values()} <= set(PERFORMANCES)
     assert {len(recipe.cameras) for recipe in recipes.values()} == {1, 3, 4, 8}
-    statures = [recipe.stature_m for recipe in recipes.values()]
+    statures = [recipe.person.stature_m for recipe in recipes.values()]
     assert min(statures) <= 1.5 and max(statures) >= 1.9
 
 

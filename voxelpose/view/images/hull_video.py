@@ -44,7 +44,7 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
     picture = hull_picture(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene))
     with replacing(path) as partial:
         write_png(picture, partial)
-    return scene.hull.volume_l
+    return scene.hull.litres(scene.hull.occupancy)
 
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:

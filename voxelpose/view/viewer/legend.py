@@ -93,7 +93,7 @@ def frame_text(scene: Scene) -> str:
         if weak:
             lines.append(f"Little inside the hull: {', '.join(weak)}.")
     if scene.hull is not None:
-        lines.append(f"Hull {scene.hull.volume_l:.0f} litres.")
+        lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
         if scene.body is not None:
             far = scene.hull.litres(scene.hull.distance_m > OUTLYING_M)
             lines.append(

@@ -48,11 +48,6 @@ class CarvedHull:
     unexplained_m: NDArray[np.float64]
     distance_m: NDArray[np.float64]
 
-    @property
-    def volume_l(self) -> float:
-        """Volume, litres."""
-        return self.litres(self.occupancy)
-
     def litres(self, voxels: NDArray[np.bool_]) -> float:
         """Volume of the true ones of some voxels, litres."""
         return 1000 * float(np.count_nonzero(voxels)) * self.grid.voxel_size_m**3
