@@ -1,4 +1,4 @@
-"""Carving against Open3D, against a plain loop, and against itself."""
+"""Carving against Open3D, a plain loop, and other resolutions and rules."""
 
 from typing import Any
 
@@ -17,17 +17,14 @@ VIEWS = 8
 
 
 def scene(voxels: int) -> tuple[Rig, list[NDArray[np.bool_]], VoxelGrid]:
-    """Returns rig, masks and a cube of two metres around the person."""
+    """Rig, masks and a cube of two metres around the person."""
     rig = ring(VIEWS)
-    return (
-        rig,
-        silhouettes(rig),
-        VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2.0 / voxels, (voxels, voxels, voxels)),
-    )
+    grid = VoxelGrid(np.array([-1.0, -1.0, -0.1]), 2.0 / voxels, (voxels, voxels, voxels))
+    return rig, silhouettes(rig), grid
 
 
 def open3d_carve(rig: Rig, masks: list[NDArray[np.bool_]], grid: VoxelGrid) -> Timed:
-    """Open3D's carving of the same volume, its dense grid made outside of the time."""
+    """Open3D's carving of the same volume; making its dense grid is not timed."""
     open3d = import_open3d()
     images = [open3d.geometry.Image(mask.astype(np.float32)) for mask in masks]
     cameras = []
@@ -61,8 +58,7 @@ def against_open3d() -> Case:
         kept = np.array([voxel.grid_index for voxel in theirs.get_voxels()])
         occupied = np.zeros(np.add(grid.shape, 2), dtype=bool)
         occupied[tuple(kept.T)] = True
-        # Open3D keeps a voxel of which any corner is seen as foreground: all of ours, and a layer
-        # around.
+        # Open3D keeps a voxel if any corner is foreground: all of ours, and a layer around them.
         inside = occupied[: grid.shape[0], : grid.shape[1], : grid.shape[2]]
         missing = np.count_nonzero(ours & ~inside) / np.count_nonzero(ours)
         return f"{missing:.1%} of our voxels are not among Open3D's" if missing > 0.01 else ""
@@ -90,12 +86,12 @@ def against_half_the_resolution() -> Case:
 
 @parallel_kernel
 def carve_every_voxel(projections, masks, xs, ys, zs, occupancy):
-    """Asks every camera for every voxel: as one would write it without blocks."""
+    """Carves voxel by voxel, without blocks."""
     height, width = masks.shape[1:]
     for i in prange(len(xs)):
         for j in range(len(ys)):
             for k in range(len(zs)):
-                seen, kept = False, True
+                visible, kept = False, True
                 for c in range(len(projections)):
                     p = projections[c]
                     w = ((p[2, 0] * xs[i] + p[2, 1] * ys[j]) + p[2, 3]) + p[2, 2] * zs[k]
@@ -109,11 +105,11 @@ def carve_every_voxel(projections, masks, xs, ys, zs, occupancy):
                         ((p[1, 0] * xs[i] + p[1, 1] * ys[j]) + p[1, 3]) + p[1, 2] * zs[k]
                     ) * inverse + 0.5
                     if u >= 0.0 and v >= 0.0 and u < width and v < height:
-                        seen = True
+                        visible = True
                         if not masks[c, int(v), int(u)]:
                             kept = False
                             break
-                occupancy[i, j, k] = seen and kept
+                occupancy[i, j, k] = visible and kept
 
 
 @case("carve 128^3 x 8 views, every voxel")

@@ -3,9 +3,9 @@ refined method.
 
     python -m benchmarks.overlap [RECORDING ...] [--every N] [--grey]
 
-Prints, per recording, the mean over cameras and frames of intersection over union, the share of
-frames under 0.9, and milliseconds per frame of the processor, one thread (decoding not counted).
---grey first takes the colour out of the person in every frame.
+Prints, per recording, the mean over cameras and frames of intersection over union, the fraction of
+frames under 0.9, and processor time per frame in ms on one thread, without decoding. --grey first
+removes the person's colour from every frame.
 """
 
 import argparse
@@ -35,21 +35,25 @@ def true_masks(folder: Path) -> dict[str, np.ndarray]:
         }
 
 
-def overlap(found: np.ndarray, truth: np.ndarray) -> float:
-    return float((found & truth).sum() / max((found | truth).sum(), 1))
+def overlap(result: np.ndarray, truth: np.ndarray) -> float:
+    return float((result & truth).sum() / max((result | truth).sum(), 1))
 
 
 def greyed(frame: np.ndarray, empty: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Makes the person as grey and as bright as concrete, shading and soft edges kept."""
-    share = cv2.GaussianBlur(truth.astype(np.float32), (3, 3), 0.7)[..., None]
-    person = np.where(share > 0.3, (frame - (1 - share) * empty) / np.maximum(share, 0.3), frame)
+    """Frame with a person as grey and bright as concrete, with the same shading and edges."""
+    coverage = cv2.GaussianBlur(truth.astype(np.float32), (3, 3), 0.7)[..., None]
+    person = np.where(
+        coverage > 0.3, (frame - (1 - coverage) * empty) / np.maximum(coverage, 0.3), frame
+    )
     inside = person[truth].max(axis=1)
     shade = (
         np.clip(person.max(axis=2, keepdims=True) / max(float(np.median(inside)), 1.0), 0.7, 1.3)
         if len(inside)
         else 1.0
     )
-    return np.clip(np.rint(share * 110 * shade + (1 - share) * frame), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(coverage * 110 * shade + (1 - coverage) * frame), 0, 255).astype(
+        np.uint8
+    )
 
 
 def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
@@ -60,7 +64,7 @@ def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
         for name, frames in backgrounds.items()
     }
     refined = {name: BackgroundModel.from_frames(frames) for name, frames in backgrounds.items()}
-    found: dict[str, list[float]] = {
+    results: dict[str, list[float]] = {
         "paper": [],
         "paper, opened": [],
         "refined": [],
@@ -76,19 +80,19 @@ def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
             plain = paper[name].silhouette(frame)
             between = time.thread_time()
             mask = refined[name].silhouette(frame)
-            found["refined ms"].append(1e3 * (time.thread_time() - between))
-            found["paper ms"].append(1e3 * (between - started))
+            results["refined ms"].append(1e3 * (time.thread_time() - between))
+            results["paper ms"].append(1e3 * (between - started))
             opened = cv2.morphologyEx(plain.view(np.uint8), cv2.MORPH_OPEN, DISC).view(bool)
             for method, result in (("paper", plain), ("paper, opened", opened), ("refined", mask)):
-                found[method].append(overlap(result, truth[name][index]))
-    return {key: np.array(values) for key, values in found.items()}
+                results[method].append(overlap(result, truth[name][index]))
+    return {key: np.array(values) for key, values in results.items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("recordings", nargs="*", default=RECORDINGS)
     parser.add_argument("--every", type=int, default=1, help="measure every n-th frame only")
-    parser.add_argument("--grey", action="store_true", help="take the colour out of the person")
+    parser.add_argument("--grey", action="store_true", help="remove the person's colour")
     given = parser.parse_args()
     set_threads(1)
     cv2.setNumThreads(1)
@@ -98,14 +102,14 @@ def main() -> None:
     )
     print("|---|---|---|---|---|---|---|---|")
     for name in given.recordings:
-        one = measure(SHARED / "data" / name, given.every, given.grey)
-        low = (one["refined"] < 0.9).mean()
-        cells = [f"{one[key].mean():.4f}" for key in ("paper", "paper, opened", "refined")]
+        result = measure(SHARED / "data" / name, given.every, given.grey)
+        low = (result["refined"] < 0.9).mean()
+        cells = [f"{result[key].mean():.4f}" for key in ("paper", "paper, opened", "refined")]
         cells += [
-            f"{one['refined'].min():.3f}",
+            f"{result['refined'].min():.3f}",
             f"{low:.1%}",
-            f"{np.median(one['paper ms']):.1f}",
-            f"{np.median(one['refined ms']):.1f}",
+            f"{np.median(result['paper ms']):.1f}",
+            f"{np.median(result['refined ms']):.1f}",
         ]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
