@@ -44,7 +44,7 @@ def tracks(rig: Rig, film: BoardCamera) -> dict[str, OutlineTrack]:
     }
 
 
-def told(rig: Rig, film: BoardCamera) -> Repair:
+def explained(rig: Rig, film: BoardCamera) -> Repair:
     """The one explanation."""
     seen = tracks(rig, film)
     (repair,) = explain(seen, agreement(list(seen.values()), MOMENTS / FPS), MOMENTS / FPS, 5 / FPS)
@@ -91,7 +91,7 @@ def test_a_right_rig_agrees(rig, film):
     assert all(abs(line.outward_px) < 0.2 for line in found.table)
 
 
-def test_scaled_down_silhouettes_will_do(rig, film):
+def test_scaled_down_silhouettes_can_be_used(rig, film):
     def small(mask: np.ndarray) -> np.ndarray:
         return (
             cv2.resize(mask.astype(np.uint8) * 255, (160, 120), interpolation=cv2.INTER_AREA) > 127
@@ -105,12 +105,12 @@ def test_scaled_down_silhouettes_will_do(rig, film):
 
 
 @pytest.mark.parametrize("name", ["cam_0", "cam_1", "cam_2", "cam_3"])
-def test_a_camera_bumped_by_a_degree_is_named_and_put_back(rig, film, name):
+def test_a_camera_bumped_by_a_degree_is_named_and_repaired(rig, film, name):
     wrong = bumped(rig, name, 1)
     found = check_agreement(wrong, at(film))
     assert found.culprits == (name,)
     assert f"{name} (" in found.summary
-    repair = told(wrong, film)
+    repair = explained(wrong, film)
     assert repair.kind == "turned"
     assert (
         f"{name} was turned by about 1." in repair.summary
@@ -121,9 +121,9 @@ def test_a_camera_bumped_by_a_degree_is_named_and_put_back(rig, film, name):
     assert check_agreement(repair.rig(wrong), at(film)).agrees
 
 
-def test_a_camera_carried_away_is_put_back(rig, film):
+def test_a_camera_moved_is_repaired(rig, film):
     wrong = bumped(rig, "cam_1", 4, (0.3, 0.1, -0.2))
-    repair = told(wrong, film)
+    repair = explained(wrong, film)
     assert repair.kind == "moved"
     millimetres, degrees = pose_difference(repair.after, rig["cam_1"])
     assert millimetres < 60
@@ -133,39 +133,39 @@ def test_a_camera_carried_away_is_put_back(rig, film):
     )
 
 
-def test_swapped_videos_are_told(rig, film):
-    repair = told(rig, film | {"cam_0": film["cam_1"], "cam_1": film["cam_0"]})
+def test_swapped_videos_are_reported(rig, film):
+    repair = explained(rig, film | {"cam_0": film["cam_1"], "cam_1": film["cam_0"]})
     assert repair.summary == "the videos of cam_0 and cam_1 are swapped"
     assert repair.after_px < 0.3
 
 
 @pytest.mark.parametrize("frames", [3, -2])
-def test_a_video_out_of_step_is_told(rig, film, frames):
+def test_a_video_out_of_step_is_reported(rig, film, frames):
     shifted = film | {
         "cam_2": [film["cam_2"][int(np.clip(step - frames, 0, 21))] for step in range(22)]
     }
-    repair = told(rig, shifted)
+    repair = explained(rig, shifted)
     assert repair.kind == "out of step"
     assert repair.offset_s * FPS == pytest.approx(frames, abs=0.15)
     assert ("late" if frames > 0 else "early") in repair.summary
 
 
-def test_a_letterboxed_video_is_told(rig, film):
-    repair = told(rig, film | {"cam_3": boxed(film["cam_3"], 180)})
+def test_a_letterboxed_video_is_reported(rig, film):
+    repair = explained(rig, film | {"cam_3": boxed(film["cam_3"], 180)})
     assert repair.kind == "scaled"
     shape = np.diag(repair.after.matrix)[:2] / np.diag(rig["cam_3"].matrix)[:2]
     np.testing.assert_allclose(shape, [1, 0.75], atol=0.02)
 
 
 @pytest.mark.slow
-def test_bad_silhouettes_are_told_from_bad_cameras(rig, film):
+def test_bad_silhouettes_are_distinguished_from_bad_cameras(rig, film):
     shadowed, headless = ([mask.copy() for mask in film["cam_1"]] for _ in range(2))
     for mask, other in zip(shadowed, headless, strict=True):
         row, column = np.nonzero(mask)
         mask[row.max() - 12 : row.max() + 6, column.min() : column.max() + 60] = True
         other[: row.min() + 30] = False
     for broken in (shadowed, headless):
-        repair = told(rig, film | {"cam_1": broken})
+        repair = explained(rig, film | {"cam_1": broken})
         assert repair.camera == "cam_1"
         assert repair.kind == "unexplained"
         assert "look at its silhouettes" in repair.summary
@@ -188,7 +188,7 @@ def test_flicker_far_from_the_body_does_not_matter(rig, film):
     assert check_agreement(rig, noisy).agrees
 
 
-def test_two_cameras_can_be_checked_but_not_told_apart(rig, film):
+def test_two_cameras_can_be_checked_but_not_distinguished(rig, film):
     pair = rig.select(["cam_0", "cam_1"])
     assert check_agreement(pair, at(film)).summary.startswith("both cameras agree")
     found = check_agreement(bumped(pair, "cam_0", 3), at(film))
@@ -210,7 +210,7 @@ def test_what_cannot_be_checked_is_refused(rig, film):
             check_agreement(rig, [at(film)[0] | {"cam_0": mask}])
 
 
-def test_tangency_errs_to_the_side_on_which_the_outline_is(rig, film):
+def test_tangency_has_the_sign_of_the_outlines_error(rig, film):
     seen = tracks(rig, film)
     thicker = [
         cv2.dilate(mask.astype(np.uint8), np.ones((7, 7))).astype(bool) for mask in film["cam_0"]
@@ -221,7 +221,7 @@ def test_tangency_errs_to_the_side_on_which_the_outline_is(rig, film):
     assert -4.3 < np.nanmedian(tangency(seen["cam_1"], fat, MOMENTS / FPS)) < -2.9
 
 
-def test_a_body_that_leaves_the_picture_says_nothing_there(rig, film):
+def test_a_body_that_leaves_the_picture_is_not_compared_there(rig, film):
     cut = [mask.copy() for mask in film["cam_0"]]
     for mask in cut:
         mask[: np.nonzero(mask)[0].max() - 60] = False
@@ -233,7 +233,7 @@ def test_a_body_that_leaves_the_picture_says_nothing_there(rig, film):
     assert np.isfinite(angle).any()
 
 
-def test_the_parts_do_what_they_say(rig, film):
+def test_the_parts(rig, film):
     outline = Outline.from_mask(rig["cam_0"], film["cam_0"][4])
     row, column = np.nonzero(film["cam_0"][4])
     assert outline is not None

@@ -23,10 +23,10 @@ def test_corners_are_found_where_they_are(board):
     assert isinstance(found, BoardView)
     # The first inner corner is one square in from the margin; a pixel's centre is half a pixel from
     # its edge.
-    wanted = board.points_m[:, :2] / board.square_m * 60 + 80 + 60 - 0.5
-    if board.is_symmetric and np.linalg.norm(found.pixels[0] - wanted[0]) > 60:
-        wanted = wanted[::-1]
-    np.testing.assert_allclose(found.pixels, wanted, atol=0.1)
+    expected = board.points_m[:, :2] / board.square_m * 60 + 80 + 60 - 0.5
+    if board.is_symmetric and np.linalg.norm(found.pixels[0] - expected[0]) > 60:
+        expected = expected[::-1]
+    np.testing.assert_allclose(found.pixels, expected, atol=0.1)
     assert found.size == drawn(board).shape[::-1]
 
 
@@ -39,13 +39,13 @@ def test_the_count_starts_at_the_same_corner_however_the_board_is_held(turns):
     assert isinstance(turned, BoardView)
     height, width = picture.shape
     x, y = upright.pixels.T
-    wanted = {
+    expected = {
         0: (x, y),
         1: (y, width - 1 - x),
         2: (width - 1 - x, height - 1 - y),
         3: (height - 1 - y, x),
     }[turns]
-    np.testing.assert_allclose(turned.pixels, np.column_stack(wanted), atol=0.1)
+    np.testing.assert_allclose(turned.pixels, np.column_stack(expected), atol=0.1)
 
 
 def test_a_picture_in_perspective_and_colour():

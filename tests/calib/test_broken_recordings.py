@@ -46,7 +46,7 @@ def walk4_tracks(walk4) -> dict[str, OutlineTrack]:
     return tracks(*walk4)
 
 
-def told(seen: dict[str, OutlineTrack]) -> Repair:
+def explained(seen: dict[str, OutlineTrack]) -> Repair:
     moments = np.linspace(4, 70, 12).round() / FPS
     (repair,) = explain(seen, agreement(list(seen.values()), moments), moments, 8 / FPS)
     return repair
@@ -54,7 +54,7 @@ def told(seen: dict[str, OutlineTrack]) -> Repair:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "shift_m"), [("cam_1", 0.0), ("cam_3", 0.2)])
-def test_a_camera_of_walk4_is_put_back(walk4, walk4_tracks, name, shift_m):
+def test_a_camera_of_walk4_is_repaired(walk4, walk4_tracks, name, shift_m):
     camera = walk4[0][name]
     turn = matrix_from_rodrigues(np.radians(3) * np.array([0.6, 0.8, 0]))
     wrong = replace(
@@ -62,7 +62,7 @@ def test_a_camera_of_walk4_is_put_back(walk4, walk4_tracks, name, shift_m):
         rotation=turn @ camera.rotation,
         translation=turn @ camera.translation + [shift_m, 0, 0],
     )
-    repair = told(walk4_tracks | {name: walk4_tracks[name].with_camera(wrong)})
+    repair = explained(walk4_tracks | {name: walk4_tracks[name].with_camera(wrong)})
     assert (repair.camera, repair.kind) == (name, "moved" if shift_m else "turned")
     millimetres, degrees = pose_difference(repair.after, camera)
     assert millimetres < 60
@@ -71,29 +71,29 @@ def test_a_camera_of_walk4_is_put_back(walk4, walk4_tracks, name, shift_m):
 
 
 @pytest.mark.slow
-def test_a_late_camera_of_walk4_is_told(walk4_tracks):
+def test_a_late_camera_of_walk4_is_reported(walk4_tracks):
     track = walk4_tracks["cam_0"]
-    repair = told(walk4_tracks | {"cam_0": replace(track, time_s=track.time_s + 3 / FPS)})
+    repair = explained(walk4_tracks | {"cam_0": replace(track, time_s=track.time_s + 3 / FPS)})
     assert repair.kind == "out of step"
     assert repair.offset_s * FPS == pytest.approx(3, abs=0.15)
 
 
 @pytest.mark.slow
-def test_a_letterboxed_camera_and_swapped_ones_of_walk4_are_told(walk4, walk4_tracks):
+def test_a_letterboxed_camera_and_swapped_ones_of_walk4_are_reported(walk4, walk4_tracks):
     rig, masks = walk4
     small = [
         cv2.resize(mask.astype(np.uint8), (640, 360), interpolation=cv2.INTER_NEAREST) > 0
         for mask in masks["cam_2"]
     ]
     boxed = [np.pad(mask, ((60, 60), (0, 0))) for mask in small]
-    repair = told(
+    repair = explained(
         walk4_tracks
         | {"cam_2": OutlineTrack.from_masks(rig["cam_2"], walk4_tracks["cam_2"].time_s, boxed)}
     )
     assert repair.kind == "scaled"
     assert repair.after.matrix[1, 1] / rig["cam_2"].matrix[1, 1] == pytest.approx(0.75, abs=0.02)
     first, second = walk4_tracks["cam_0"], walk4_tracks["cam_3"]
-    repair = told(
+    repair = explained(
         walk4_tracks
         | {
             "cam_0": second.with_camera(rig["cam_0"]),
@@ -104,7 +104,7 @@ def test_a_letterboxed_camera_and_swapped_ones_of_walk4_are_told(walk4, walk4_tr
 
 
 @pytest.mark.slow
-def test_dance8s_cameras_are_put_in_step(shared: Path):
+def test_dance8s_cameras_are_synchronised(shared: Path):
     folder = shared / "data" / "dance8"
     rig = read_rig(folder / "calibration.toml").select(["cam_0", "cam_2", "cam_3", "cam_5"])
     masks = true_masks(folder, rig.names)

@@ -297,27 +297,27 @@ def test_opencv_mistakes_are_named(tmp_path):
 def test_projection_mistakes_are_named(tmp_path):
     good = np.column_stack([np.eye(3), [0, 0, 4]]).tolist()
 
-    def said(content, **known) -> str:
+    def refusal_of(content, **known) -> str:
         return refusal(write(tmp_path, json.dumps(content), "p.json"), **known)
 
-    assert 'add "unit": "m"' in said([good], size=(640, 480))
-    assert "camera cam_0: the image size is not in the file" in said(
+    assert 'add "unit": "m"' in refusal_of([good], size=(640, 480))
+    assert "camera cam_0: the image size is not in the file" in refusal_of(
         {"unit": "m", "projections": [good]}
     )
-    assert "camera cam_1: projection must have shape (3, 4), got (2, 4)" in said(
+    assert "camera cam_1: projection must have shape (3, 4), got (2, 4)" in refusal_of(
         {"unit": "m", "size": [4, 4], "projections": [good, good[:2]]}
     )
-    assert "camera cam_0: projection is no camera" in said(
+    assert "camera cam_0: projection is no camera" in refusal_of(
         {"unit": "m", "size": [4, 4], "projections": [[[1, 2, 3, 4]] * 3]}
     )
-    assert "camera cam_0: projection holds a NaN" in said(
+    assert "camera cam_0: projection holds a NaN" in refusal_of(
         {"unit": "m", "size": [4, 4], "projections": [[[float("nan")] * 4] * 3]}
     )
-    assert "names must be a list of 1" in said(
+    assert "names must be a list of 1" in refusal_of(
         {"unit": "m", "size": [4, 4], "projections": [good], "names": ["a", "b"]}
     )
-    assert "projections must be a list" in said({"unit": "m", "projections": 3})
-    assert "no camera in it" in said({"unit": "m", "projections": []})
+    assert "projections must be a list" in refusal_of({"unit": "m", "projections": 3})
+    assert "no camera in it" in refusal_of({"unit": "m", "projections": []})
 
 
 @pytest.mark.parametrize("scale", [1.0, -1.0, 1e-4, -300.0])

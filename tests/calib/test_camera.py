@@ -112,9 +112,9 @@ def test_rays_start_at_the_centre_and_meet_the_points(points):
     origin, directions = one.rays(one.project(points)[0])
     np.testing.assert_allclose(origin, one.center_m)
     np.testing.assert_allclose(one.rotation @ origin + one.translation, 0, atol=1e-12)
-    wanted = points - origin
+    expected = points - origin
     np.testing.assert_allclose(
-        directions, wanted / np.linalg.norm(wanted, axis=1, keepdims=True), atol=1e-10
+        directions, expected / np.linalg.norm(expected, axis=1, keepdims=True), atol=1e-10
     )
 
 

@@ -52,7 +52,7 @@ def test_a_room_is_found_in_noise():
     assert found.advice == ()
 
 
-def test_lenses_that_are_a_little_wrong_are_put_right_with_the_places():
+def test_lenses_that_are_a_little_wrong_are_refined_with_the_poses():
     truth = room(3, arc_deg=90)
     wrong = Rig(
         tuple(
@@ -70,7 +70,7 @@ def test_lenses_that_are_a_little_wrong_are_put_right_with_the_places():
     assert 0.1 < found.table[1].position_mm < 30
 
 
-def test_a_board_that_turns_into_itself_serves_too():
+def test_a_board_that_is_symmetric_can_be_used():
     board = Board(7, 5, 0.06)
     truth = room(4)
     views = board_views(truth, board, 60, noise_px=0.2)

@@ -27,7 +27,7 @@ def camera(distortion, fisheye=False, matrix=MATRIX) -> Camera:
         ("fisheye", [0.05, -0.02, 0.01, -0.005]),
     ],
 )
-def test_the_truth_is_found_in_noise(lens, distortion):
+def test_the_true_lens_is_found_in_noise(lens, distortion):
     truth = camera(distortion, lens == "fisheye")
     found = calibrate_intrinsics(CHECKERBOARD, lens_views(truth, 20, noise_px=0.3), lens)
     np.testing.assert_allclose(np.diag(found.matrix)[:2], [900, 905], rtol=0.005)
@@ -78,7 +78,7 @@ def test_too_few_or_odd_pictures_are_refused():
         calibrate_intrinsics(CHECKERBOARD, {})
 
 
-def test_boards_that_never_tilt_are_told_of():
+def test_boards_that_never_tilt_are_reported():
     truth = camera([0.0] * 4)
     rng = np.random.default_rng(0)
     views = {}

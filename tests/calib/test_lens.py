@@ -51,7 +51,7 @@ def spread(unit: np.ndarray, radius: float) -> np.ndarray:
 
 @settings(max_examples=150, deadline=None)
 @given(st.one_of(rational_lenses(), fisheye_lenses()), directions)
-def test_straightening_undoes_bending_in_the_field(lens, unit):
+def test_undistort_inverts_distort_in_the_field(lens, unit):
     points = spread(unit, 0.98 * lens.field_radius)  # at the fold itself the inverse has no slope
     bent = lens.distort(points)
     seen = np.isfinite(bent).all(axis=1)
@@ -60,7 +60,7 @@ def test_straightening_undoes_bending_in_the_field(lens, unit):
 
 @settings(max_examples=150, deadline=None)
 @given(st.one_of(rational_lenses(), fisheye_lenses()), directions)
-def test_bending_undoes_straightening_wherever_there_is_a_ray(lens, unit):
+def test_distort_inverts_undistort_wherever_there_is_a_ray(lens, unit):
     pixels = 3 * unit
     straight = lens.undistort(pixels)
     seen = np.isfinite(straight).all(axis=1)
@@ -82,7 +82,7 @@ def test_nothing_is_seen_outside_the_field(lens, unit):
 
 @settings(max_examples=60, deadline=None)
 @given(st.one_of(rational_lenses(), fisheye_lenses()), st.floats(0, 2 * np.pi))
-def test_no_two_points_of_a_direction_share_a_place(lens, angle):
+def test_distortion_is_monotonic_along_each_direction(lens, angle):
     radii = np.linspace(0, min(2.0, 0.999 * lens.field_radius), 300)
     bent = lens.distort(radii[:, None] * [[np.cos(angle), np.sin(angle)]])
     along = np.diff(

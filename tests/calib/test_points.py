@@ -60,7 +60,7 @@ def test_a_camera_without_measured_points_is_reached_by_shared_ones():
         calibrate_from_points(without_poses(truth), ScenePoints(alone, points.known_m))
 
 
-def test_a_point_that_was_mistaken_is_named():
+def test_a_point_that_was_confused_is_named():
     truth = room(3)
     points = listed(truth, measured=10)
     points.pixels["p3"]["cam_1"] += 25

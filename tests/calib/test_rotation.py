@@ -27,7 +27,7 @@ def test_vector_and_matrix_undo_each_other(axis, angle):
         np.testing.assert_allclose(rodrigues_from_matrix(matrix), vector, atol=1e-13)
 
 
-def test_nearest_rotation_mends_rounding_and_never_mirrors():
+def test_nearest_rotation_corrects_rounding_and_never_mirrors():
     matrix = matrix_from_rodrigues([0.3, -1.0, 2.0])
     np.testing.assert_allclose(nearest_rotation(matrix.round(3)), matrix, atol=1e-3)
     assert np.linalg.det(nearest_rotation(np.diag([1.0, 1, -1]))) == pytest.approx(1)

@@ -36,7 +36,7 @@ def shifted(rig) -> list[OutlineTrack]:
     return tracks(rig, 36, BEGIN)
 
 
-def wanted(reference: str) -> np.ndarray:
+def expected(reference: str) -> np.ndarray:
     """A camera that began later shows later moments: it is early."""
     return np.array([BEGIN[reference] - begin for begin in BEGIN.values()])
 
@@ -45,7 +45,9 @@ def wanted(reference: str) -> np.ndarray:
 def test_whole_and_fractional_offsets_are_found(shifted, reference):
     found = synchronise(shifted, 0.6, reference)
     assert found.reference == reference
-    np.testing.assert_allclose([line.frames for line in found.offsets], wanted(reference), atol=0.1)
+    np.testing.assert_allclose(
+        [line.frames for line in found.offsets], expected(reference), atol=0.1
+    )
     assert found.agreed
     assert found.after_px < 0.35 < 1.0 < found.before_px
     assert all(line.error_s * FPS < 0.1 for line in found.offsets)
@@ -60,7 +62,7 @@ def test_cameras_in_step_are_left_so(rig):
 def test_a_camera_of_half_the_rate(rig):
     found = synchronise(tracks(rig, 40, BEGIN, {"cam_1": 2.0}), 0.6)
     late = np.array([line.offset_s for line in found.offsets]) * FPS
-    np.testing.assert_allclose(late, wanted("cam_0"), atol=0.12)
+    np.testing.assert_allclose(late, expected("cam_0"), atol=0.12)
     assert found.offsets[1].frames == pytest.approx(late[1] / 2)
 
 

@@ -63,9 +63,9 @@ def checked(capsys, *words: str) -> tuple[int, str]:
 
 def test_a_whole_recording_agrees(tmp_path: Path, rig, films, capsys):
     folder = write_figure(tmp_path, rig, films)
-    code, said = checked(capsys, str(folder), "--png", str(tmp_path / "check.png"))
+    code, refusal_of = checked(capsys, str(folder), "--png", str(tmp_path / "check.png"))
     assert code == 0
-    assert "all 4 cameras agree" in said
+    assert "all 4 cameras agree" in refusal_of
     picture = cv2.imread(str(tmp_path / "check.png"))
     assert picture.shape[0] > 300
     assert picture.shape[1] > 600
@@ -74,37 +74,40 @@ def test_a_whole_recording_agrees(tmp_path: Path, rig, films, capsys):
 def test_a_bumped_camera_is_named_and_repaired(tmp_path: Path, rig, films, capsys):
     folder = write_figure(tmp_path, turned(rig, "cam_3", 2), films)
     out = tmp_path / "repaired"
-    code, said = checked(capsys, str(folder), "--repair", str(out))
+    code, refusal_of = checked(capsys, str(folder), "--repair", str(out))
     assert code == 1
-    assert "cam_3 was turned by about 2." in said or "cam_3 was turned by about 1.9" in said
-    assert "calibrate it again, or run with --repair" in said
-    assert "with that put right: all 4 cameras agree" in said
+    assert (
+        "cam_3 was turned by about 2." in refusal_of
+        or "cam_3 was turned by about 1.9" in refusal_of
+    )
+    assert "calibrate it again, or run with --repair" in refusal_of
+    assert "with that put right: all 4 cameras agree" in refusal_of
     assert sorted(path.name for path in out.iterdir()) == ["calibration.toml"]
     assert pose_difference(read_rig(out / "calibration.toml")["cam_3"], rig["cam_3"])[1] < 0.4
     (folder / "calibration.toml").write_bytes((out / "calibration.toml").read_bytes())
     assert checked(capsys, str(folder))[0] == 0
 
 
-def test_a_late_camera_is_named_and_put_in_step(tmp_path: Path, rig, films, capsys):
+def test_a_late_camera_is_named_and_synchronised(tmp_path: Path, rig, films, capsys):
     late = [films["cam_2"][max(0, frame - 4)] for frame in range(FRAMES)]
     folder = write_figure(tmp_path, rig, films | {"cam_2": late})
-    code, said = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
+    code, refusal_of = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
     assert code == 1
-    assert "cam_2 is out of step" in said
-    assert "late" in said
+    assert "cam_2 is out of step" in refusal_of
+    assert "late" in refusal_of
     (folder / "timestamps.csv").write_bytes((tmp_path / "repaired" / "timestamps.csv").read_bytes())
     recording = Recording.open(folder)
     assert recording.frame_count == FRAMES - 4
     assert checked(capsys, str(folder))[0] == 0
 
 
-def test_swapped_cameras_are_told_and_their_calibrations_exchanged(
+def test_swapped_cameras_are_reported_and_their_calibrations_exchanged(
     tmp_path: Path, rig, films, capsys
 ):
     folder = write_figure(tmp_path, rig, films | {"cam_1": films["cam_4"], "cam_4": films["cam_1"]})
-    code, said = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
+    code, refusal_of = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
     assert code == 1
-    assert "the videos of cam_1 and cam_4 are swapped" in said
+    assert "the videos of cam_1 and cam_4 are swapped" in refusal_of
     repaired = read_rig(tmp_path / "repaired" / "calibration.toml")
     assert repaired.names == rig.names
     np.testing.assert_allclose(repaired["cam_1"].center_m, rig["cam_4"].center_m, atol=1e-6)
@@ -112,9 +115,9 @@ def test_swapped_cameras_are_told_and_their_calibrations_exchanged(
 
 def test_two_cameras_and_no_background_say_what_cannot_be_known(tmp_path: Path, rig, films, capsys):
     folder = write_figure(tmp_path, rig, films)
-    code, said = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
+    code, refusal_of = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
     assert code == 0
-    assert "not which one; a third tells" in said
+    assert "not which one; a third tells" in refusal_of
     for still in (folder / "background").iterdir():
         still.unlink()
     assert (
@@ -122,9 +125,9 @@ def test_two_cameras_and_no_background_say_what_cannot_be_known(tmp_path: Path, 
         in checked(capsys, str(folder), "--cameras", "cam_1,cam_2")[1]
     )
     write_rig(turned(rig, "cam_1", 4), folder / "calibration.toml")
-    code, said = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
+    code, refusal_of = checked(capsys, str(folder), "--cameras", "cam_1,cam_2")
     assert code == 1
-    assert "only a third could tell" in said
+    assert "only a third could tell" in refusal_of
 
 
 def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
@@ -147,7 +150,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
         )
 
 
-def test_the_parts_do_what_they_say(rig):
+def test_the_parts(rig):
     np.testing.assert_array_equal(even_moments(101, 3), [4, 50, 96])
     assert len(even_moments(5, 12)) <= 5
     other = exchanged(rig, "cam_1", "cam_3")

@@ -45,8 +45,8 @@ def test_offsets_are_found_written_and_used(tmp_path: Path, rig, capsys):
         )
         == 0
     )
-    said = capsys.readouterr().out
-    assert "its clock counts" in said
+    refusal_of = capsys.readouterr().out
+    assert "its clock counts" in refusal_of
     rows = [line.split(",") for line in (folder / "timestamps.csv").read_text().splitlines()]
     assert rows[0] == ["cam_id", "frame_time"]
     first = {
