@@ -1,9 +1,10 @@
-"""Memory of `track` over a long video: `python -m benchmarks.memory [--refine] FRAMES ...`, for
-example 300 1500 6000.
+"""Memory of `track` over a long video.
 
-A clip of two seconds is repeated, silhouettes as they are, nothing on disk. Every length runs in a
-process of its own, of which the largest resident set is printed, at the end and on the way. Without
---refine the library's poses are left as they are, which is faster.
+Usage: `python -m benchmarks.memory [--refine] FRAMES ...`, for example 300 1500 6000.
+
+The silhouettes of a clip of two seconds are repeated in memory. Every length runs in its own
+process, whose largest resident set is printed, in the end and every 150 frames. Without --refine
+the library's poses are not refined, which is faster.
 """
 
 from __future__ import annotations
@@ -30,7 +31,11 @@ def _peak_mib() -> float:
 
 
 class Loop(SilhouetteSource):
-    """The clip, again and again; peaks: the largest resident set so far, MiB, every 150 frames."""
+    """The clip, repeated.
+
+    Attributes:
+        peaks: largest resident set so far, MiB, every 150 frames.
+    """
 
     def __init__(self, frame_count: int):
         camera, masks = clip()
@@ -45,7 +50,7 @@ class Loop(SilhouetteSource):
 
 
 def main(words: list[str]) -> None:
-    """Measures every length in another process, or the only one in this."""
+    """Measures every length in its own process, or a single one in this process."""
     refine, lengths = "--refine" in words, [word for word in words if word != "--refine"]
     if len(lengths) != 1:
         for length in lengths:

@@ -1,4 +1,4 @@
-"""Takes for tests: a body that moves without any estimator."""
+"""Motions for tests, made without an estimator."""
 
 import numpy as np
 

@@ -200,7 +200,8 @@ class Standing:
         if settings.options.get("voxel_size_m") == 8.0:
             raise RuntimeError("a bug")
         motion = waving(source.frame_count, settings.stature_m or 1.7, source.fps)
-        return Estimate(motion.select(np.arange(1, len(motion))), {"standing": np.full(source.frame_count, 0.002)}, {"tried": np.arange(2)})
+        stage_s = {"standing": np.full(source.frame_count, 0.002)}
+        return Estimate(motion.select(np.arange(1, len(motion))), stage_s, {"tried": np.arange(2)})
 """
 
 

@@ -3,10 +3,10 @@ r"""Occlusion flags of parts, and the constants of the papers' occlusion-aware m
 import numpy as np
 from numpy.typing import NDArray
 
+#: T_A of eq. (3), as a fraction of the largest area that the part usually shows.
 AREA_FRACTION = 0.15
-"""T_A of eq. (3), as a fraction of the largest area that the part usually shows."""
+#: m of eq. (5).
 MAGNIFICATION = 5.0
-"""m of eq. (5)."""
 
 
 def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Spans
-from silhouette_core.library.rendering import WINDOW_PX, RenderedViews, pose_surfaces, render_views
+from silhouette_core.library.rendering import RenderedViews, pose_surfaces, render_views
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
 
@@ -203,11 +203,6 @@ class PoseLibrary:
         base, surface = np.unique(self.sample_base[samples], return_inverse=True)
         surfaces, _ = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
         return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
-
-    @property
-    def window_px(self) -> tuple[int, int]:
-        """(width, height) of the windows at the finest level, px."""
-        return WINDOW_PX
 
 
 def require_body(library: PoseLibrary, required: BodySizes) -> None:

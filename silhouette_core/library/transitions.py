@@ -23,8 +23,8 @@ from silhouette_core.progress import Reporter
 if TYPE_CHECKING:
     from silhouette_core.library.pose_library import PoseLibrary
 
+#: Number of neighbours stored for every sample.
 KEPT = 64
-"""Number of neighbours stored for every sample."""
 # Base poses, the nearest by their joints, whose views are candidates for the nearest samples.
 _CANDIDATES = 256
 _AT_ONCE = 2048

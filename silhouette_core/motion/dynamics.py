@@ -12,10 +12,10 @@ from silhouette_core.body.model import BodyModel
 if TYPE_CHECKING:
     from silhouette_core.refinement.pose import Pose
 
+#: Frame rate, 1/s, to which all step sizes refer, and at which recorded motion is used.
 FPS = 30.0
-"""Frame rate, 1/s, to which all step sizes refer, and at which recorded motion is used."""
+#: Fraction of the last step that the next one is expected to repeat.
 MOMENTUM = 0.8
-"""Fraction of the last step that the next one is expected to repeat."""
 _SHORTEST_STEP = 0.5
 
 # Standard deviation of joint angles about the resting stance, degrees.
@@ -64,18 +64,18 @@ def _per_dof_rad(table_deg: Mapping[str, float], default_deg: float) -> np.ndarr
     return np.radians(values)
 
 
+#: (D,) standard deviation of the joint angles about `RELAXED_RAD`.
 USUAL_RAD = _per_dof_rad(_USUAL_DEG, 10.0)
-"""(D,) standard deviation of the joint angles about `RELAXED_RAD`."""
+#: (D,) joint angles of the resting stance.
 RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0.0)
-"""(D,) joint angles of the resting stance."""
+#: (D,) standard deviation of the joint angles' steps within 1 / `FPS`.
 STEP_SIGMA_RAD = _per_dof_rad(_STEP_SIGMA_DEG, 3.0)
-"""(D,) standard deviation of the joint angles' steps within 1 / `FPS`."""
+#: Standard deviation of the root's step along each axis within 1 / `FPS`, m.
 ROOT_STEP_M = 0.05
-"""Standard deviation of the root's step along each axis within 1 / `FPS`, m."""
+#: Standard deviation of the root's turn about each axis within 1 / `FPS`, radians.
 ROOT_STEP_RAD = 0.12
-"""Standard deviation of the root's turn about each axis within 1 / `FPS`, radians."""
+#: (6 + D,) standard deviations of all coordinates of a step, in the order of `Pose.minus`.
 POSE_STEP_SIGMA = np.concatenate([[ROOT_STEP_M] * 3, [ROOT_STEP_RAD] * 3, STEP_SIGMA_RAD])
-"""(6 + D,) standard deviations of all coordinates of a step, in the order of `Pose.minus`."""
 
 
 def elapsed_steps(previous_s: float, current_s: float) -> float:

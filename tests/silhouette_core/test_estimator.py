@@ -27,7 +27,7 @@ class Nothing:
 
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An installed package of somebody else: a module and the metadata that pip leaves beside it."""
+    """Installed third-party package: a module and the metadata that pip writes."""
     (tmp_path / "somebodys_estimator.py").write_text(OUTSIDE)
     metadata = tmp_path / "somebodys_estimator-1.0.dist-info"
     metadata.mkdir()

@@ -192,9 +192,9 @@ def test_no_seam_opens(model, seed):
 
 
 def test_stature_follows_the_lengths_of_legs_trunk_and_head(model):
-    height = lambda body: (
-        body.landmarks_m[LANDMARK_NAMES.index("head_top"), 2] - body.vertices_m[:, 2].min()
-    )  # noqa: E731
+    def height(body):
+        return body.landmarks_m[LANDMARK_NAMES.index("head_top"), 2] - body.vertices_m[:, 2].min()
+
     for name in ("thigh_length", "shin_length", "trunk_length", "head_length"):
         assert height(model.reshaped(deviation(**{name: 0.05}))) > height(model) + 0.003
     for name in ("thigh_girth", "upper_arm_length", "shoulder_width", "trunk_width"):

@@ -33,7 +33,9 @@ ARM = [
 
 @pytest.fixture(scope="module")
 def resampler(library):
-    return LimbResampler(MODEL, PinholeViews.from_rig(Rig((CAMERA,))), library.base_angles.astype(float))
+    return LimbResampler(
+        MODEL, PinholeViews.from_rig(Rig((CAMERA,))), library.base_angles.astype(float)
+    )
 
 
 @pytest.fixture(scope="module")

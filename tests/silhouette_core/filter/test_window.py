@@ -46,9 +46,7 @@ def test_a_pose_anywhere_looks_as_in_the_library(library, place, ground):
     )
     yaw, pitch = heading - window.heading_rad, window.pitch_rad
     found = from_library(library, base, yaw, pitch)
-    assert np.count_nonzero(window.mask) == pytest.approx(
-        np.count_nonzero(found.windows), rel=0.03
-    )
+    assert np.count_nonzero(window.mask) == pytest.approx(np.count_nonzero(found.windows), rel=0.03)
     # The centroid leaves a pixel open; the library sees from 4 m, where perspective is a little
     # different.
     assert overlap(found.windows[0] > 0, window.mask) > 0.93

@@ -15,10 +15,10 @@ from silhouette_core.library.rendering import (
     masks_of,
     pose_surfaces,
     reduce_silhouette,
+    render_views,
     select_spans,
     silhouette_levels,
     spans_of,
-    render_views,
 )
 from silhouette_core.motion import kinematics
 from tests.clips import waving

@@ -18,7 +18,7 @@ def made():
 
 
 def dense_squares(library, occlusion_aware):
-    """Squared distances in sigmas from every sample (row) to every other, infinite between pitches."""
+    """Squared distances in sigmas between all samples, infinite between pitches."""
     turn, angles = library.pose(np.arange(len(library)))
     rotation = Rotation.from_quat(turn, scalar_first=True)
     pitch = library.views[library.sample_view, 1]

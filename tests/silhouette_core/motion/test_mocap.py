@@ -211,7 +211,7 @@ def test_damaged_files_are_refused_in_words(bvh, damage, message):
 
 @pytest.fixture
 def expmap(tmp_path) -> Path:
-    """A stick figure in the layout of the motion-prediction literature, by the names of our parts."""
+    """Stick figure in the layout of the motion-prediction literature, with our parts' names."""
     names = [
         "pelvis",
         "thorax",
