@@ -154,7 +154,7 @@ class Performance:
         return round(self.rounds * self.keys[-1, 0] * self.fps)
 
     def pose_at(self, time_s: float) -> tuple[NDArray[np.float64], dict[str, Rotation]]:
-        """Returns the pelvis' position (2,), metres, and the rotation of every bone at a time."""
+        """Position of the pelvis (2,), metres, and rotation of every bone at a time."""
         row = np.asarray(self._curves(time_s % self.keys[-1, 0])).tolist()
         values = _STANDING | dict(zip(self.columns.split(), row, strict=True))
         return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _rotations(values)

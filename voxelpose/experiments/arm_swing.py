@@ -147,8 +147,8 @@ class SilhouetteVideo:
         first = video.mask(0)
         if not first.any():
             raise InputError(
-                f"the first frame of {recording.folder} shows nobody: the experiment wants an arm"
-                " that swings all the time"
+                f"the first frame of {recording.folder} shows no person: the experiment needs an"
+                " arm that swings all the time"
             )
         distance = upright_distance(video.camera, first, stature_m)
         window = look_at(video.camera, first, distance, STATURE_PX / stature_m)

@@ -66,10 +66,10 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
     """Runs the experiment and writes table.md, angles.png and summary.json.
 
     Args:
-        recording: one camera's, of somebody in profile whose right arm swings.
+        recording: of one camera, of a person in profile whose right arm swings.
         study: see Study.
         folder: where the files go.
-        reporter: told of every stage.
+        reporter: notified of every stage.
 
     Returns:
         The rows of the table.

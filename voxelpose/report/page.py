@@ -194,9 +194,7 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
 
 
 def _part_table(result: Result) -> list[tuple[str, float, float]]:
-    """Returns name, mean share inside the hull, and share of frames under COVERED, of every part;
-    the weakest first.
-    """
+    """Name, mean fraction inside the hull and fraction of frames below COVERED, worst first."""
     overlap = result.motion.quality.get("part_overlap")
     if overlap is None:
         return []
