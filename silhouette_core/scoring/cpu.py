@@ -17,7 +17,7 @@ from silhouette_core.scoring.kernels import spans as span_kernels
 from silhouette_core.scoring.target import Target
 
 _FEW = 512  # distances for which starting threads costs more than it brings
-_TOGETHER_PX = 1 << 21  # pixels of the images that are drawn together
+_TOGETHER_PX = 1 << 24  # pixels of the images that are drawn together
 
 
 class CpuBackend:
@@ -131,7 +131,6 @@ class CpuBackend:
         translations_m: FloatArray,
     ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
         """See `Backend.voxel_cover`."""
-        check_array("numbers", numbers, ("nx", "ny", "nz"), np.integer)
         placed = checked_placements(points, rotations, translations_m)
         bits = np.empty((len(rotations), words), np.uint64)
         empty, taken = np.empty(len(rotations), np.int64), np.empty(len(rotations), np.int64)

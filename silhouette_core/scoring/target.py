@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
 from silhouette_core.image.distance import Weighting, pixel_weights
 from silhouette_core.scoring.kernels import spans as kernels
 
@@ -25,23 +24,12 @@ class Target:
             goes on.
         shifts_px: (S, 2) int64, whole pixels (right, down) by which candidates are moved.
         scale: Factor on the weighted disagreement.
-
-    Raises:
-        TypeError: A mask is not bool, the shifts are not integers.
-        ValueError: A value has the wrong shape.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
     weights: tuple[NDArray[np.floating], ...]
     shifts_px: NDArray[np.integer] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
     scale: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Checks every value once."""
-        for mask, weights in zip(self.masks, self.weights, strict=True):
-            check_array("mask", mask, self.masks[0].shape, np.bool_)
-            check_array("weights", weights, mask.shape)
-        check_array("shifts_px", self.shifts_px, ("S", 2), np.integer)
 
     @classmethod
     def from_mask(cls, mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> Target:
@@ -63,14 +51,14 @@ class Target:
         The combinations lie next to each other: one run is looked up for all of them at once.
         """
         (height, width), margin = self.masks[0].shape, self.margin_px
+        table = np.empty((height, width + 1, len(self.masks) * len(self.shifts_px)))
+        if table.shape[2] == 1 and not margin:
+            base = kernels.padded_prefix(self.masks[0], self.weights[0], 0, table[..., 0])
+            return table, np.array([base])
         prefixes = np.empty((len(self.masks), height + 2 * margin, width + 2 * margin + 1))
         bases = [
             kernels.padded_prefix(mask, weights, margin, prefix)
             for mask, weights, prefix in zip(self.masks, self.weights, prefixes, strict=True)
         ]
-        count = len(bases) * len(self.shifts_px)
-        table = prefixes.reshape(height, width + 1, 1) if count == 1 and not margin else None
-        if table is None:
-            table = np.empty((height, width + 1, count))
-            kernels.interleave(prefixes, self.shifts_px, margin, table)
+        kernels.interleave(prefixes, self.shifts_px, margin, table)
         return table, np.repeat(bases, len(self.shifts_px))

@@ -3,6 +3,8 @@
 Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `reference.py`.
 """
 
+import numpy as np
+
 from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
@@ -15,9 +17,13 @@ def sum_weights(parts, weights, totals):
     for k in prange(len(totals)):
         total = 0.0
         for i in range(weights.shape[0]):
+            drawn = np.uint8(0)  # most rows of a limb's image are empty
             for j in range(weights.shape[1]):
-                if parts[k, i, j] != 0:
-                    total += weights[i, j]
+                drawn |= parts[k, i, j]
+            if drawn:
+                for j in range(weights.shape[1]):
+                    if parts[k, i, j] != 0:
+                        total += weights[i, j]
         totals[k] = total
 
 
