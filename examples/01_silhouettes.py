@@ -1,4 +1,4 @@
-"""1. Silhouettes: what of every picture is the person.
+"""1. Silhouettes: the pixels of every image that show the person.
 
 python examples/01_silhouettes.py [OUT] writes OUT/01_silhouettes.png.
 """
@@ -16,14 +16,13 @@ recording = Recording.open(recording_folder(out))
 # is missing.
 silhouettes = Silhouettes(recording)
 
-# Pictures by camera name, (H, W, 3) uint8; a recording can be iterated, or be asked for some of its
-# time steps.
+# Images by camera name, (H, W, 3) uint8. Iterating yields all frames, at() those of given steps.
 frames = next(recording.at([6]))
 masks = silhouettes.of(frames)  # (H, W) bool by camera name
 
 rows = []
 for name, frame in frames.items():
-    print(f"{name}: {masks[name].mean():.1%} of the picture is the person")
+    print(f"{name}: {masks[name].mean():.1%} of the image shows the person")
     cut_out = np.where(masks[name][..., None], frame, 255).astype(np.uint8)
     rows.append(np.vstack([frame, cut_out]))
 cv2.imwrite(str(out / "01_silhouettes.png"), np.hstack(rows))

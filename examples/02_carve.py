@@ -1,4 +1,4 @@
-"""2. Carving: the voxels that no silhouette speaks against.
+"""2. Carving: the voxels that no silhouette contradicts.
 
 python examples/02_carve.py [OUT] writes OUT/hull.ply and OUT/02_carve.png.
 """
@@ -11,7 +11,7 @@ from voxelpose.view.images.hull_picture import hull_picture
 
 out = out_folder()
 
-# The volume is found from the silhouettes; volume_m would set it, voxel_size_m the fineness.
+# The volume follows from the silhouettes; volume_m sets another, voxel_size_m the resolution.
 hull = carve_recording(
     recording_folder(out),
     out / "hull.ply",

@@ -1,4 +1,4 @@
-"""3. Fitting: a body in every frame, from all cameras.
+"""3. Fitting: the pose of the body in every frame, from all cameras.
 
 python examples/03_fit.py [OUT] writes OUT/fit, a result folder, and OUT/03_fit.png.
 """
@@ -13,7 +13,7 @@ from voxelpose import Output, Recording, Settings, fit
 out = out_folder()
 recording = Recording.open(recording_folder(out))
 
-# What is not told is taken from subject.toml (here the stature), or estimated.
+# Measures that are not set are taken from subject.toml (here the stature), or estimated.
 result = fit(recording, Output(out / "fit", overwrite=True), Settings())
 
 motion = result.motion
@@ -23,6 +23,6 @@ print(
 )
 knee = motion.angles_rad[:, motion.model.dof_names.index("left_shin.flexion")]
 print(f"left knee: {np.degrees(knee.min()):.0f} to {np.degrees(knee.max()):.0f} degrees")
-print(f"hull that the body does not explain: {np.median(motion.quality['unexplained']):.0%}")
+print(f"fraction of the hull outside the body: {np.median(motion.quality['unexplained']):.0%}")
 
 shutil.copy(result.folder / "contact_sheet.png", out / "03_fit.png")

@@ -17,8 +17,8 @@ from voxelpose import Output, Recording, Settings, track
 out = out_folder()
 recording = Recording.open(recording_folder(out), cameras=["cam_2"])
 
-# A small pose library, so that this takes seconds. Without the option `library` the default one,
-# eight times finer, is made and kept.
+# A small pose library, which is made in seconds. Without the option `library`, the default one with
+# eight times as many samples is made and kept.
 library = out / "small.vplib"
 if not library.exists():
     model = BodyModel.from_sizes(BodySizes(stature_m=1.75))

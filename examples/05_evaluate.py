@@ -1,5 +1,4 @@
-"""5. Evaluating: how far the results of examples 3 and 4 are from the truth; and handing them to
-other programs.
+"""5. Evaluating: errors of the results of examples 3 and 4, and export for other programs.
 
 python examples/05_evaluate.py [OUT] writes OUT/export and OUT/05_evaluate.png.
 """
@@ -18,7 +17,7 @@ from voxelpose.evaluation import markdown_table
 out = out_folder()
 results = {"four cameras": Result.open(out / "fit"), "one camera": Result.open(out / "track")}
 
-# The truth is truth.json of the recording; evaluate(result, "my.trc") takes others.
+# Known positions are in truth.json of the recording; evaluate(result, "my.trc") uses others.
 scores = {name: evaluate(result) for name, result in results.items()}
 print(markdown_table(scores))
 
@@ -41,6 +40,6 @@ axes.set_xticks(
     rotation=45,
     ha="right",
 )
-axes.set_ylabel("mean error, pelvis on pelvis, mm")
+axes.set_ylabel("mean error relative to the pelvis, mm")
 axes.legend()
 figure.savefig(out / "05_evaluate.png", dpi=110)

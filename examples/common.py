@@ -1,4 +1,4 @@
-"""What the examples share: where they write, and what they look at."""
+"""Output folder and recording of the examples."""
 
 import sys
 from pathlib import Path
@@ -9,18 +9,14 @@ _FRAMES = 12
 
 
 def out_folder() -> Path:
-    """Returns the folder that the first word after the example's name names, or out/examples; made
-    if need be.
-    """
+    """Returns the folder given as the first argument, or out/examples; made if it is missing."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
 def recording_folder(out: Path) -> Path:
-    """Returns the demo's recording: four cameras and a mannequin that moves. It is made once; a
-    folder of your own will do as well.
-    """
+    """Returns the demo's recording, rendered once; a recording of your own can be used instead."""
     folder = out / "recording"
     if not (folder / "truth.json").exists():
         make_recording(folder, _FRAMES)
