@@ -12,7 +12,7 @@ METHODS = [name for name in vars(CpuBackend) if not name.startswith("_")]
 
 
 def install_backend(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Writes what pip leaves of a package with a scoring backend, `arrays`, and one that is none."""
+    """Install a package with two scoring backends: `arrays`, and one that is invalid."""
     metadata = folder / "somebodys_backend-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text(

@@ -31,9 +31,9 @@ def listed_modules() -> set[Path]:
         depth = (len(line) - len(line.lstrip())) // 2
         names = re.split(r"\s{2,}", line.strip(), maxsplit=1)[0].split()
         if names[0].endswith("/"):
-            folders[depth + 1 :] = [folders[depth] / names.pop(0)]
-            depth += 1
-        listed |= {folders[depth] / name for name in names}
+            folders[depth + 1 :] = [folders[depth] / names[0]]
+        else:
+            listed |= {(folders[depth] / name).with_suffix(".py") for name in names}
     return listed
 
 

@@ -249,7 +249,7 @@ def _motion(
         return None
     whole = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     root, rotation, angles, numbers, occluded = (
-        whole[name] for name in ("root", "rotation", "angles", "number", "hidden")
+        whole[name] for name in ("root", "rotation", "angles", "number", "occluded")
     )
     if smoothed:
         smooth_runs(root, rotation, angles, numbers, fps)
@@ -259,7 +259,7 @@ def _motion(
         "landmark_confidence": (
             confidence[:, None] * np.where(occluded[:, library.model.landmark_part], 0.3, 1.0)
         ),
-        "hidden": occluded,
+        "occluded": occluded,
         "cut": whole["cut"],
         "lost": whole["lost"],
     }
@@ -276,7 +276,7 @@ def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
         "number": np.array([frame.number for frame in frames], np.int64),
         "time_s": np.array([frame.time_s for frame in frames]),
         "error": np.array([frame.error for frame in frames]),
-        "hidden": np.stack([frame.occluded for frame in frames]),
+        "occluded": np.stack([frame.occluded for frame in frames]),
         "cut": np.array([frame.cut for frame in frames]),
         "lost": np.array([frame.lost for frame in frames]),
     }

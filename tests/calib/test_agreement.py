@@ -1,4 +1,4 @@
-"""Breaking a rig in every way that users do, and being told."""
+"""Rigs broken in every way that users break them are reported."""
 
 from dataclasses import replace
 

@@ -6,26 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
+from voxelpose.atomic import replacing
 from voxelpose.results import as_json
-from voxelpose.view.images.canvas import Image
+from voxelpose.view.images.canvas import Image, png
 
 
 def beside(out: Path, suffix: str) -> Path:
     """Path of an accompanying file, such as calibration_rig.png for calibration.toml."""
     return out.with_name(f"{out.stem}_{suffix}")
-
-
-def png(picture: Image) -> bytes:
-    """PNG encoding of a picture."""
-    encoded, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    if not encoded:
-        raise OSError("PNG")
-    return data.tobytes()
 
 
 def write_png(picture: Image, path: Path) -> None:
@@ -34,14 +25,8 @@ def write_png(picture: Image, path: Path) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with replacing(path) as partial:
         partial.write_bytes(png(picture))
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def write_calibration(

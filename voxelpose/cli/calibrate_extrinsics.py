@@ -81,11 +81,11 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             from voxelpose.calibration.files import (
                 beside,
                 notes_of,
-                png,
                 report_json,
                 write_calibration,
             )
             from voxelpose.calibration.rig_picture import rig_picture
+            from voxelpose.view.images.canvas import png
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)

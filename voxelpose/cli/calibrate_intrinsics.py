@@ -47,7 +47,6 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
             from voxelpose.calibration.coverage import coverage_picture
             from voxelpose.calibration.files import (
                 beside,
-                png,
                 report_json,
                 write_calibration,
             )
@@ -57,6 +56,7 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
                 lens_report,
                 lens_rig,
             )
+            from voxelpose.view.images.canvas import png
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
             refuse_existing([self.out, picture, report], self.overwrite)

@@ -23,7 +23,7 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
         from rich.table import Table
 
         from voxelpose import __version__
-        from voxelpose.doctor import examine
+        from voxelpose.machine_checks import examine
 
         console = Console(highlight=False)
         with console.status("checking ..."):

@@ -14,7 +14,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.demo.choreography import PERFORMANCES
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
 from voxelpose.demo.measurements import Measurements, tailor
-from voxelpose.demo.scene import SIZE, FilmCamera, demo_rig
+from voxelpose.demo.room import SIZE, FilmCamera, demo_rig
 from voxelpose.recording.truth import TRUTH, write_truth
 
 _EMPTY_FRAMES = 24

@@ -52,6 +52,7 @@ _SETTINGS = {
     "background": "method of finding silhouettes",
     "smooth": "whether the motion was smoothed over time",
     "threads": "processor threads",
+    "backend": "implementation that scored the poses",
     "options": "the method's own settings",
 }
 _FILES = {
@@ -140,7 +141,7 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "level": level,
         "sentence": sentence,
         "findings": assessed,
-        "reel": preview,
+        "preview": preview,
         "sheet": sheet,
         "angles": angles,
         "quality": quality,

@@ -41,11 +41,8 @@ def _row_span(dx, dy, start_x, start_y, row, first, last):
 
 
 @kernel
-def _fill(a, b, c, label, cull, parts, depth):
+def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
     """Draws a triangle of corners (x, y, w): subpixels, and inverse depth, linear on the screen."""
-    ax, ay, aw = a
-    bx, by, bw = b
-    cx, cy, cw = c
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     if area == 0 or (cull and area > 0):
         return
@@ -102,7 +99,7 @@ def _fill_clipped(corners, label, matrix, near, cull, parts, depth):
             count += 1
     for k in range(2, count):
         a, b, c = (x[0], y[0], w[0]), (x[k - 1], y[k - 1], w[k - 1]), (x[k], y[k], w[k])
-        _fill(a, b, c, label, cull, parts, depth)
+        _fill(*a, *b, *c, label, cull, parts, depth)
 
 
 @kernel
@@ -127,8 +124,7 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
             continue
         label = np.uint8(face_part[f] + 1)
         if least > 0.0:
-            triangle = (x[a], y[a], w[a]), (x[b], y[b], w[b]), (x[c], y[c], w[c])
-            _fill(*triangle, label, cull, parts, depth)
+            _fill(x[a], y[a], w[a], x[b], y[b], w[b], x[c], y[c], w[c], label, cull, parts, depth)
         else:
             corners = np.empty((3, 3))
             for k in range(3):

@@ -108,7 +108,9 @@ def test_a_camera_that_sees_nothing_and_should_not_is_left_out():
     blind = PinholeViews.from_rig(Rig((away,)))
     assert (
         silhouette_error(
-            model, stance(model), Observation.from_masks(blind, photograph(blind, model, stance(model)))
+            model,
+            stance(model),
+            Observation.from_masks(blind, photograph(blind, model, stance(model))),
         )
         == 1
     )

@@ -154,14 +154,14 @@ def test_the_page_plays(fitted):
     assert run(["report", "out"]) == 0
     with new_page(900, 700) as (page, faults):
         page.goto((fitted / "out" / "report.html").as_uri())
-        first = page.get_attribute("#reel", "src")
+        first = page.get_attribute("#preview", "src")
         cursor = page.locator("svg .cursor").first
         before = cursor.get_attribute("transform")
         page.locator("#seek").focus()
         page.keyboard.press("ArrowRight")
         assert page.text_content("#when") == "frame 4 · 0.16 s"
         assert (
-            page.get_attribute("#reel", "src") != first
+            page.get_attribute("#preview", "src") != first
             and cursor.get_attribute("transform") != before
         )
         page.click("#play")

@@ -123,6 +123,18 @@ def reduced(image: NDArray[np.uint8], scale: float) -> Image:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
+def png(image: Image) -> bytes:
+    """PNG encoding of an image.
+
+    Raises:
+        OSError: it cannot be encoded.
+    """
+    encoded, data = cv2.imencode(".png", image)
+    if not encoded:
+        raise OSError(f"an image {image.shape} cannot be encoded as PNG")
+    return data.tobytes()
+
+
 def _fixed(points: NDArray[np.float64]) -> NDArray[np.int32]:
     """Finite points (N, 1, 2) int32 in OpenCV's fixed point."""
     good = points[np.isfinite(points).all(axis=1) & (np.abs(points) < 1e5).all(axis=1)]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.atomic import replacing, unwritable
-from voxelpose.view.images.canvas import FAINT, write_text
+from voxelpose.view.images.canvas import FAINT, png, write_text
 from voxelpose.view.images.figure import skeleton_bones
 from voxelpose.view.images.hull_picture import Skeleton, hull_picture
-from voxelpose.view.images.overlay import check_video, open_video, write_png
+from voxelpose.view.images.overlay import check_video, open_video
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene import CarvedHull, Scene
 
@@ -43,7 +43,7 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
         raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
     picture = hull_picture(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene))
     with replacing(path) as partial:
-        write_png(picture, partial)
+        partial.write_bytes(png(picture))
     return scene.hull.litres(scene.hull.occupancy)
 
 

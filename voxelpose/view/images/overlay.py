@@ -18,7 +18,7 @@ from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter
-from voxelpose.view.images.canvas import INK, PAPER, WARNING, Image, write_text
+from voxelpose.view.images.canvas import INK, PAPER, WARNING, Image, png, write_text
 from voxelpose.view.images.contact_sheet import ContactSheet
 from voxelpose.view.images.figure import FigurePainter
 
@@ -65,7 +65,7 @@ def draw_pictures(
                 video.writer.release()
     for video in videos:
         video.check()
-    write_png(sheet.image(title), folder / "contact_sheet.png")
+    (folder / "contact_sheet.png").write_bytes(png(sheet.image(title)))
 
 
 class _Video:
@@ -135,15 +135,3 @@ def _mark(image: Image, caption: str, warning: str) -> None:
         write_text(image, caption, x + shift, y + shift, size, colour, bold=True)
     if warning:
         write_text(image, warning, x, y - 2 * size, size, WARNING, bold=True)
-
-
-def write_png(image: Image, path: Path) -> None:
-    """Writes an image as PNG.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    good, data = cv2.imencode(".png", image)
-    if not good:
-        raise OSError(errno.EIO, "the image could not be encoded", str(path))
-    path.write_bytes(data.tobytes())

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from voxelpose import doctor
+from voxelpose import machine_checks as doctor
 from voxelpose.cli import run
 
 
