@@ -5,6 +5,7 @@ import re
 from importlib.metadata import files
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 from voxelpose import __version__
@@ -104,7 +105,18 @@ def _add_pages(app: Sphinx, page: str, source: list[str]) -> None:
 def _link_names(app: Sphinx, page: str, source: list[str]) -> None:
     """Link the functions in the map of the papers to the reference instead of the source files."""
     if page == "docs/papers":
-        source[0] = re.sub(r"\[(`[\w.]+`)\]\([\w./]+\.py\)", r"{py:obj}\1", source[0])
+        source[0] = re.sub(
+            r"\[`([\w.]*?(\w+\.\w+))`\]\([\w./]+\.py\)", r"{py:obj}`\2 <\1>`", source[0]
+        )
+
+
+def _number_equations(app: Sphinx, doctree: nodes.document, page: str) -> None:
+    """Number the papers' equations as the papers do: (A 9) is eq. (9) of paper A."""
+    papers = {"okada": "A", "okada-step": "A, step", "iiyama": "B, step"}
+    for equation in doctree.findall(nodes.math_block):
+        paper, _, number = (equation.get("label") or "").rpartition("-")
+        if number.isdigit():
+            equation["number"] = f"{papers[paper]} {number}"
 
 
 def _escape_bars(
@@ -123,5 +135,6 @@ def _escape_bars(
 def setup(app: Sphinx) -> None:
     """Connect the functions above."""
     app.connect("autodoc-process-docstring", _escape_bars)
+    app.connect("doctree-resolved", _number_equations)
     app.connect("source-read", _add_pages)
     app.connect("source-read", _link_names)
