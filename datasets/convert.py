@@ -1,4 +1,4 @@
-"""Turns a take of a public data set into a recording folder that voxelpose opens.
+"""Converts a clip of a public data set into a recording folder that voxelpose opens.
 
     python datasets/convert.py NAME SOURCE OUT [options]
 
@@ -15,13 +15,13 @@ from pathlib import Path
 from types import ModuleType
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))  # recipes import take.py and truth.py from here; this is no package
+sys.path.insert(0, str(HERE))  # recipes import clip.py and truth.py from here; this is no package
 
-# OpenCV and FFmpeg would talk between our lines; both read this when they are first imported.
+# OpenCV and FFmpeg print warnings otherwise; both read this when they are first imported.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
-from take import InputError  # noqa: E402
+from clip import InputError  # noqa: E402
 from write import check_out, write  # noqa: E402
 
 _USER_ERROR = 2
@@ -35,7 +35,7 @@ _EXAMPLES = """examples:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, like every other mistake here."""
+    """Reports a wrong argument in one line, like every other error."""
 
     def error(self, message: str):
         """Ends with code 2."""
@@ -58,7 +58,7 @@ def recipe(name: str) -> ModuleType:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="convert.py",
-        description="Turns a take of a public data set into a recording that voxelpose opens.",
+        description="Converts a clip of a public data set into a recording that voxelpose opens.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -89,7 +89,7 @@ def _add_common(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--silhouettes",
         action="store_true",
-        help="leave the pictures out, so that the data set's masks are used as silhouettes",
+        help="leave the images out, so that the data set's masks are used as silhouettes",
     )
     group.add_argument("--no-truth", action="store_true", help="leave the joint positions out")
     group.add_argument("--stature", type=_stature, metavar="M", help="the subject's height, metres")
@@ -136,7 +136,7 @@ def run(arguments: Sequence[str]) -> int:
         arguments: the words after convert.py.
 
     Returns:
-        The exit code: 0 done, 2 something that the user can mend, in one line on stderr.
+        The exit code: 0 done, 2 an error that the user can correct, in one line on stderr.
     """
     parser = _parser()
     options = parser.parse_args(arguments)

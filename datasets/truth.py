@@ -1,7 +1,7 @@
-"""The 15 joints of a recording's truth, and how other keypoint sets are mapped to them.
+"""The 15 joints of a recording's truth, and the mapping of other keypoint sets to them.
 
-The names are those of the HumanEva protocol. pelvis, neck and head_top mean different places in
-different data sets; every card says which, and `Take.approximate` names what had to be constructed.
+The names are those of the HumanEva protocol. pelvis, neck and head_top are at different places in
+different data sets; every card says where, and `Clip.approximate` names the constructed joints.
 """
 
 import json
@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from clip import InputError
 from numpy.typing import ArrayLike, NDArray
-from take import InputError, read_text
 
 FloatArray = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ JOINTS = tuple(
     "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist".split()
 )
 
-# Height of the top of the head over the ear hole of an adult, m: about the mean of ANSUR's
+# Height of the top of the head above the ear hole of an adult, m: about the mean of ANSUR's
 # tragion-to-vertex height of women and men.
 _VERTEX_OVER_EARS_M = 0.13
 
@@ -37,7 +37,7 @@ BODY25 = {"neck": 1, "pelvis": 8, "right_ear": 17, "left_ear": 18} | {
 }
 
 
-def picked(points: ArrayLike, places: Mapping[str, int]) -> FloatArray:
+def select_joints(points: ArrayLike, places: Mapping[str, int]) -> FloatArray:
     """Returns (T, 15, 3) float64 joints out of (T, N, 3) points, by each joint's place in N."""
     return np.asarray(points, dtype=np.float64)[:, [places[joint] for joint in JOINTS]]
 
@@ -45,10 +45,10 @@ def picked(points: ArrayLike, places: Mapping[str, int]) -> FloatArray:
 def from_keypoints(
     points: ArrayLike, places: Mapping[str, int]
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Makes the 15 joints of the keypoints of a 2-D detector, which have no top of the head.
+    """Returns the 15 joints from the keypoints of a 2-D detector, which have no top of the head.
 
-    A pelvis or neck that is missing is put between the hips or shoulders. The top of the head is
-    put 13 cm beyond the middle of the ears, seen from the neck.
+    A missing pelvis or neck is placed midway between the hips or shoulders. The top of the head is
+    placed 13 cm beyond the midpoint of the ears, on the line from the neck.
 
     Args:
         points: (T, N, 3), m; NaN where unknown.
@@ -58,32 +58,32 @@ def from_keypoints(
         (T, 15, 3) float64, m, and the joints that were constructed.
     """
     table = np.asarray(points, dtype=np.float64)
-    found = {name: table[:, place] for name, place in places.items()}
+    points_of = {name: table[:, place] for name, place in places.items()}
     constructed = []
     for middle, ends in (("pelvis", "hip"), ("neck", "shoulder")):
-        if middle not in found:
-            found[middle] = (found[f"left_{ends}"] + found[f"right_{ends}"]) / 2
+        if middle not in points_of:
+            points_of[middle] = (points_of[f"left_{ends}"] + points_of[f"right_{ends}"]) / 2
             constructed.append(middle)
-    ears = (found["left_ear"] + found["right_ear"]) / 2
-    found["head_top"] = beyond(found["neck"], ears, _VERTEX_OVER_EARS_M)
-    return np.stack([found[joint] for joint in JOINTS], axis=1), (*constructed, "head_top")
+    ears = (points_of["left_ear"] + points_of["right_ear"]) / 2
+    points_of["head_top"] = extend_line(points_of["neck"], ears, _VERTEX_OVER_EARS_M)
+    return np.stack([points_of[joint] for joint in JOINTS], axis=1), (*constructed, "head_top")
 
 
-def beyond(start: FloatArray, end: FloatArray, distance_m: float) -> FloatArray:
-    """Returns the points, (T, 3), on the lines from `start` on that lie so far beyond `end`."""
-    way = end - start
+def extend_line(start: FloatArray, end: FloatArray, distance_m: float) -> FloatArray:
+    """Returns the points, (T, 3), a distance beyond `end` on the lines from `start` to `end`."""
+    direction = end - start
     with np.errstate(invalid="ignore", divide="ignore"):
-        return end + distance_m * way / np.linalg.norm(way, axis=-1, keepdims=True)
+        return end + distance_m * direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
-def confident(points: ArrayLike, least: float) -> FloatArray:
-    """Returns (..., 3) of (..., 4) points whose confidence exceeds `least`; NaN for the others."""
+def drop_uncertain(points: ArrayLike, threshold: float) -> FloatArray:
+    """Returns (..., 3) of (..., 4) points with confidence above `threshold`; NaN for the others."""
     table = np.asarray(points, dtype=np.float64)
-    return np.where(table[..., 3:] > least, table[..., :3], np.nan)
+    return np.where(table[..., 3:] > threshold, table[..., :3], np.nan)
 
 
-def fitted(truth: FloatArray, first: int, count: int) -> FloatArray:
-    """Returns frames `first` to `first + count`, NaN where the truth does not reach."""
+def crop_truth(truth: FloatArray, first: int, count: int) -> FloatArray:
+    """Returns frames `first` to `first + count`, NaN where the truth has none."""
     result = np.full((count, len(JOINTS), 3), np.nan)
     part = truth[first : first + count]
     result[: len(part)] = part
@@ -120,15 +120,3 @@ def write_truth(
     document = {"fps": fps, "unit": "m", "up": "z", "data_set": data_set}
     document |= {"approximate": list(approximate), "joints": joints}
     file.write_text(json.dumps(document), encoding="utf-8")
-
-
-def read_json(file: Path) -> object:
-    """Returns a JSON file's content.
-
-    Raises:
-        InputError: it is missing or no JSON.
-    """
-    try:
-        return json.loads(read_text(file))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{file} is not whole JSON ({error}): download it again") from None

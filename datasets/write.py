@@ -1,36 +1,37 @@
-"""Writes a take as a recording folder.
+"""Writes a clip as a recording folder.
 
-It is written beside its place, then renamed: it is there whole, or not at all.
+The folder is written beside its target, then renamed, so that it is never incomplete.
 """
 
 import os
 import shutil
 import tomllib
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
-from take import InputError, Pictures, Recording, Rig, Take, View, write_rig
-from truth import fitted, write_truth
+from clip import VIDEOS, CameraView, Clip, FrameReader, InputError, Recording, Rig, write_rig
+from truth import crop_truth, write_truth
 
 _RATE_TOLERANCE = 0.01
 
 
-def write(take: Take, out: Path, options: Namespace) -> str:
+def write(clip: Clip, out: Path, options: Namespace) -> str:
     """Writes the recording.
 
     Args:
-        take: what the recipe read.
+        clip: the clip as the recipe read it.
         out: the folder to make.
         options: of the command line: name, source, frames, silhouettes, no_truth, stature, sex,
             copy, overwrite.
 
     Returns:
-        One line that says what was written.
+        One line that describes what was written.
 
     Raises:
-        InputError: the take does not make a recording that can be opened, `out` stands in the way,
+        InputError: the clip does not make a recording that can be opened, `out` stands in the way,
             or it cannot be written.
     """
     check_out(out, options.source, options.overwrite)
@@ -38,7 +39,7 @@ def write(take: Take, out: Path, options: Namespace) -> str:
     old = out.parent / f".{out.name}.{os.getpid()}.old"
     try:
         beside.mkdir()
-        said = _fill(beside, take, options)
+        summary = _fill(beside, clip, options)
         if out.exists():
             out.rename(old)
         beside.rename(out)
@@ -53,7 +54,7 @@ def write(take: Take, out: Path, options: Namespace) -> str:
             old.rename(out)
         for folder in (beside, old):
             shutil.rmtree(folder, ignore_errors=True)
-    return f"{out}: {said}"
+    return f"{out}: {summary}"
 
 
 def check_out(out: Path, source: Path, overwrite: bool) -> None:
@@ -85,20 +86,20 @@ def _metadata(calibration: Path) -> dict:
         return {}
 
 
-def _fill(folder: Path, take: Take, options: Namespace) -> str:
-    """Writes all files; returns what they are."""
-    views = [_without_pictures(view) if options.silhouettes else view for view in take.views]
-    first, count = _range(views, options.frames)
+def _fill(folder: Path, clip: Clip, options: Namespace) -> str:
+    """Writes all files; returns a description of the recording."""
+    views = [_masks_only(view) if options.silhouettes else view for view in clip.views]
+    first, count = _frame_range(views, options.frames)
     cut = options.frames is not None
-    fps = _fps(take, views)
+    fps = _fps(clip, views)
     rig = Rig(tuple(view.camera for view in views))
-    notes = {"data_set": options.name, **take.notes}
+    notes = {"data_set": options.name, **clip.notes}
     write_rig(rig, folder / "calibration.toml", notes=notes)
     for view in views:
         name = view.camera.name
-        span = (view.start + first, count) if cut else None
-        if view.pictures is not None:
-            _place(view.pictures, folder / name, span, options.copy)
+        span = range(view.start + first, view.start + first + count) if cut else None
+        if view.frames is not None:
+            _place(view.frames, folder / name, span, options.copy)
         if view.masks is not None:
             _place_masks(view, folder / "masks" / name, span, options.copy)
         if view.background is not None and not options.silhouettes:
@@ -106,10 +107,10 @@ def _fill(folder: Path, take: Take, options: Namespace) -> str:
     if cut or _needs_timestamps(views, fps):
         _write_timestamps(folder / "timestamps.csv", views, fps, count if cut else None)
     _write_subject(folder / "subject.toml", options.stature, options.sex)
-    truth = take.truth is not None and not options.no_truth
-    if truth:
-        known = fitted(take.truth, first, count)
-        write_truth(folder / "truth.json", known, fps, take.approximate, options.name)
+    has_truth = clip.truth is not None and not options.no_truth
+    if has_truth:
+        truth_of_range = crop_truth(clip.truth, first, count)
+        write_truth(folder / "truth.json", truth_of_range, fps, clip.approximate, options.name)
     recording = Recording.open(folder)
     recording.backgrounds()  # checks their sizes
     if recording.frame_count != count:
@@ -117,33 +118,35 @@ def _fill(folder: Path, take: Take, options: Namespace) -> str:
             f"the recording would have {recording.frame_count} frames instead of {count}: "
             "the files end early; choose frames that all have (--frames A:B)"
         )
-    what = "silhouettes" if recording.silhouettes_given else "pictures"
-    return f"{len(views)} cameras, {count} frames of {what}{', truth' if truth else ''}"
+    what = "silhouettes" if recording.silhouettes_given else "images"
+    return f"{len(views)} cameras, {count} frames of {what}{', truth' if has_truth else ''}"
 
 
-def _without_pictures(view: View) -> View:
+def _masks_only(view: CameraView) -> CameraView:
     if view.masks is None:
         raise InputError(
             f"there are no masks of camera {view.camera.name}: leave out --silhouettes, "
             "or the camera"
         )
-    return View(view.camera, None, view.start, view.masks, view.mask_above)
+    return replace(view, frames=None, background=None)
 
 
-def _frames(view: View) -> Pictures:
-    """Returns that by which the view's frames are counted."""
-    if view.pictures is None and view.masks is None:
+def _reader(view: CameraView) -> FrameReader:
+    """Returns the camera's frames, or its masks where it has no frames."""
+    if view.frames is None and view.masks is None:
         raise InputError(
-            f"camera {view.camera.name} has neither pictures nor masks: leave it out (--cameras)"
+            f"camera {view.camera.name} has neither images nor masks: leave it out (--cameras)"
         )
-    return view.pictures or view.masks
+    return view.frames or view.masks
 
 
-def _range(views: list[View], frames: tuple[int | None, int | None] | None) -> tuple[int, int]:
-    """Returns the first frame of the take that is used, and how many."""
+def _frame_range(
+    views: list[CameraView], frames: tuple[int | None, int | None] | None
+) -> tuple[int, int]:
+    """Returns the first frame of the clip that is used, and the number of frames."""
     if min(view.start for view in views) != 0:
-        raise ValueError("frame 0 of a take must be the first frame of one of its files")
-    end = min(_frames(view).count - view.start for view in views)
+        raise ValueError("frame 0 of a clip must be the first frame of one of its files")
+    end = min(_reader(view).frame_count - view.start for view in views)
     start, stop = frames or (None, None)
     first, last = start or 0, end if stop is None else stop
     if not 0 <= first < last <= end:
@@ -151,49 +154,45 @@ def _range(views: list[View], frames: tuple[int | None, int | None] | None) -> t
     return first, last - first
 
 
-def _fps(take: Take, views: list[View]) -> float:
-    """Returns the take's rate."""
-    rates = [rate for view in views if (rate := _frames(view).fps) is not None]
-    fps = take.fps if take.fps is not None else (float(np.median(rates)) if rates else None)
+def _fps(clip: Clip, views: list[CameraView]) -> float:
+    """Returns the clip's frames per second."""
+    rates = [rate for view in views if (rate := _reader(view).fps) is not None]
+    fps = clip.fps if clip.fps is not None else (float(np.median(rates)) if rates else None)
     if fps is None:
-        raise InputError(
-            "images do not tell how fast they were taken: give --fps, frames per second"
-        )
+        raise InputError("images do not state a frame rate: give --fps, frames per second")
     if not (np.isfinite(fps) and fps > 0):
         raise InputError(f"{fps} frames per second are impossible: give --fps as a positive number")
     return float(fps)
 
 
-def _place(pictures: Pictures, target: Path, span: tuple[int, int] | None, copy: bool) -> None:
-    """Puts a video or stills at a path without suffix; of a video, a span is decoded to stills."""
+def _place(frames: FrameReader, target: Path, span: range | None, copy: bool) -> None:
+    """Links or copies a video or images to a path without suffix; a video's span is decoded."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    if pictures.stills:
-        chosen = pictures.stills if span is None else pictures.stills[span[0] : sum(span)]
-        if pictures.path.is_file():
-            _link(pictures.path, target.with_name(target.name + pictures.path.suffix.lower()), copy)
-            return
-        target.mkdir()
-        for number, still in enumerate(chosen):
+    if frames.path.is_file() and (frames.stills or span is None):
+        _link(frames.path, target.with_name(target.name + frames.path.suffix.lower()), copy)
+        return
+    target.mkdir()
+    if frames.stills:
+        stills = frames.stills if span is None else frames.stills[span.start : span.stop]
+        for number, still in enumerate(stills):
             _link(still, target / f"{number:06d}{still.suffix.lower()}", copy)
-    elif span is None:
-        _link(pictures.path, target.with_name(target.name + pictures.path.suffix.lower()), copy)
     else:
-        target.mkdir()
-        for number, frame in enumerate(pictures.frames(*span)):
+        for number, frame in enumerate(frames.frames(span.start, span.stop)):
             _write_image(target / f"{number:06d}.png", frame)
 
 
-def _place_masks(view: View, target: Path, span: tuple[int, int] | None, copy: bool) -> None:
-    """Puts masks as black and white images; a video of masks that is kept whole stays as it is."""
+def _place_masks(view: CameraView, target: Path, span: range | None, copy: bool) -> None:
+    """Writes masks as black and white images; a video of masks is kept unless it is cut."""
     masks = view.masks
-    if masks.is_video and span is None:
+    if span is None and masks.path.is_file() and masks.path.suffix.lower() in VIDEOS:
         _place(masks, target, None, copy)
         return
-    begin, count = span or (0, masks.count)
+    # Masks may end earlier than the images beside them.
+    stop = masks.frame_count if span is None else min(span.stop, masks.frame_count)
     target.mkdir(parents=True)
-    for number, frame in enumerate(masks.frames(begin, count)):
-        white = np.where(frame.max(axis=2) > view.mask_above, 255, 0).astype(np.uint8)
-        _write_image(target / f"{number:06d}.png", white)
+    for number, frame in enumerate(masks.frames(span.start if span else 0, stop)):
+        mask = np.where(frame.max(axis=2) > view.mask_above, 255, 0).astype(np.uint8)
+        _write_image(target / f"{number:06d}.png", mask)
 
 
 def _write_image(file: Path, image: np.ndarray) -> None:
@@ -215,20 +214,23 @@ def _link(source: Path, target: Path, copy: bool) -> None:
     shutil.copyfile(source, target)
 
 
-def _needs_timestamps(views: list[View], fps: float) -> bool:
-    """Whether the files alone do not tell which frames belong together and how fast they are."""
-    files = [_frames(view) for view in views]
-    plain = all(one.fps and abs(one.fps / fps - 1) < _RATE_TOLERANCE for one in files)
-    together = len({one.count for one in files}) == 1 and not any(view.start for view in views)
-    return not (plain and together) and max(one.count for one in files) > 1
+def _needs_timestamps(views: list[CameraView], fps: float) -> bool:
+    """Returns whether the files alone do not state simultaneous frames and their rate."""
+    readers = [_reader(view) for view in views]
+    same_rate = all(
+        reader.fps and abs(reader.fps / fps - 1) < _RATE_TOLERANCE for reader in readers
+    )
+    counts = {reader.frame_count for reader in readers}
+    same_span = len(counts) == 1 and not any(view.start for view in views)
+    return not (same_rate and same_span) and max(counts) > 1
 
 
-def _write_timestamps(file: Path, views: list[View], fps: float, count: int | None) -> None:
-    """Writes when every frame was taken: frames that belong together have the same time."""
+def _write_timestamps(file: Path, views: list[CameraView], fps: float, count: int | None) -> None:
+    """Writes the time of every frame; simultaneous frames have the same time."""
     latest = max(view.start for view in views)
     lines = ["cam_id,frame_time"]
     for view in views:
-        frames = range(_frames(view).count) if count is None else range(count)
+        frames = range(_reader(view).frame_count) if count is None else range(count)
         offset = latest - view.start if count is None else 0
         lines += [f"{view.camera.name},{(number + offset) / fps:.6f}" for number in frames]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")

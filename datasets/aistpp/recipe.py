@@ -4,21 +4,21 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from take import (
+from clip import (
     Camera,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
-    Take,
-    View,
-    camera_name,
-    choose,
-    find_pictures,
-    made,
-    placed,
+    find_frames,
+    open_frames,
+    read_json,
+    read_json_cameras,
     read_text,
-    upright,
+    select_names,
+    to_world_z_up,
+    z_up_from,
 )
-from truth import COCO17, from_keypoints, read_json
+from truth import COCO17, from_keypoints
 
 SUMMARY = "AIST++: dances of 30 people, 9 cameras, markerless truth."
 
@@ -27,7 +27,7 @@ _CM = 0.01
 
 
 def add_options(group: argparse._ArgumentGroup) -> None:
-    """Adds the options that choose a take."""
+    """Adds the options that choose a clip."""
     group.add_argument(
         "--sequence", required=True, help="gBR_sBM_cAll_d04_mBR0_ch01, as in mapping.txt"
     )
@@ -42,29 +42,31 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
-    """Reads a take.
+def read(source: Path, options: argparse.Namespace) -> Clip:
+    """Reads a clip.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     settings = _read_mapping(source / "cameras" / "mapping.txt")
-    choose(settings, [options.sequence], "sequence", source / "cameras" / "mapping.txt")
+    select_names(settings, [options.sequence], "sequence", source / "cameras" / "mapping.txt")
     cameras = _read_cameras(source / "cameras" / f"{settings[options.sequence]}.json")
     videos = options.videos or source / "videos"
-    filmed = {
+    paths = {
         name: path
         for name in cameras
-        if (path := find_pictures(videos / options.sequence.replace("cAll", name))) is not None
+        if (path := find_frames(videos / options.sequence.replace("cAll", name))) is not None
     }
-    names = choose(filmed, options.cameras, f"video of {options.sequence}", videos)
-    views = tuple(View(placed(cameras[n], "y", _CM), Pictures.open(filmed[n])) for n in names)
-    notes = {"take": options.sequence}
+    names = select_names(paths, options.cameras, f"video of {options.sequence}", videos)
+    views = tuple(
+        CameraView(to_world_z_up(cameras[n], "y", _CM), open_frames(paths[n])) for n in names
+    )
+    notes = {"clip": options.sequence}
     if options.no_truth:
-        return Take(views, _FPS, notes=notes)
+        return Clip(views, _FPS, notes=notes)
     points = _read_keypoints(source / "keypoints3d", options.sequence, options.keypoints)
-    truth, constructed = from_keypoints(_CM * points @ upright("y").T, COCO17)
-    return Take(views, _FPS, truth, constructed, notes=notes)
+    truth, constructed = from_keypoints(_CM * points @ z_up_from("y").T, COCO17)
+    return Clip(views, _FPS, truth, constructed, notes=notes)
 
 
 def _read_mapping(file: Path) -> dict[str, str]:
@@ -76,23 +78,9 @@ def _read_mapping(file: Path) -> dict[str, str]:
 
 
 def _read_cameras(file: Path) -> dict[str, Camera]:
-    """Returns the cameras: matrix, distortions, rotation (Rodrigues) and translation, cm."""
-    content = read_json(file)
-    try:
-        return {
-            one["name"]: made(
-                file,
-                name=camera_name(one["name"]),
-                size=one["size"],
-                matrix=one["matrix"],
-                distortion=one["distortions"],
-                rotation=one["rotation"],
-                translation=one["translation"],
-            )
-            for one in content
-        }
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{file} is no camera setting of AIST++ ({error} is missing)") from None
+    """Returns the cameras: rotation as a Rodrigues vector, translation in cm."""
+    keys = {name: name for name in ("size", "matrix", "rotation", "translation")}
+    return read_json_cameras(file, "camera setting of AIST++", keys | {"distortion": "distortions"})
 
 
 def _read_keypoints(folder: Path, sequence: str, key: str) -> np.ndarray:

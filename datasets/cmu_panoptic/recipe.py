@@ -5,21 +5,22 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from take import (
+from clip import (
     Camera,
+    CameraView,
+    Clip,
+    FrameReader,
     InputError,
-    Pictures,
-    Take,
-    View,
-    camera_name,
-    choose,
-    find_pictures,
-    made,
+    find_frames,
     number_in,
-    placed,
-    upright,
+    open_frames,
+    read_json,
+    read_json_cameras,
+    select_names,
+    to_world_z_up,
+    z_up_from,
 )
-from truth import confident, from_keypoints, read_json
+from truth import drop_uncertain, from_keypoints
 
 SUMMARY = "CMU Panoptic Studio: 31 HD cameras, one or several people, markerless truth."
 
@@ -47,31 +48,33 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
-    """Reads a take.
+def read(source: Path, options: argparse.Namespace) -> Clip:
+    """Reads a clip.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     file = _calibration(source)
     cameras = _read_cameras(file)
-    filmed = {name: path for name in cameras if (path := _pictures(source, name)) is not None}
-    names = choose(filmed, options.cameras, "HD camera", source)
-    views = tuple(View(placed(cameras[n], "-y", _CM), Pictures.open(filmed[n])) for n in names)
-    first = _first_number(views[0].pictures)
-    if any(_first_number(view.pictures) != first for view in views):
+    paths = {name: path for name in cameras if (path := _frames(source, name)) is not None}
+    names = select_names(paths, options.cameras, "HD camera", source)
+    views = tuple(
+        CameraView(to_world_z_up(cameras[n], "-y", _CM), open_frames(paths[n])) for n in names
+    )
+    first = _first_number(views[0].frames)
+    if any(_first_number(view.frames) != first for view in views):
         raise InputError(
             f"{source}: the images of the cameras begin at different frames: extract all alike"
         )
-    take = file.stem.removeprefix("calibration_")
+    notes = {"clip": file.stem.removeprefix("calibration_")}
     if options.no_truth:
-        return Take(views, _FPS, notes={"take": take})
-    count = min(view.pictures.count for view in views)
+        return Clip(views, _FPS, notes=notes)
+    count = min(view.frames.frame_count for view in views)
     points = _read_bodies(
         source, range(first, first + count), options.person, options.least_confidence
     )
-    truth, constructed = from_keypoints(_CM * points @ upright("-y").T, _PLACES)
-    return Take(views, _FPS, truth, constructed, notes={"take": take})
+    truth, constructed = from_keypoints(_CM * points @ z_up_from("-y").T, _PLACES)
+    return Clip(views, _FPS, truth, constructed, notes=notes)
 
 
 def _calibration(source: Path) -> Path:
@@ -85,41 +88,32 @@ def _calibration(source: Path) -> Path:
 
 
 def _read_cameras(file: Path) -> dict[str, Camera]:
-    """Returns the HD cameras: K, distCoef (OpenCV's order), R, t in cm, X_camera = R X + t."""
-    content = read_json(file)
-    try:
-        found = [camera for camera in content["cameras"] if camera["type"] == "hd"]
-        return {
-            one["name"]: made(
-                file,
-                name=camera_name(one["name"]),
-                size=one["resolution"],
-                matrix=one["K"],
-                distortion=one["distCoef"],
-                rotation=one["R"],
-                translation=one["t"],
-            )
-            for one in found
-        }
-    except (KeyError, TypeError) as error:
-        raise InputError(
-            f"{file} is no calibration of the Panoptic Studio ({error} is missing)"
-        ) from None
-
-
-def _pictures(source: Path, name: str) -> Path | None:
-    """Returns a camera's video, or the folder of images extracted from it."""
-    return find_pictures(source / "hdVideos" / f"hd_{name}") or find_pictures(
-        source / "hdImgs" / name
+    """Returns the HD cameras: X_camera = R X + t, t in cm."""
+    return read_json_cameras(
+        file,
+        "calibration of the Panoptic Studio",
+        {
+            "size": "resolution",
+            "matrix": "K",
+            "distortion": "distCoef",
+            "rotation": "R",
+            "translation": "t",
+        },
+        lambda content: [camera for camera in content["cameras"] if camera["type"] == "hd"],
     )
 
 
-def _first_number(pictures: Pictures) -> int:
-    """Returns the number of the first picture, which extracted images carry in their names."""
-    return (number_in(pictures.stills[0].stem) or 0) if pictures.stills else 0
+def _frames(source: Path, name: str) -> Path | None:
+    """Returns a camera's video, or the folder of images extracted from it."""
+    return find_frames(source / "hdVideos" / f"hd_{name}") or find_frames(source / "hdImgs" / name)
 
 
-def _read_bodies(source: Path, frames: range, person: int | None, least: float) -> np.ndarray:
+def _first_number(frames: FrameReader) -> int:
+    """Returns the number of the first frame, which extracted images have in their names."""
+    return (number_in(frames.stills[0].stem) or 0) if frames.stills else 0
+
+
+def _read_bodies(source: Path, frames: range, person: int | None, confidence: float) -> np.ndarray:
     """Returns (T, 19, 3), cm, of one person; NaN where unknown."""
     folders = [source / "hdPose3d_stage1_coco19" / "hd", source / "hdPose3d_stage1_coco19"]
     folder = next((f for f in folders if any(f.glob("body3DScene_*.json"))), None)
@@ -148,7 +142,7 @@ def _read_bodies(source: Path, frames: range, person: int | None, least: float) 
         for body in bodies.get(number, []):
             if body["id"] == chosen:
                 points[row] = body["joints"]
-    return confident(points, least)
+    return drop_uncertain(points, confidence)
 
 
 def _bodies(file: Path) -> list[dict]:

@@ -1,25 +1,27 @@
 """EasyMocap and ZJU-MoCap: intri.yml, extri.yml, videos or images, masks."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from take import (
+from clip import (
     UP_AXES,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
-    Take,
-    View,
     camera_name,
-    choose,
-    find_pictures,
+    find_frames,
     number_in,
-    numbers_of,
-    placed,
+    open_frames,
+    pictures_by_camera,
+    read_json,
     read_rig,
-    upright,
+    select_names,
+    to_world_z_up,
+    z_up_from,
 )
-from truth import BODY25, confident, from_keypoints, read_json
+from truth import BODY25, drop_uncertain, from_keypoints
 
 SUMMARY = "EasyMocap's layout and ZJU-MoCap: 4 to 23 cameras, masks, no marker-based truth."
 
@@ -49,7 +51,7 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
+def read(source: Path, options: argparse.Namespace) -> Clip:
     """Reads a sequence.
 
     Raises:
@@ -60,54 +62,60 @@ def read(source: Path, options: argparse.Namespace) -> Take:
             f"{source} has its cameras only in annots.npy, a pickle, which can run any code when "
             "it is opened: write intri.yml and extri.yml of it as easymocap/card.md says"
         )
-    filmed = {path.name if path.is_dir() else path.stem: path for path in _filmed(source)}
-    choose(filmed, None, "video or folder of images", source)
-    opened = {name: Pictures.open(path) for name, path in filmed.items()}
-    sizes = {one.size for one in opened.values()}
+    paths = _paths(source)
+    select_names(paths, None, "video or folder of images", source)
+    readers = {name: open_frames(path) for name, path in paths.items()}
+    sizes = {reader.size for reader in readers.values()}
     rig = read_rig(source, unit="m", size=sizes.pop() if len(sizes) == 1 else None)
-    pairs = _matched(list(rig.names), list(opened))
-    names = choose([name for name in rig.names if name in pairs], options.cameras, "camera", source)
+    pairs = _match_cameras(rig.names, list(readers))
+    names = select_names(
+        [name for name in rig.names if name in pairs], options.cameras, "camera", source
+    )
     masks = _mask_folder(source, options.masks)
     views = []
     for name in names:
-        camera = placed(rig[name], options.up, name=camera_name(name))
-        path = None if masks is None else find_pictures(masks / pairs[name])
-        given = None if path is None else Pictures.open(path)
-        views.append(View(camera, opened[pairs[name]], 0, given, options.mask_above))
+        camera = to_world_z_up(rig[name], options.up, name=camera_name(name))
+        path = None if masks is None else find_frames(masks / pairs[name])
+        mask_reader = None if path is None else open_frames(path)
+        views.append(CameraView(camera, readers[pairs[name]], 0, mask_reader, options.mask_above))
     truth, constructed = None, ()
     if options.keypoints is not None and not options.no_truth:
         points = _read_keypoints(options.keypoints, options.person)
-        truth, constructed = from_keypoints(points @ upright(options.up).T, BODY25)
-    notes = {"take": source.resolve().name}
-    return Take(tuple(views), options.fps, truth, constructed, notes=notes)
+        truth, constructed = from_keypoints(points @ z_up_from(options.up).T, BODY25)
+    notes = {"clip": source.resolve().name}
+    return Clip(tuple(views), options.fps, truth, constructed, notes=notes)
 
 
-def _filmed(source: Path) -> list[Path]:
-    """Returns what images/ or videos/ holds, or the folders that ZJU-MoCap has at the top."""
+def _paths(source: Path) -> dict[str, Path]:
+    """Returns the content of images/ or videos/, or ZJU-MoCap's folders, by camera name."""
     for folder in (source / "images", source / "videos"):
-        found = [path for path in folder.glob("*") if find_pictures(path) is not None]
-        if found:
-            return sorted(found, key=numbers_of)
-    found = [
-        path for path in source.glob("Camera*") if path.is_dir() and find_pictures(path) is not None
-    ]
-    return sorted(found, key=numbers_of)
+        paths = pictures_by_camera(folder, stills=True)
+        if paths:
+            return paths
+    return {
+        name: path
+        for name, path in pictures_by_camera(source).items()
+        if path.is_dir() and name.startswith("Camera")
+    }
 
 
-def _matched(cameras: list[str], pictures: list[str]) -> dict[str, str]:
-    """Returns the pictures of every camera: of the same name, else of the same number."""
-    by_number = {number_in(name): name for name in pictures}
-    if len(by_number) < len(pictures):
+def _match_cameras(cameras: Sequence[str], names: Sequence[str]) -> dict[str, str]:
+    """Returns the frames' name of each camera: the same, else one with the same number."""
+    by_number = {number_in(name): name for name in names}
+    if len(by_number) < len(names):
         by_number = {}
-    found = {name: name if name in pictures else by_number.get(number_in(name)) for name in cameras}
-    return {name: match for name, match in found.items() if match is not None}
+    matches = {
+        camera: camera if camera in names else by_number.get(number_in(camera))
+        for camera in cameras
+    }
+    return {camera: name for camera, name in matches.items() if name is not None}
 
 
-def _mask_folder(source: Path, wanted: str | None) -> Path | None:
-    if wanted is not None and not (source / wanted).is_dir():
-        raise InputError(f"{source / wanted} is missing: correct --masks, or leave it out")
-    names = _MASKS if wanted is None else (wanted,)
-    return next((source / name for name in names if (source / name).is_dir()), None)
+def _mask_folder(source: Path, name: str | None) -> Path | None:
+    if name is not None and not (source / name).is_dir():
+        raise InputError(f"{source / name} is missing: correct --masks, or leave it out")
+    candidates = [source / folder for folder in (_MASKS if name is None else (name,))]
+    return next((folder for folder in candidates if folder.is_dir()), None)
 
 
 def _read_keypoints(folder: Path, person: int) -> np.ndarray:
@@ -124,4 +132,4 @@ def _read_keypoints(folder: Path, person: int) -> np.ndarray:
                     points[number] = np.asarray(one["keypoints3d"], np.float64)[:25]
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{file} does not hold keypoints3d of body25 ({error})") from None
-    return confident(points, 0.0)
+    return drop_uncertain(points, 0.0)

@@ -5,22 +5,22 @@ import re
 from pathlib import Path
 
 import numpy as np
-from human36m.masks import Masks
-from take import (
+from clip import (
     Camera,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
-    Take,
-    View,
     camera_name,
-    choose,
-    made,
-    one_of,
-    placed,
+    first_existing,
+    make_camera,
+    open_frames,
     read_numbers,
     read_text,
+    select_names,
+    to_world_z_up,
 )
-from truth import picked
+from human36m.masks import MaskReader
+from truth import select_joints
 
 SUMMARY = "Human3.6M: 7 subjects with truth, 4 cameras, 15 scenarios, marker-based truth."
 
@@ -48,7 +48,7 @@ _PLACES = {
 
 
 def add_options(group: argparse._ArgumentGroup) -> None:
-    """Adds the options that choose a take."""
+    """Adds the options that choose a clip."""
     group.add_argument("--subject", required=True, help="S1, S5, S6, S7, S8, S9 or S11")
     group.add_argument(
         "--sequence", required=True, help='as the files are named: "Walking 1", "Directions"'
@@ -59,53 +59,53 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
-    """Reads a take.
+def read(source: Path, options: argparse.Namespace) -> Clip:
+    """Reads a clip.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     subjects = sorted(path.name for path in source.glob("S*") if (path / "Videos").is_dir())
-    choose(subjects, [options.subject], "subject", source)
+    select_names(subjects, [options.subject], "subject", source)
     folder = source / options.subject
     number = int(re.sub(r"\D", "", options.subject) or 0)
     sequences = sorted(
         {path.name.rsplit(".", 2)[0] for path in (folder / "Videos").glob("*.*.mp4")}
     )
-    choose(sequences, [options.sequence], "sequence", folder / "Videos")
+    select_names(sequences, [options.sequence], "sequence", folder / "Videos")
     videos = {name: folder / "Videos" / f"{options.sequence}.{name}.mp4" for name in _CAMERAS}
-    filmed = [name for name, video in videos.items() if video.is_file()]
-    names = choose(filmed, options.cameras, "camera", folder / "Videos")
+    available = [name for name, video in videos.items() if video.is_file()]
+    names = select_names(available, options.cameras, "camera", folder / "Videos")
     metadata = options.metadata or source / "metadata.xml"
     values = _read_metadata(metadata)
     views = []
     for name in names:
-        pictures = Pictures.open(videos[name])
-        camera = _camera(metadata, values, number, name, pictures.size)
+        frames = open_frames(videos[name])
+        camera = _camera(metadata, values, number, name, frames.size)
         file = folder / "MySegmentsMat" / "ground_truth_bs" / f"{options.sequence}.{name}.mat"
-        masks = Masks.open(file) if options.masks or options.silhouettes else None
-        views.append(View(placed(camera, "z", 0.001), pictures, masks=masks))
-    truth = (
-        None if options.no_truth else picked(_read_truth(folder, options.sequence) / 1000, _PLACES)
-    )
-    return Take(tuple(views), _FPS, truth, notes={"take": f"{options.subject} {options.sequence}"})
+        masks = MaskReader.open(file) if options.masks or options.silhouettes else None
+        views.append(CameraView(to_world_z_up(camera, "z", 0.001), frames, masks=masks))
+    truth = None
+    if not options.no_truth:
+        truth = select_joints(_read_truth(folder, options.sequence) / 1000, _PLACES)
+    return Clip(tuple(views), _FPS, truth, notes={"clip": f"{options.subject} {options.sequence}"})
 
 
 def _read_metadata(file: Path) -> np.ndarray:
     """Returns the numbers of w0: 6 per camera and subject, then 9 per camera."""
-    found = re.search(r"<w0>\s*\[(.*?)\]\s*</w0>", read_text(file), re.DOTALL)
-    if found is None:
+    match = re.search(r"<w0>\s*\[(.*?)\]\s*</w0>", read_text(file), re.DOTALL)
+    if match is None:
         raise InputError(
             f"{file} has no <w0>: take metadata.xml of the data set's own code release"
         )
     count = len(_CAMERAS) * (6 * _SUBJECTS + 9)
-    return read_numbers(found[1].split(), file, "<w0>", count)
+    return read_numbers(match[1].split(), file, "<w0>", count)
 
 
 def _camera(
     file: Path, values: np.ndarray, subject: int, name: str, size: tuple[int, int]
 ) -> Camera:
-    """Makes a camera: X_camera = R (X_world - T), R = Rx Ry Rz, T in mm.
+    """Returns a camera: X_camera = R (X_world - T), R = Rx Ry Rz, T in mm.
 
     The data set's lens is x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6 + p1 y + p2 x) + p2 r^2 and
     y' = y (...) + p1 r^2. OpenCV's tangential terms are twice as strong but for that of r^2;
@@ -120,7 +120,7 @@ def _camera(
     angles, centre = values[start : start + 3], values[start + 3 : start + 6]
     fx, fy, cx, cy, k1, k2, k3, p1, p2 = values[6 * _SUBJECTS * len(_CAMERAS) :].reshape(-1, 9)[at]
     rotation = _turn(0, angles[0]) @ _turn(1, angles[1]) @ _turn(2, angles[2])
-    return made(
+    return make_camera(
         file,
         name=camera_name(name),
         size=size,
@@ -143,7 +143,7 @@ def _turn(axis: int, angle: float) -> np.ndarray:
 def _read_truth(folder: Path, sequence: str) -> np.ndarray:
     """Returns (T, 32, 3), mm, world, of a .cdf, or of the .cdf.mat that MATLAB users make of it."""
     places = ("MyPoseFeatures/D3_Positions", "Poses_D3_Positions", "D3_Positions")
-    file = one_of(
+    file = first_existing(
         folder, *(f"{place}/{sequence}.cdf{end}" for place in places for end in ("", ".mat"))
     )
     try:

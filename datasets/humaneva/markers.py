@@ -9,8 +9,8 @@ import re
 from pathlib import Path
 
 import numpy as np
+from clip import InputError, read_text
 from numpy.typing import NDArray
-from take import InputError, read_text
 from truth import JOINTS
 
 FloatArray = NDArray[np.float64]
@@ -75,7 +75,7 @@ def truth(motion: Path, subject: str, first: float, step: float, count: int) -> 
     """Returns the joints at the videos' frames.
 
     Args:
-        motion: C3D file of the take, beside Static.c3d and the subject's .mp file.
+        motion: C3D file of the clip, beside Static.c3d and the subject's .mp file.
         subject: S1 and so on.
         first: motion-capture frame, from 0, of the first frame.
         step: motion-capture frames per frame.
@@ -102,11 +102,11 @@ def truth(motion: Path, subject: str, first: float, step: float, count: int) -> 
 def _read_mp(motion: Path, subject: str) -> dict[str, float]:
     """Reads Vicon's parameters of the subject, mm."""
     file = motion.with_name(f"{subject}.mp")
-    found = dict(re.findall(r"\$?(\w+)\s*=\s*(-?[\d.]+)", read_text(file)))
+    values = dict(re.findall(r"\$?(\w+)\s*=\s*(-?[\d.]+)", read_text(file)))
     for name in ("LShoulderOffset", "RShoulderOffset"):
-        if name not in found:
+        if name not in values:
             raise InputError(f"{file} does not say {name}: copy it again")
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in values.items()}
 
 
 def _joints(markers: Markers, static: Markers, sizes: dict[str, float]) -> FloatArray:
@@ -117,18 +117,18 @@ def _joints(markers: Markers, static: Markers, sizes: dict[str, float]) -> Float
     lean = np.arctan2((np.nanmean(apart) / 2 - _MARKER_RADIUS_MM) / 2, trunk)
     nothing = np.zeros_like(trunk)
     root = pelvis + _along(markers.axes("PELO"), nothing + _PELVIS_BACK_MM, nothing)
-    found = {
+    joints = {
         "pelvis": root,
         "neck": root + _along(markers.axes("PELO"), -np.sin(lean) * trunk, np.cos(lean) * trunk),
         "head_top": thorax + _along(markers.axes("HEDO"), nothing, nothing + _HEAD_MM),
     }
     for side, letter in (("left", "L"), ("right", "R")):
-        found[f"{side}_hip"] = markers[f"{letter}FEP"]
-        found[f"{side}_knee"] = markers[f"{letter}FEO"]
-        found[f"{side}_ankle"] = markers[f"{letter}TIO"]
+        joints[f"{side}_hip"] = markers[f"{letter}FEP"]
+        joints[f"{side}_knee"] = markers[f"{letter}FEO"]
+        joints[f"{side}_ankle"] = markers[f"{letter}TIO"]
         arm = _arm(markers, letter, sizes[f"{letter}ShoulderOffset"])
-        found |= {f"{side}_{name}": place for name, place in arm.items()}
-    return np.stack([found[name] for name in JOINTS], axis=1)
+        joints |= {f"{side}_{name}": place for name, place in arm.items()}
+    return np.stack([joints[name] for name in JOINTS], axis=1)
 
 
 def _arm(markers: Markers, letter: str, offset_mm: float) -> dict[str, FloatArray]:

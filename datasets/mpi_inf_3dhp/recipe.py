@@ -4,23 +4,22 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from take import (
+from clip import (
     VIDEOS,
     Camera,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
-    Take,
-    View,
     camera_name,
-    choose,
-    made,
-    numbers_of,
-    one_of,
-    placed,
+    first_existing,
+    make_camera,
+    open_frames,
     read_numbers,
     read_text,
+    select_names,
+    to_world_z_up,
 )
-from truth import picked
+from truth import select_joints
 
 SUMMARY = "MPI-INF-3DHP (training set): 8 subjects, 14 cameras, green screen, markerless truth."
 
@@ -47,7 +46,7 @@ _DISAGREE_M = 0.01
 
 
 def add_options(group: argparse._ArgumentGroup) -> None:
-    """Adds the options that choose a take."""
+    """Adds the options that choose a clip."""
     group.add_argument("--subject", required=True, help="S1 to S8")
     group.add_argument("--sequence", required=True, help="Seq1 or Seq2")
     group.add_argument(
@@ -55,43 +54,49 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
-    """Reads a take.
+def read(source: Path, options: argparse.Namespace) -> Clip:
+    """Reads a clip.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     subjects = sorted(path.name for path in source.glob("S*") if path.is_dir())
-    choose(subjects, [options.subject], "subject", source)
+    select_names(subjects, [options.subject], "subject", source)
     folder = source / options.subject
     sequences = sorted(path.name for path in folder.glob("Seq*"))
-    choose(sequences, [options.sequence], "sequence", folder)
+    select_names(sequences, [options.sequence], "sequence", folder)
     folder = folder / options.sequence
-    filmed = _filmed(folder)
-    names = choose(filmed, options.cameras, "camera", folder)
+    paths = _paths(folder)
+    names = select_names(paths, options.cameras, "camera", folder)
     cameras = _read_cameras(folder / "camera.calibration")
-    choose(cameras, names, "camera", folder / "camera.calibration")
-    views = [View(placed(cameras[name], "y", _MM), Pictures.open(filmed[name])) for name in names]
+    select_names(cameras, names, "camera", folder / "camera.calibration")
+    views = [
+        CameraView(to_world_z_up(cameras[name], "y", _MM), open_frames(paths[name]))
+        for name in names
+    ]
     truth = (
         None
         if options.no_truth
         else _read_truth(folder / "annot.mat", views, list(map(int, names)))
     )
-    return Take(
-        tuple(views), options.fps, truth, notes={"take": f"{options.subject} {options.sequence}"}
+    return Clip(
+        tuple(views), options.fps, truth, notes={"clip": f"{options.subject} {options.sequence}"}
     )
 
 
-def _filmed(folder: Path) -> dict[str, Path]:
+def _paths(folder: Path) -> dict[str, Path]:
     """Returns the videos, or folders of extracted frames, by the camera's number."""
-    images = one_of(folder, "imageSequence", "imageFrames")
-    files = sorted((p for p in images.rglob("video_*") if _is_pictures(p)), key=numbers_of)
-    return {path.stem.removeprefix("video_"): path for path in files}
+    images = first_existing(folder, "imageSequence", "imageFrames")
+    paths = {_number(path): path for path in sorted(images.rglob("video_*")) if _is_camera(path)}
+    return {name: paths[name] for name in sorted(paths, key=int)}
 
 
-def _is_pictures(path: Path) -> bool:
-    numbered = path.stem.removeprefix("video_").isdigit()
-    return numbered and (path.is_dir() or path.suffix.lower() in VIDEOS)
+def _number(path: Path) -> str:
+    return path.stem.removeprefix("video_")
+
+
+def _is_camera(path: Path) -> bool:
+    return _number(path).isdigit() and (path.is_dir() or path.suffix.lower() in VIDEOS)
 
 
 def _read_cameras(file: Path) -> dict[str, Camera]:
@@ -116,7 +121,7 @@ def _read_cameras(file: Path) -> dict[str, Camera]:
             raise InputError(
                 f"{file}: camera {name} has a radial distortion, which is not documented"
             )
-        cameras[name] = made(
+        cameras[name] = make_camera(
             file,
             name=camera_name(name),
             size=read_numbers(block.get("size", ()), file, f"size of camera {name}", 2),
@@ -128,7 +133,7 @@ def _read_cameras(file: Path) -> dict[str, Camera]:
     return cameras
 
 
-def _read_truth(file: Path, views: list[View], numbers: list[int]) -> np.ndarray:
+def _read_truth(file: Path, views: list[CameraView], numbers: list[int]) -> np.ndarray:
     """Returns (T, 15, 3), m, world, of annot3, which has the joints in every camera, mm."""
     from scipy.io import loadmat
 
@@ -141,7 +146,7 @@ def _read_truth(file: Path, views: list[View], numbers: list[int]) -> np.ndarray
         raise InputError(f"{file}: annot3 cannot be read ({error}): download it again") from None
     worlds = []
     for view, points in zip(views, seen, strict=True):
-        joints = _MM * picked(points, _PLACES)
+        joints = _MM * select_joints(points, _PLACES)
         worlds.append((joints - view.camera.translation) @ view.camera.rotation)
     for view, world in zip(views, worlds, strict=True):
         if world.shape != worlds[0].shape or np.abs(world - worlds[0]).max() > _DISAGREE_M:

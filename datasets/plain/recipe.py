@@ -3,17 +3,17 @@
 import argparse
 from pathlib import Path
 
-from take import (
+from clip import (
     UP_AXES,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
-    Take,
-    View,
     camera_name,
-    choose,
-    find_pictures,
-    placed,
+    find_frames,
+    open_frames,
     read_rig,
+    select_names,
+    to_world_z_up,
 )
 
 SUMMARY = "Plain folders of images or videos, with masks, and any calibration that voxelpose reads."
@@ -54,46 +54,46 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
+def read(source: Path, options: argparse.Namespace) -> Clip:
     """Reads a folder.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     file = options.calibration or _calibration(source)
-    sizes = {Pictures.open(path).size for path in _anything(source, options)}
+    sizes = {open_frames(path).size for path in _all_frames(source, options)}
     rig = read_rig(file, unit=options.unit, size=sizes.pop() if len(sizes) == 1 else None)
     views = []
-    for name in choose(rig.names, options.cameras, "camera", file):
-        pictures, masks, background = (
-            None if (path := _at(source, pattern, name)) is None else Pictures.open(path)
+    for name in select_names(rig.names, options.cameras, "camera", file):
+        frames, masks, background = (
+            None if (path := _at(source, pattern, name)) is None else open_frames(path)
             for pattern in (options.pictures, options.masks, options.background)
         )
-        if pictures is None and masks is None:
+        if frames is None and masks is None:
             raise InputError(
                 f"camera {name} of {file} has neither {options.pictures} nor {options.masks} in "
                 f"{source}: say where with --pictures and --masks, or choose with --cameras"
             )
-        camera = placed(rig[name], options.up, name=camera_name(name))
-        views.append(View(camera, pictures, 0, masks, options.mask_above, background))
-    return Take(tuple(views), options.fps, notes={"take": source.resolve().name})
+        camera = to_world_z_up(rig[name], options.up, name=camera_name(name))
+        views.append(CameraView(camera, frames, 0, masks, options.mask_above, background))
+    return Clip(tuple(views), options.fps, notes={"clip": source.resolve().name})
 
 
 def _calibration(source: Path) -> Path:
-    found = next((source / name for name in _CALIBRATIONS if (source / name).exists()), None)
-    if found is None:
-        raise InputError(f"{source} holds no calibration.*: say where it is with --calibration")
-    return found
+    for name in _CALIBRATIONS:
+        if (source / name).exists():
+            return source / name
+    raise InputError(f"{source} holds no calibration.*: say where it is with --calibration")
 
 
 def _at(source: Path, pattern: str, camera: str) -> Path | None:
     if "{camera}" not in pattern:
         raise InputError(f"{pattern!r} must hold {{camera}}, which stands for the camera's name")
-    return find_pictures(source / pattern.replace("{camera}", camera))
+    return find_frames(source / pattern.replace("{camera}", camera))
 
 
-def _anything(source: Path, options: argparse.Namespace) -> list[Path]:
-    """Returns all pictures and masks: they have the size that a calibration may leave unsaid."""
+def _all_frames(source: Path, options: argparse.Namespace) -> list[Path]:
+    """Returns all images and masks; they have the image size, which a calibration may omit."""
     patterns = [pattern.replace("{camera}", "*") for pattern in (options.pictures, options.masks)]
-    places = (path for pattern in patterns for path in sorted(source.glob(pattern)))
-    return [found for path in places if (found := find_pictures(path)) is not None]
+    paths = (find_frames(path) for pattern in patterns for path in sorted(source.glob(pattern)))
+    return [path for path in paths if path is not None]

@@ -1,25 +1,25 @@
 """A trial of Pose2Sim: videos, and calibration/Calib_*.toml of the trial or its session."""
 
 import argparse
+import re
 import tomllib
 from pathlib import Path
 
-from take import (
+from clip import (
     UP_AXES,
     VIDEOS,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
     Rig,
-    Take,
-    View,
     camera_name,
-    choose,
     number_in,
-    numbers_of,
-    placed,
+    open_frames,
     read_rig,
     read_text,
-    upright,
+    select_names,
+    to_world_z_up,
+    z_up_from,
 )
 
 SUMMARY = "A project of Pose2Sim: its videos and calibration, perhaps a TRC as reference."
@@ -39,34 +39,35 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
+def read(source: Path, options: argparse.Namespace) -> Clip:
     """Reads a trial.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     folder = source / "videos"
-    videos = {
-        path.stem: path for path in sorted(folder.glob("*"), key=numbers_of) if _is_video(path)
-    }
-    choose(videos, None, "video", folder)
+    files = (path for path in folder.glob("*") if path.suffix.lower() in VIDEOS)
+    videos = {path.stem: path for path in sorted(files, key=_natural_order)}
+    select_names(videos, None, "video", folder)
     file = options.calibration or _calibration(source)
     rig = read_rig(file, unit=options.unit or _unit(file))
-    pairs = matched(list(videos), rig, file)
+    pairs = match_videos(list(videos), rig, file)
     views = []
-    for name in choose(videos, options.cameras, "video", folder):
-        camera = placed(rig[pairs[name]], options.up, name=camera_name(name))
-        views.append(View(camera, Pictures.open(videos[name])))
+    for name in select_names(videos, options.cameras, "video", folder):
+        camera = to_world_z_up(rig[pairs[name]], options.up, name=camera_name(name))
+        views.append(CameraView(camera, open_frames(videos[name])))
     truth = None
     if options.trc is not None and not options.no_truth:
         from voxelpose.evaluation import read_truth
 
-        truth = read_truth(options.trc) @ upright(options.up).T
-    return Take(tuple(views), None, truth, notes={"take": source.resolve().name})
+        truth = read_truth(options.trc) @ z_up_from(options.up).T
+    return Clip(tuple(views), None, truth, notes={"clip": source.resolve().name})
 
 
-def _is_video(path: Path) -> bool:
-    return path.suffix.lower() in VIDEOS
+def _natural_order(path: Path) -> list[tuple[int, str]]:
+    """Returns a sort key that puts cam2 before cam10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts if part]
 
 
 def _calibration(source: Path) -> Path:
@@ -98,10 +99,10 @@ def _unit(file: Path) -> str | None:
     return None if {"unit", "units"} & set(metadata) else "m"
 
 
-def matched(videos: list[str], rig: Rig, file: Path) -> dict[str, str]:
-    """Returns the camera of every video: of its name, else of its number, else of its place.
+def match_videos(videos: list[str], rig: Rig, file: Path) -> dict[str, str]:
+    """Returns each video's camera: of the same name, else the same number, else the same position.
 
-    Pose2Sim itself goes by the place in the order.
+    Pose2Sim itself uses the position in the order.
 
     Raises:
         InputError: none of the three fits.

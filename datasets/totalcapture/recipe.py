@@ -5,22 +5,22 @@ import re
 from pathlib import Path
 
 import numpy as np
-from take import (
+from clip import (
     Camera,
+    CameraView,
+    Clip,
     InputError,
-    Pictures,
-    Take,
-    View,
     camera_name,
-    choose,
-    made,
+    make_camera,
     number_in,
-    placed,
+    open_frames,
     read_numbers,
     read_text,
-    upright,
+    select_names,
+    to_world_z_up,
+    z_up_from,
 )
-from truth import JOINTS, beyond
+from truth import JOINTS, extend_line
 
 SUMMARY = "TotalCapture: 5 subjects, 8 cameras, inertial sensors, marker-based truth."
 
@@ -42,7 +42,7 @@ _NAMES = {"pelvis": "Hips", "neck": "Neck"} | {
 
 
 def add_options(group: argparse._ArgumentGroup) -> None:
-    """Adds the options that choose a take."""
+    """Adds the options that choose a clip."""
     group.add_argument("--subject", required=True, help="S1 to S5")
     group.add_argument("--sequence", required=True, help="rom1, walking2, acting3, freestyle1 ...")
     group.add_argument(
@@ -50,41 +50,40 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def read(source: Path, options: argparse.Namespace) -> Take:
-    """Reads a take.
+def read(source: Path, options: argparse.Namespace) -> Clip:
+    """Reads a clip.
 
     Raises:
         InputError: something is missing or cannot be read.
     """
     title = f"TC_{options.subject}_{options.sequence}"
-    filmed = _filmed(source, title)
-    names = choose(filmed, options.cameras, f"camera of {title}", source)
+    videos = _videos(source, title)
+    names = select_names(videos, options.cameras, f"camera of {title}", source)
     file = next(iter(sorted(source.rglob("calibration.cal"))), source / "calibration.cal")
     cameras = _read_cameras(file)
-    choose(cameras, names, "camera", file)
+    select_names(cameras, names, "camera", file)
     views = []
     for name in names:
-        camera = placed(cameras[name], options.up)
-        views.append(View(camera, Pictures.open(filmed[name])))
-    take = f"{options.subject} {options.sequence}"
+        camera = to_world_z_up(cameras[name], options.up)
+        views.append(CameraView(camera, open_frames(videos[name])))
+    notes = {"clip": f"{options.subject} {options.sequence}"}
     if options.no_truth:
-        return Take(tuple(views), _FPS, notes={"take": take})
+        return Clip(tuple(views), _FPS, notes=notes)
     truth = _read_truth(_truth_file(source, options.subject, options.sequence), options.up)
-    return Take(tuple(views), _FPS, truth, ("head_top",), notes={"take": take})
+    return Clip(tuple(views), _FPS, truth, ("head_top",), notes=notes)
 
 
-def _filmed(source: Path, title: str) -> dict[str, Path]:
+def _videos(source: Path, title: str) -> dict[str, Path]:
     """Returns the videos by cam1, cam2 ..., wherever the archives were unpacked."""
-    found: dict[str, Path] = {}
+    videos: dict[str, Path] = {}
     for path in sorted(source.rglob("*.mp4")):
         match = re.fullmatch(rf"{re.escape(title)}_(cam\d+)", path.stem, re.IGNORECASE)
         if match is not None:
-            if match[1].lower() in found:
-                raise InputError(
-                    f"{path} and {found[match[1].lower()]} are the same video: remove one"
-                )
-            found[match[1].lower()] = path
-    return dict(sorted(found.items(), key=lambda item: number_in(item[0])))
+            camera = match[1].lower()
+            if camera in videos:
+                raise InputError(f"{path} and {videos[camera]} are the same video: remove one")
+            videos[camera] = path
+    return dict(sorted(videos.items(), key=lambda item: number_in(item[0])))
 
 
 def _read_cameras(file: Path) -> dict[str, Camera]:
@@ -108,7 +107,7 @@ def _read_cameras(file: Path) -> dict[str, Camera]:
         fx, fy, cx, cy = one[4:8]
         k1, k2, k3 = [*one[8 : 8 + order], 0, 0, 0][:3]
         name = f"cam{number + 1}"
-        cameras[name] = made(
+        cameras[name] = make_camera(
             file,
             name=camera_name(name),
             size=(columns + 1, rows + 1),
@@ -122,7 +121,7 @@ def _read_cameras(file: Path) -> dict[str, Camera]:
 
 def _truth_file(source: Path, subject: str, sequence: str) -> Path:
     """Finds acting1/gt_skel_gbl_pos.txt below a folder of the subject (s1, S1_vicon_pos_ori)."""
-    found = [
+    files = [
         path
         for path in sorted(source.rglob("gt_skel_gbl_pos.txt"))
         if path.parent.name.lower() == sequence.lower()
@@ -131,12 +130,12 @@ def _truth_file(source: Path, subject: str, sequence: str) -> Path:
             for part in path.relative_to(source).parts
         )
     ]
-    if len(found) != 1:
+    if len(files) != 1:
         raise InputError(
-            f"{source} holds {len(found) or 'no'} {subject}/{sequence}/gt_skel_gbl_pos.txt: "
+            f"{source} holds {len(files) or 'no'} {subject}/{sequence}/gt_skel_gbl_pos.txt: "
             "unpack it once, or give --no-truth"
         )
-    return found[0]
+    return files[0]
 
 
 def _read_truth(file: Path, up: str) -> np.ndarray:
@@ -146,7 +145,9 @@ def _read_truth(file: Path, up: str) -> np.ndarray:
     if missing or not lines:
         raise InputError(f"{file} has no {missing[0] if missing else 'frames'}: download it again")
     rows = [read_numbers(line, file, f"frame {n}", 3 * len(names)) for n, line in enumerate(lines)]
-    points = _INCH * np.array(rows).reshape(len(rows), len(names), 3) @ upright(up).T
-    found = {joint: points[:, names.index(name)] for joint, name in _NAMES.items()}
-    found["head_top"] = beyond(found["neck"], points[:, names.index("Head")], _VERTEX_OVER_HEAD_M)
-    return np.stack([found[joint] for joint in JOINTS], axis=1)
+    points = _INCH * np.array(rows).reshape(len(rows), len(names), 3) @ z_up_from(up).T
+    joints = {joint: points[:, names.index(name)] for joint, name in _NAMES.items()}
+    joints["head_top"] = extend_line(
+        joints["neck"], points[:, names.index("Head")], _VERTEX_OVER_HEAD_M
+    )
+    return np.stack([joints[name] for name in JOINTS], axis=1)

@@ -1,4 +1,4 @@
-"""Runs datasets/convert.py in this process, and says what it said."""
+"""Runs datasets/convert.py in this process and returns what it printed."""
 
 import sys
 from collections.abc import Callable

@@ -112,16 +112,18 @@ def opened(out: Path, native_pixels: dict[str, np.ndarray], **options) -> Record
     return recording
 
 
-def checked_truth(out: Path, wanted: np.ndarray, but: tuple[str, ...] = ()) -> np.ndarray:
+def checked_truth(out: Path, expected: np.ndarray, but: tuple[str, ...] = ()) -> np.ndarray:
     """Reads truth.json and compares all joints but some, which are compared to 5 cm."""
     truth = read_truth(out / "truth.json")
     document = json.loads((out / "truth.json").read_text())
     assert document["unit"] == "m" and document["up"] == "z"
     assert sorted(document["approximate"]) == sorted(but)
-    assert truth.shape == wanted.shape
+    assert truth.shape == expected.shape
     for place, name in enumerate(FIGURE):
         tolerance = 0.05 if name in but else 2e-6
-        np.testing.assert_allclose(truth[:, place], wanted[:, place], atol=tolerance, err_msg=name)
+        np.testing.assert_allclose(
+            truth[:, place], expected[:, place], atol=tolerance, err_msg=name
+        )
     return truth
 
 

@@ -90,8 +90,8 @@ def test_one_of_several_people(source, tmp_path, convert, refuse):
     content = json.loads(file.read_text())
     content["bodies"].insert(0, body(0, who=4))
     file.write_text(json.dumps(content))
-    said = refuse("cmu_panoptic", source, tmp_path / "out")
-    assert "0 (6 frames), 4 (1 frames)" in said and "--person" in said
+    output = refuse("cmu_panoptic", source, tmp_path / "out")
+    assert "0 (6 frames), 4 (1 frames)" in output and "--person" in output
     assert "nobody with ID 9" in refuse("cmu_panoptic", source, tmp_path / "a", "--person", 9)
     convert("cmu_panoptic", source, tmp_path / "out", "--person", 4)
     truth = read_truth(tmp_path / "out" / "truth.json")

@@ -20,7 +20,7 @@ NAMES = ("54138969", "55011271", "58860488", "60457274")
 PLACES = dict(zip(FIGURE, (0, 6, 7, 8, 1, 2, 3, 13, 15, 17, 18, 19, 25, 26, 27), strict=True))
 # f, c, k and p, as metadata.xml has them; p is larger than the data set's, to be seen.
 LENS = (70.0, 71.0, 31.0, 24.5, -0.2, 0.25, -0.01, -0.02, 0.015)
-TAKE = ("--subject", "S9", "--sequence", "Walking 1")
+CLIP = ("--subject", "S9", "--sequence", "Walking 1")
 
 
 def formula(number: int) -> np.ndarray:
@@ -65,11 +65,11 @@ def source(tmp_path):
 
 def test_pixels_and_truth(source, tmp_path, convert):
     out = tmp_path / "walk"
-    assert "4 cameras, 6 frames" in convert("human36m", source, out, *TAKE)
+    assert "4 cameras, 6 frames" in convert("human36m", source, out, *CLIP)
     recording = opened(out, {f"cam_{name}": formula(n) for n, name in enumerate(NAMES)})
     assert recording.fps == pytest.approx(50)
-    wanted = np.array([[moving(frame)[name] for name in FIGURE] for frame in range(FRAMES)])
-    checked_truth(out, wanted)
+    expected = np.array([[moving(frame)[name] for name in FIGURE] for frame in range(FRAMES)])
+    checked_truth(out, expected)
 
 
 def test_the_cdf_itself(source, tmp_path, convert):
@@ -83,13 +83,13 @@ def test_the_cdf_itself(source, tmp_path, convert):
     with cdfwrite.CDF(str(folder / "Walking 1.cdf")) as cdf:
         about = {"Variable": "Pose", "Data_Type": 45, "Num_Elements": 1, "Rec_Vary": True}
         cdf.write_var({**about, "Dim_Sizes": [FRAMES, 96]}, var_data=flat[None])
-    convert("human36m", source, tmp_path / "walk", *TAKE)
-    wanted = np.array([[moving(frame)[name] for name in FIGURE] for frame in range(FRAMES)])
-    checked_truth(tmp_path / "walk", wanted)
+    convert("human36m", source, tmp_path / "walk", *CLIP)
+    expected = np.array([[moving(frame)[name] for name in FIGURE] for frame in range(FRAMES)])
+    checked_truth(tmp_path / "walk", expected)
 
 
 def test_silhouettes(source, tmp_path, convert, refuse):
-    assert "54138969.mat is missing" in refuse("human36m", source, tmp_path / "a", *TAKE, "--masks")
+    assert "54138969.mat is missing" in refuse("human36m", source, tmp_path / "a", *CLIP, "--masks")
     h5py = pytest.importorskip("h5py", reason="needs h5py")
     folder = source / "S9" / "MySegmentsMat" / "ground_truth_bs"
     folder.mkdir(parents=True)
@@ -100,7 +100,7 @@ def test_silhouettes(source, tmp_path, convert, refuse):
                 mask = np.zeros((48, 64), np.uint8)
                 mask[10:20, 5 + number : 9 + number] = 1
                 masks[number, 0] = file.create_dataset(f"#refs#/{number}", data=mask.T).ref
-    convert("human36m", source, tmp_path / "out", *TAKE, "--silhouettes", "--frames", "1:4")
+    convert("human36m", source, tmp_path / "out", *CLIP, "--silhouettes", "--frames", "1:4")
     recording = opened(
         tmp_path / "out", {f"cam_{name}": formula(n) for n, name in enumerate(NAMES)}
     )
@@ -109,7 +109,7 @@ def test_silhouettes(source, tmp_path, convert, refuse):
     assert first[10:20, 6:10].all() and first.sum() == 40 * 3 * 255
     broken = folder / "Walking 1.54138969.mat"
     broken.write_bytes(broken.read_bytes()[:200])
-    assert "cannot be read" in refuse("human36m", source, tmp_path / "a", *TAKE, "--masks")
+    assert "cannot be read" in refuse("human36m", source, tmp_path / "a", *CLIP, "--masks")
 
 
 def test_mistakes(source, tmp_path, refuse):
@@ -118,19 +118,19 @@ def test_mistakes(source, tmp_path, refuse):
         "human36m", source, out, "--subject", "S9", "--sequence", "Jog"
     )
     assert "it has S9" in refuse("human36m", source, out, "--subject", "S1", "--sequence", "Jog")
-    assert "it has 54138969" in refuse("human36m", source, out, *TAKE, "--cameras", "1")
+    assert "it has 54138969" in refuse("human36m", source, out, *CLIP, "--cameras", "1")
     metadata = source / "metadata.xml"
     metadata.write_text(metadata.read_text()[:-200] + "]</w0></a>")
-    assert "300 numbers" in refuse("human36m", source, out, *TAKE)
+    assert "300 numbers" in refuse("human36m", source, out, *CLIP)
     metadata.unlink()
-    assert "metadata.xml is missing" in refuse("human36m", source, out, *TAKE)
+    assert "metadata.xml is missing" in refuse("human36m", source, out, *CLIP)
 
 
 def test_truth_that_is_broken_or_missing(source, tmp_path, refuse, convert):
     truth = source / "S9" / "MyPoseFeatures" / "D3_Positions" / "Walking 1.cdf.mat"
     truth.write_bytes(truth.read_bytes()[:150])
-    assert "Walking 1.cdf.mat cannot be read" in refuse("human36m", source, tmp_path / "a", *TAKE)
+    assert "Walking 1.cdf.mat cannot be read" in refuse("human36m", source, tmp_path / "a", *CLIP)
     truth.unlink()
-    assert "Walking 1.cdf is missing" in refuse("human36m", source, tmp_path / "a", *TAKE)
-    convert("human36m", source, tmp_path / "a", *TAKE, "--no-truth")
+    assert "Walking 1.cdf is missing" in refuse("human36m", source, tmp_path / "a", *CLIP)
+    convert("human36m", source, tmp_path / "a", *CLIP, "--no-truth")
     assert not (tmp_path / "a" / "truth.json").exists()

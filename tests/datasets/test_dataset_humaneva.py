@@ -11,7 +11,7 @@ from voxelpose.evaluation import read_truth
 
 FRAMES = 12
 MOCAP = 60
-TAKE = ("--subject", "S1", "--action", "Walking", "--trial", "1")
+CLIP = ("--subject", "S1", "--action", "Walking", "--trial", "1")
 SEGMENTS = ("PEL", "TRX", "HED", "LFE", "LTI", "RFE", "RTI")
 SEGMENTS += ("LCL", "LHU", "LRA", "RCL", "RHU", "RRA")
 FC, CC, SKEW, KC = (70.0, 69.0), (31.0, 23.0), 0.01, (-0.2, 0.1, 0.003, -0.002, 0.01)
@@ -44,7 +44,7 @@ def frame(segment: str, time: int) -> np.ndarray:
 
 def markers(times: range) -> dict[str, np.ndarray]:
     """Virtual markers in Vicon's order, origin and ends of the z, x and y axes; then real ones."""
-    found: dict[str, list] = {}
+    positions: dict[str, list] = {}
     for time in times:
         for segment in SEGMENTS:
             pose = frame(segment, time)
@@ -52,19 +52,19 @@ def markers(times: range) -> dict[str, np.ndarray]:
                 end = pose[:3, 3] + (0 if axis is None else 100 * pose[:3, axis])
                 if segment in ("LFE", "RFE") and letter == "P":
                     end = pose[:3, 3] + 400 * pose[:3, 2]
-                found.setdefault(segment + letter, []).append(end)
-        found.setdefault("LSHO", []).append(np.array([200.0, 0, 1450]))
-        found.setdefault("RSHO", []).append(np.array([-200.0, 0, 1450]))
-    return {name: np.array(of_time) for name, of_time in found.items()}
+                positions.setdefault(segment + letter, []).append(end)
+        positions.setdefault("LSHO", []).append(np.array([200.0, 0, 1450]))
+        positions.setdefault("RSHO", []).append(np.array([-200.0, 0, 1450]))
+    return {name: np.array(of_time) for name, of_time in positions.items()}
 
 
 def write_c3d(file, times: range, lost: int | None = None) -> None:
-    found = markers(times)
+    positions = markers(times)
     content = ezc3d.c3d()
     content["parameters"]["POINT"]["RATE"]["value"] = [120.0]
-    content["parameters"]["POINT"]["LABELS"]["value"] = [f"Subject:{name}" for name in found]
-    points = np.ones((4, len(found), len(times)))
-    points[:3] = np.moveaxis(np.array(list(found.values())), 2, 0)
+    content["parameters"]["POINT"]["LABELS"]["value"] = [f"Subject:{name}" for name in positions]
+    points = np.ones((4, len(positions), len(times)))
+    points[:3] = np.moveaxis(np.array(list(positions.values())), 2, 0)
     if lost is not None:
         points[:3, 0, lost] = 0
     content["data"]["points"] = points
@@ -91,12 +91,12 @@ def joints(time: int) -> dict[str, np.ndarray]:
     pelvis = pose["PEL"] @ back @ turned_y(np.arctan2((400 / 2 - 7) / 2, trunk))
     head = pose["HED"].copy()
     head[:3, 3] = origin["TRX"]
-    found = {"pelvis": at(pelvis, 0, 0, 0), "neck": at(pelvis, 0, 0, trunk)}
-    found["head_top"] = at(head, 0, 0, 316.103)
+    positions = {"pelvis": at(pelvis, 0, 0, 0), "neck": at(pelvis, 0, 0, trunk)}
+    positions["head_top"] = at(head, 0, 0, 316.103)
     for side, letter, offset in (("left", "L", 40.0), ("right", "R", 50.0)):
-        found[f"{side}_hip"] = origin[f"{letter}FE"] + 400 * pose[f"{letter}FE"][:3, 2]
-        found[f"{side}_knee"] = origin[f"{letter}FE"]
-        found[f"{side}_ankle"] = origin[f"{letter}TI"]
+        positions[f"{side}_hip"] = origin[f"{letter}FE"] + 400 * pose[f"{letter}FE"][:3, 2]
+        positions[f"{side}_knee"] = origin[f"{letter}FE"]
+        positions[f"{side}_ankle"] = origin[f"{letter}TI"]
         shoulder, elbow = pose[f"{letter}HU"].copy(), pose[f"{letter}RA"].copy()
         shoulder[:3, 3], elbow[:3, 3] = origin[f"{letter}CL"], origin[f"{letter}HU"]
         upper = np.linalg.norm(origin[f"{letter}HU"] - origin[f"{letter}CL"])
@@ -105,10 +105,10 @@ def joints(time: int) -> dict[str, np.ndarray]:
         shoulder = shoulder @ turned_y(-np.arctan2(offset / 2, upper))
         elbow[:3, 3] = at(shoulder, 0, 0, -upper) + difference
         elbow = elbow @ turned_y(np.arctan2(offset / 2, upper))
-        found[f"{side}_shoulder"] = origin[f"{letter}CL"]
-        found[f"{side}_elbow"] = at(shoulder, 0, 0, -upper)
-        found[f"{side}_wrist"] = at(elbow, 0, 0, -lower)
-    return found
+        positions[f"{side}_shoulder"] = origin[f"{letter}CL"]
+        positions[f"{side}_elbow"] = at(shoulder, 0, 0, -upper)
+        positions[f"{side}_wrist"] = at(elbow, 0, 0, -lower)
+    return positions
 
 
 @pytest.fixture
@@ -133,9 +133,9 @@ def source(tmp_path):
     return root
 
 
-def test_pixels_backgrounds_and_frames_in_step(source, tmp_path, convert):
+def test_pixels_backgrounds_and_synchronous_frames(source, tmp_path, convert):
     out = tmp_path / "out"
-    convert("humaneva", source, out, *TAKE)
+    convert("humaneva", source, out, *CLIP)
     recording = opened(out, {"cam_C1": formula(0), "cam_BW1": formula(1)})
     assert recording.frame_count == FRAMES and recording.fps == pytest.approx(60, rel=1e-4)
     assert set(recording.backgrounds()) == {"cam_C1", "cam_BW1"}
@@ -146,31 +146,31 @@ def test_pixels_backgrounds_and_frames_in_step(source, tmp_path, convert):
 
 
 def test_truth(source, tmp_path, convert):
-    convert("humaneva", source, tmp_path / "out", *TAKE)
+    convert("humaneva", source, tmp_path / "out", *CLIP)
     truth = read_truth(tmp_path / "out" / "truth.json")
     assert truth.shape == (FRAMES, 15, 3)
     assert np.isnan(truth[:5]).all()
     for row in range(5, FRAMES):
         before = 10 + 2 * row  # frame 11.5, counted from 1, is half-way between 10 and 11 from 0
         early, late = joints(before), joints(before + 1)
-        wanted = np.array([(early[name] + late[name]) / 2 for name in FIGURE]) / 1000
-        np.testing.assert_allclose(truth[row], wanted, atol=2e-6)
+        expected = np.array([(early[name] + late[name]) / 2 for name in FIGURE]) / 1000
+        np.testing.assert_allclose(truth[row], expected, atol=2e-6)
 
 
-def test_lost_markers_and_takes_without_motion_capture(source, tmp_path, convert):
+def test_lost_markers_and_clips_without_motion_capture(source, tmp_path, convert):
     mocap = source / "S1" / "Mocap_Data"
     write_c3d(mocap / "Walking_1.c3d", range(MOCAP), lost=24)
-    convert("humaneva", source, tmp_path / "a", *TAKE, "--cameras", "C1")
+    convert("humaneva", source, tmp_path / "a", *CLIP, "--cameras", "C1")
     truth = read_truth(tmp_path / "a" / "truth.json")
     known = np.isfinite(truth).all(axis=(1, 2))
     np.testing.assert_array_equal(np.flatnonzero(~known), [0, 1, 2, 3, 4, 7])
     (mocap / "Walking_1.c3d").unlink()
-    convert("humaneva", source, tmp_path / "b", *TAKE)
+    convert("humaneva", source, tmp_path / "b", *CLIP)
     assert not (tmp_path / "b" / "truth.json").exists()
 
 
-def test_cut_frames_are_in_step(source, tmp_path, convert):
-    convert("humaneva", source, tmp_path / "out", *TAKE, "--frames", "6:9")
+def test_cut_frames_are_synchronous(source, tmp_path, convert):
+    convert("humaneva", source, tmp_path / "out", *CLIP, "--frames", "6:9")
     recording = Recording.open(tmp_path / "out")
     assert recording.frame_count == 3
     _, _, pictures = next(iter(recording))
@@ -178,8 +178,8 @@ def test_cut_frames_are_in_step(source, tmp_path, convert):
     assert pictures["cam_C1"].mean() == pytest.approx(100, abs=3)
     truth = read_truth(tmp_path / "out" / "truth.json")
     early, late = joints(22), joints(23)
-    wanted = (early["left_knee"] + late["left_knee"]) / 2000
-    np.testing.assert_allclose(truth[0, list(FIGURE).index("left_knee")], wanted, atol=2e-6)
+    expected = (early["left_knee"] + late["left_knee"]) / 2000
+    np.testing.assert_allclose(truth[0, list(FIGURE).index("left_knee")], expected, atol=2e-6)
 
 
 def test_mistakes(source, tmp_path, refuse):
@@ -190,16 +190,16 @@ def test_mistakes(source, tmp_path, refuse):
     )
     cal = folder / "Calibration_Data" / "BW1.cal"
     cal.write_text("\n".join(cal.read_text().split()[:20]))
-    assert "must be 22 numbers, got 20" in refuse("humaneva", source, out, *TAKE)
+    assert "must be 22 numbers, got 20" in refuse("humaneva", source, out, *CLIP)
     (folder / "Mocap_Data" / "S1.mp").unlink()
-    assert "S1.mp is missing" in refuse("humaneva", source, out, *TAKE, "--cameras", "C1")
+    assert "S1.mp is missing" in refuse("humaneva", source, out, *CLIP, "--cameras", "C1")
     motion = folder / "Mocap_Data" / "Walking_1.c3d"
     motion.write_bytes(motion.read_bytes()[:100])
-    assert "cannot be read as C3D" in refuse("humaneva", source, out, *TAKE, "--cameras", "C1")
+    assert "cannot be read as C3D" in refuse("humaneva", source, out, *CLIP, "--cameras", "C1")
     (folder / "Sync_Data" / "Walking_1_(C1).ofs").unlink()
-    assert "(C1).ofs is missing" in refuse("humaneva", source, out, *TAKE)
+    assert "(C1).ofs is missing" in refuse("humaneva", source, out, *CLIP)
 
 
 def test_the_size_of_the_miniature_is_that_of_its_videos(source, tmp_path, convert):
-    convert("humaneva", source, tmp_path / "out", *TAKE)
+    convert("humaneva", source, tmp_path / "out", *CLIP)
     assert {camera.size for camera in Recording.open(tmp_path / "out").rig} == {SIZE}

@@ -21,7 +21,7 @@ from tests.datasets.miniatures import (
 PLACES = dict(zip(FIGURE, (4, 18, 19, 20, 23, 24, 25, 5, 7, 9, 10, 11, 14, 15, 16), strict=True))
 Z_UP_FROM_Y_UP = np.array([[1, 0, 0], [0, 0, -1.0], [0, 1, 0]])
 K = np.array([[60.0, 0, 30.5], [0, 61.0, 25.0], [0, 0, 1]])
-TAKE = ("--subject", "S1", "--sequence", "Seq1")
+CLIP = ("--subject", "S1", "--sequence", "Seq1")
 
 
 def native(number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -72,7 +72,7 @@ def source(tmp_path):
 
 def test_pixels_and_truth(source, tmp_path, convert):
     out = tmp_path / "out"
-    convert("mpi_inf_3dhp", source, out, *TAKE)
+    convert("mpi_inf_3dhp", source, out, *CLIP)
     recording = opened(out, {"cam_0": formula(0), "cam_2": formula(2)})
     assert recording.fps == pytest.approx(25)
     assert (out / "cam_0.avi").is_file()
@@ -84,8 +84,8 @@ def test_extracted_frames(source, tmp_path, convert, refuse):
     for number in (0, 2):
         (folder / "imageSequence" / f"video_{number}.avi").unlink()
         write_images(folder / "imageSequence" / f"video_{number}", name="frame_{:06d}.jpg", first=1)
-    assert "--fps" in refuse("mpi_inf_3dhp", source, tmp_path / "out", *TAKE)
-    convert("mpi_inf_3dhp", source, tmp_path / "out", *TAKE, "--fps", 50)
+    assert "--fps" in refuse("mpi_inf_3dhp", source, tmp_path / "out", *CLIP)
+    convert("mpi_inf_3dhp", source, tmp_path / "out", *CLIP, "--fps", 50)
     recording = opened(tmp_path / "out", {"cam_0": formula(0), "cam_2": formula(2)})
     assert recording.fps == pytest.approx(50, rel=1e-4)
 
@@ -97,15 +97,15 @@ def test_mistakes(source, tmp_path, refuse):
     )
     text = (folder / "camera.calibration").read_text()
     (folder / "camera.calibration").write_text(text[: text.rindex("extrinsic") + 60])
-    assert "extrinsic of camera 2" in refuse("mpi_inf_3dhp", source, out, *TAKE)
+    assert "extrinsic of camera 2" in refuse("mpi_inf_3dhp", source, out, *CLIP)
     other = text.replace("name          2", "name          7")
     (folder / "camera.calibration").write_text(other)
-    assert "there is no camera '2'" in refuse("mpi_inf_3dhp", source, out, *TAKE)
+    assert "there is no camera '2'" in refuse("mpi_inf_3dhp", source, out, *CLIP)
     (folder / "camera.calibration").write_text(text)
     (folder / "annot.mat").write_bytes((folder / "annot.mat").read_bytes()[:300])
-    assert "annot3 cannot be read" in refuse("mpi_inf_3dhp", source, out, *TAKE)
+    assert "annot3 cannot be read" in refuse("mpi_inf_3dhp", source, out, *CLIP)
     (folder / "annot.mat").unlink()
-    assert "annot.mat is missing" in refuse("mpi_inf_3dhp", source, out, *TAKE)
+    assert "annot.mat is missing" in refuse("mpi_inf_3dhp", source, out, *CLIP)
 
 
 def test_truth_of_another_sequence(source, tmp_path, refuse):
@@ -115,4 +115,4 @@ def test_truth_of_another_sequence(source, tmp_path, refuse):
         "name          1", "name          2"
     )
     (folder / "camera.calibration").write_text(moved)
-    assert "different sequences?" in refuse("mpi_inf_3dhp", source, tmp_path / "out", *TAKE)
+    assert "different sequences?" in refuse("mpi_inf_3dhp", source, tmp_path / "out", *CLIP)

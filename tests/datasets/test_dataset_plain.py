@@ -29,7 +29,7 @@ def pixels() -> dict[str, np.ndarray]:
 
 @pytest.fixture
 def source(tmp_path):
-    folder = tmp_path / "takes"
+    folder = tmp_path / "clips"
     for number in range(2):
         write_images(folder / f"view{number}")
         write_masks(folder / "masks" / f"view{number}")
@@ -49,8 +49,8 @@ def source(tmp_path):
 
 def test_pictures_masks_backgrounds_and_subject(source, tmp_path, convert):
     out = tmp_path / "out"
-    said = convert("plain", source, out, *HOW, "--stature", 1.75, "--sex", "female")
-    assert said == f"{out}: 2 cameras, 6 frames of pictures\n"
+    output = convert("plain", source, out, *HOW, "--stature", 1.75, "--sex", "female")
+    assert output == f"{out}: 2 cameras, 6 frames of images\n"
     recording = opened(out, pixels())
     assert recording.fps == pytest.approx(20)
     assert recording.subject.stature_m == 1.75 and recording.subject.sex == "female"
@@ -82,6 +82,25 @@ def test_frames_and_other_places(source, tmp_path, convert):
     assert recording.frame_count == 3
     means = [pictures["cam_view0"].mean() for _, _, pictures in recording]
     np.testing.assert_allclose(means, [60, 70, 80], atol=3)
+
+
+def test_masks_may_end_before_the_images(source, tmp_path, convert):
+    (source / "masks" / "view0" / "000005.png").unlink()
+    convert("plain", source, tmp_path / "out", *HOW, "--frames", "3:6")
+    assert opened(tmp_path / "out", pixels()).frame_count == 3
+    masks = [len(list((tmp_path / "out" / "masks" / f"cam_view{n}").iterdir())) for n in range(2)]
+    assert masks == [2, 3]
+
+
+def test_videos_of_masks_are_kept_unless_cut(source, tmp_path, convert):
+    for number in range(2):
+        write_video(source / "mattes" / f"view{number}.avi", fps=20)
+    words = (*HOW[:4], "--masks", "mattes/{camera}", "--mask-above", 65, "--silhouettes")
+    convert("plain", source, tmp_path / "whole", *words)
+    assert (tmp_path / "whole" / "masks" / "cam_view0.avi").is_file()
+    convert("plain", source, tmp_path / "cut", *words, "--frames", "1:5")
+    frames = [frames["cam_view0"].max() for _, _, frames in Recording.open(tmp_path / "cut")]
+    assert frames == [0, 0, 255, 255]
 
 
 def test_videos_of_different_length(source, tmp_path, convert):
@@ -124,8 +143,8 @@ def test_mistakes(source, tmp_path, refuse):
         file.unlink()
     assert "no masks of camera cam_view0" in refuse("plain", source, out, *HOW, "--silhouettes")
     write_images(source / "view0", 1, size=(32, 24))
-    said = refuse("plain", source, out, *HOW)
-    assert "32 x 24" in said and f" {out}/cam_view0 is" in said
+    output = refuse("plain", source, out, *HOW)
+    assert "32 x 24" in output and f" {out}/cam_view0 is" in output
     assert "is no folder: make it" in refuse("plain", source, out / "deep" / "er", *HOW)
     (source / "calibration.toml").unlink()
     assert "--calibration" in refuse("plain", source, out, *HOW)
@@ -141,7 +160,7 @@ def test_a_bug_keeps_its_traceback(source, tmp_path, convert, monkeypatch):
     monkeypatch.setattr(write, "_write_subject", broken)
     with pytest.raises(RuntimeError, match="a bug"):
         convert("plain", source, tmp_path / "out", *HOW)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["takes"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["clips"]
 
 
 def test_the_command_itself(source, tmp_path):
@@ -157,8 +176,8 @@ def test_help_and_list(convert, refuse):
     assert [line.split()[0] for line in convert("--list").splitlines()] == names
     assert "examples:" in convert("--help")
     for name in names:
-        said = convert(name, "--help")
-        assert "--cameras" in said and f"{name}/card.md" in said
+        output = convert(name, "--help")
+        assert "--cameras" in output and f"{name}/card.md" in output
         assert (CONVERT.parent / name / "card.md").is_file()
     assert "name a data set" in refuse()
     assert "invalid choice: 'humanova'" in refuse("humanova", "a", "b")

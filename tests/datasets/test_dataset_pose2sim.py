@@ -86,6 +86,12 @@ def test_mistakes(source, tmp_path, refuse):
     write_video(source / "videos" / "door.mp4")
     assert "name videos like cameras" in refuse("pose2sim", source, out)
     (source / "videos" / "door.mp4").unlink()
+    video = source / "videos" / "cam01.mp4"
+    whole = video.read_bytes()
+    video.write_bytes(whole[: len(whole) // 2])
+    output = refuse("pose2sim", source, out)
+    assert "cam01.mp4 cannot be read as a video" in output and "repeat the download" in output
+    video.write_bytes(whole)
     calibration.write_text(calibration.read_text()[:200])
     assert "Calib_scene.toml" in refuse("pose2sim", source, out)
     calibration.unlink()

@@ -28,7 +28,7 @@ OURS = {"Hips": "pelvis", "Neck": "neck"} | {
     for side in ("Left", "Right")
     for bone, joint in LIMBS.items()
 }
-TAKE = ("--subject", "S1", "--sequence", "acting1")
+CLIP = ("--subject", "S1", "--sequence", "acting1")
 
 
 def native(number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -72,7 +72,7 @@ def source(tmp_path):
 
 def test_pixels_and_truth(source, tmp_path, convert):
     out = tmp_path / "out"
-    convert("totalcapture", source, out, *TAKE)
+    convert("totalcapture", source, out, *CLIP)
     recording = opened(out, {"cam1": formula(0), "cam2": formula(1)})
     assert recording.fps == pytest.approx(60)
     checked_truth(out, truth_of(), but=("head_top",))
@@ -83,7 +83,7 @@ def test_the_archives_own_folders(source, tmp_path, convert):
     place = source / "S1_vicon_pos_ori" / "acting1"
     place.mkdir(parents=True)
     gt.rename(place / gt.name)
-    convert("totalcapture", source, tmp_path / "out", *TAKE, "--cameras", "cam2")
+    convert("totalcapture", source, tmp_path / "out", *CLIP, "--cameras", "cam2")
     checked_truth(tmp_path / "out", truth_of(), but=("head_top",))
 
 
@@ -98,9 +98,9 @@ def test_mistakes(source, tmp_path, refuse):
     gt = source / "s1" / "acting1" / "gt_skel_gbl_pos.txt"
     lines = gt.read_text().splitlines()
     gt.write_text("\n".join([*lines[:4], lines[4][:100]]))
-    assert "frame 3 must be 63 numbers" in refuse("totalcapture", source, out, *TAKE)
+    assert "frame 3 must be 63 numbers" in refuse("totalcapture", source, out, *CLIP)
     calibration = source / "calibration.cal"
     calibration.write_text("\n".join(calibration.read_text().splitlines()[:-1]))
-    assert "2 cameras must be 42 numbers" in refuse("totalcapture", source, out, *TAKE)
+    assert "2 cameras must be 42 numbers" in refuse("totalcapture", source, out, *CLIP)
     calibration.unlink()
-    assert "calibration.cal is missing" in refuse("totalcapture", source, out, *TAKE)
+    assert "calibration.cal is missing" in refuse("totalcapture", source, out, *CLIP)
