@@ -99,8 +99,8 @@ def board_views(
     rng = np.random.default_rng(seed)
     views = {}
     for index, pose in enumerate(turned_to(rig, random_poses(count, seed))):
-        found = {camera.name: seen(camera, board, pose, noise_px, rng) for camera in rig}
-        views[f"moment_{index}"] = {name: view for name, view in found.items() if view is not None}
+        result = {camera.name: seen(camera, board, pose, noise_px, rng) for camera in rig}
+        views[f"moment_{index}"] = {name: view for name, view in result.items() if view is not None}
     return views
 
 

@@ -77,11 +77,11 @@ def names() -> Iterator[str]:
 def run(name: str) -> str:
     """Runs a case, warm and in turn with its reference; returns its line."""
     this = _makers[name]()
-    found = this.check(
+    result = this.check(
         this.ours.run(this.ours.prepare()), this.reference.run(this.reference.prepare())
     )
-    if found:
-        sys.exit(f"{name}: {found}")
+    if result:
+        sys.exit(f"{name}: {result}")
     ours_s = reference_s = float("inf")
     gc.disable()
     for _ in range(this.rounds):

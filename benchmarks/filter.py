@@ -79,7 +79,7 @@ class DenseEvidence(Evidence):
                 spans, nodes, (size[1] // reduction, size[0] // reduction)
             )
         images = self.drawn[reduction]
-        found = []
+        result = []
         for window in self.windows:
             picture, weights = relative_weights(window, self.weighting, reduction)
             height, width = picture.shape
@@ -88,11 +88,11 @@ class DenseEvidence(Evidence):
                 part = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
                 own = np.ascontiguousarray(wide[part])
                 outside = float(margins[wide].sum() - margins[part][own].sum())
-                found.append(
+                result.append(
                     self.score(own, images, np.ascontiguousarray(margins[part])) * picture.size
                     + outside
                 )
-        flat = np.stack(found)
+        flat = np.stack(result)
         best = flat.argmin(axis=0)
         scale, move = np.divmod(best, len(SHIFTS_PX))
         return Alignment(flat[best, np.arange(len(nodes))], scale, SHIFTS_PX[move] * reduction)

@@ -54,13 +54,13 @@ def main(path: str) -> None:
             np.arange(len(library.levels[-1])), np.diff(library.leaf_offsets)
         )
         for looked_up in ("nwxor", "balanced"):
-            found = [
+            result = [
                 _look_up(
                     library, [Target.from_mask(mask, looked_up) for mask in masks], spans, nodes
                 )
                 for masks in zip(*observed, strict=True)
             ]
-            ranks, ratios = np.array(found).T
+            ranks, ratios = np.array(result).T
             shares = ", ".join(f"{share:.3f}" for share in np.percentile(ranks, (50, 90, 97)))
             print(
                 f"tree {weighting:<9} look-up {looked_up:<9} rank {shares}   distance"

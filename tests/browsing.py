@@ -64,7 +64,7 @@ def _executable(playwright) -> str | None:
     own = playwright.chromium.executable_path
     if os.path.exists(own):  # noqa: PTH110 (a string, as Playwright gives it)
         return own
-    return next((found for found in map(shutil.which, _NAMES) if found), None)
+    return next((result for result in map(shutil.which, _NAMES) if result), None)
 
 
 def main() -> int:
@@ -96,10 +96,10 @@ def main() -> int:
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             print(f"not so: {error}")
-    found = there()
+    result = there()
     print(
-        f"Chromium: {found}"
-        if found
+        f"Chromium: {result}"
+        if result
         else (
             "no Chromium could be had: install one by hand; until then the tests of pages are"
             " skipped"

@@ -44,11 +44,11 @@ def test_names_in_the_papers_map_exist():
         ).split(".")
         for length in range(len(words), 0, -1):
             try:
-                found = importlib.import_module(".".join(words[:length]))
+                result = importlib.import_module(".".join(words[:length]))
             except ModuleNotFoundError:
                 continue
             for word in words[length:]:
-                found = getattr(found, word)
+                result = getattr(result, word)
             break
 
 

@@ -54,15 +54,15 @@ class Spans:
     @classmethod
     def from_masks(cls, masks: Iterable[NDArray[np.bool_]]) -> Spans:
         """Takes the runs of silhouettes (h, w) bool, row by row from the top."""
-        found = []
+        result = []
         for mask in masks:
             steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
             rows, starts = np.nonzero(steps > 0)
-            found.append((rows, starts, np.nonzero(steps < 0)[1]))
-        offsets = np.cumsum([0] + [len(rows) for rows, _, _ in found], dtype=np.int64)
+            result.append((rows, starts, np.nonzero(steps < 0)[1]))
+        offsets = np.cumsum([0] + [len(rows) for rows, _, _ in result], dtype=np.int64)
         columns = (
             np.concatenate([np.zeros(0, np.int32), *column]).astype(np.int32)
-            for column in zip(*found, strict=True)
+            for column in zip(*result, strict=True)
         )
-        rows, starts, ends = columns if found else (np.zeros(0, np.int32),) * 3
+        rows, starts, ends = columns if result else (np.zeros(0, np.int32),) * 3
         return cls(rows, starts, ends, offsets)

@@ -83,12 +83,12 @@ def boxed(masks: list[np.ndarray], height: int) -> list[np.ndarray]:
 
 
 def test_a_right_rig_agrees(rig, film):
-    found = check_agreement(rig, at(film))
-    assert found.agrees
-    assert found.culprits == ()
-    assert found.error_px < 0.3
-    assert "all 4 cameras agree" in found.summary
-    assert all(abs(line.outward_px) < 0.2 for line in found.table)
+    result = check_agreement(rig, at(film))
+    assert result.agrees
+    assert result.culprits == ()
+    assert result.error_px < 0.3
+    assert "all 4 cameras agree" in result.summary
+    assert all(abs(line.outward_px) < 0.2 for line in result.table)
 
 
 def test_scaled_down_silhouettes_can_be_used(rig, film):
@@ -97,19 +97,19 @@ def test_scaled_down_silhouettes_can_be_used(rig, film):
             cv2.resize(mask.astype(np.uint8) * 255, (160, 120), interpolation=cv2.INTER_AREA) > 127
         )
 
-    found = check_agreement(
+    result = check_agreement(
         rig, [{name: small(mask) for name, mask in moment.items()} for moment in at(film)]
     )
-    assert found.agrees
-    assert found.error_px < 0.5
+    assert result.agrees
+    assert result.error_px < 0.5
 
 
 @pytest.mark.parametrize("name", ["cam_0", "cam_1", "cam_2", "cam_3"])
 def test_a_camera_bumped_by_a_degree_is_named_and_repaired(rig, film, name):
     wrong = bumped(rig, name, 1)
-    found = check_agreement(wrong, at(film))
-    assert found.culprits == (name,)
-    assert f"{name} (" in found.summary
+    result = check_agreement(wrong, at(film))
+    assert result.culprits == (name,)
+    assert f"{name} (" in result.summary
     repair = explained(wrong, film)
     assert repair.kind == "turned"
     assert (
@@ -174,9 +174,9 @@ def test_bad_silhouettes_are_distinguished_from_bad_cameras(rig, film):
 def test_two_bad_cameras_of_six(film):
     rig = stage(6)
     wrong = bumped(bumped(rig, "cam_2", 2), "cam_4", 3)
-    found = check_agreement(wrong, at(filmed(rig, 19), MOMENTS[:6]))
-    assert found.culprits == ("cam_2", "cam_4")
-    assert "do not agree" in found.summary
+    result = check_agreement(wrong, at(filmed(rig, 19), MOMENTS[:6]))
+    assert result.culprits == ("cam_2", "cam_4")
+    assert "do not agree" in result.summary
 
 
 def test_flicker_far_from_the_body_does_not_matter(rig, film):
@@ -191,10 +191,10 @@ def test_flicker_far_from_the_body_does_not_matter(rig, film):
 def test_two_cameras_can_be_checked_but_not_distinguished(rig, film):
     pair = rig.select(["cam_0", "cam_1"])
     assert check_agreement(pair, at(film)).summary.startswith("both cameras agree")
-    found = check_agreement(bumped(pair, "cam_0", 3), at(film))
-    assert not found.agrees
-    assert found.culprits == ()
-    assert "only a third could tell" in found.summary
+    result = check_agreement(bumped(pair, "cam_0", 3), at(film))
+    assert not result.agrees
+    assert result.culprits == ()
+    assert "only a third could tell" in result.summary
 
 
 def test_what_cannot_be_checked_is_refused(rig, film):

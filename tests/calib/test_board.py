@@ -19,15 +19,15 @@ def reason(found: BoardView | Refusal) -> str:
 
 @pytest.mark.parametrize("board", [ODD, EVEN])
 def test_corners_are_found_where_they_are(board):
-    found = board.find(drawn(board))
-    assert isinstance(found, BoardView)
+    result = board.find(drawn(board))
+    assert isinstance(result, BoardView)
     # The first inner corner is one square in from the margin; a pixel's centre is half a pixel from
     # its edge.
     expected = board.points_m[:, :2] / board.square_m * 60 + 80 + 60 - 0.5
-    if board.is_symmetric and np.linalg.norm(found.pixels[0] - expected[0]) > 60:
+    if board.is_symmetric and np.linalg.norm(result.pixels[0] - expected[0]) > 60:
         expected = expected[::-1]
-    np.testing.assert_allclose(found.pixels, expected, atol=0.1)
-    assert found.size == drawn(board).shape[::-1]
+    np.testing.assert_allclose(result.pixels, expected, atol=0.1)
+    assert result.size == drawn(board).shape[::-1]
 
 
 @pytest.mark.parametrize("turns", [0, 1, 2, 3])
@@ -56,14 +56,14 @@ def test_a_picture_in_perspective_and_colour():
         [[100, 40], [width - 80, 0], [width - 30, height - 60], [20, height]], np.float32
     )
     homography = cv2.getPerspectiveTransform(before, after)
-    found = ODD.find(
+    result = ODD.find(
         cv2.warpPerspective(picture, homography, (width, height), borderValue=(220, 220, 220))
     )
     straight = ODD.find(picture)
-    assert isinstance(found, BoardView)
+    assert isinstance(result, BoardView)
     assert isinstance(straight, BoardView)
     np.testing.assert_allclose(
-        found.pixels, cv2.perspectiveTransform(straight.pixels[None], homography)[0], atol=0.2
+        result.pixels, cv2.perspectiveTransform(straight.pixels[None], homography)[0], atol=0.2
     )
 
 

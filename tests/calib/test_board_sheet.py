@@ -43,12 +43,12 @@ def test_the_page_is_to_scale_and_is_found(tmp_path, board, paper):
         assert sorted(page_m) == sorted(PAPERS_M[paper])
     page = printed(tmp_path / "board.pdf")
     np.testing.assert_allclose(np.array(page.shape[::-1]) / PX_PER_M, page_m, atol=1e-3)
-    found = board.find(page)
-    assert isinstance(found, BoardView)
-    assert len(found.ids) == board.columns * board.rows
-    spread = (found.pixels - found.pixels[0]) / PX_PER_M
+    result = board.find(page)
+    assert isinstance(result, BoardView)
+    assert len(result.ids) == board.columns * board.rows
+    offsets = (result.pixels - result.pixels[0]) / PX_PER_M
     # Half a pixel of the printer above, at 4 px a millimetre.
-    np.testing.assert_allclose(spread, board.points_m[:, :2], atol=0.3e-3)
+    np.testing.assert_allclose(offsets, board.points_m[:, :2], atol=0.3e-3)
     assert [file.name for file in tmp_path.iterdir()] == ["board.pdf"]
 
 

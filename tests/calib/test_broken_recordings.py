@@ -113,10 +113,10 @@ def test_dance8s_cameras_are_synchronised(shared: Path):
         tracks(rig.select([name]), {name: masks[name][ahead:90]})[name]
         for name, ahead in zip(rig.names, cut, strict=True)
     ]
-    found = synchronise(shifted, 0.5)
-    np.testing.assert_allclose([line.frames for line in found.offsets], cut[0] - cut, atol=0.1)
+    result = synchronise(shifted, 0.5)
+    np.testing.assert_allclose([line.frames for line in result.offsets], cut[0] - cut, atol=0.1)
     slow = replace(shifted[2], time_s=shifted[2].time_s[::2], outlines=shifted[2].outlines[::2])
-    found = synchronise([*shifted[:2], slow, shifted[3]], 0.5)
+    result = synchronise([*shifted[:2], slow, shifted[3]], 0.5)
     np.testing.assert_allclose(
-        [line.offset_s * FPS for line in found.offsets], cut[0] - cut, atol=0.15
+        [line.offset_s * FPS for line in result.offsets], cut[0] - cut, atol=0.15
     )

@@ -27,29 +27,29 @@ def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, Boa
 
 def test_a_room_is_found_in_noise():
     truth = room(4)
-    found = calibrate_extrinsics(
+    result = calibrate_extrinsics(
         CHECKERBOARD, without_poses(truth), board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
     )
-    assert found.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
-    aligned = align_rigs(found.rig, truth)
-    for camera, line in zip(truth, found.table, strict=True):
+    assert result.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
+    aligned = align_rigs(result.rig, truth)
+    for camera, line in zip(truth, result.table, strict=True):
         millimetres, degrees = pose_difference(aligned[camera.name], camera)
         assert millimetres < 5
         assert degrees < 0.1
         assert line.rms_px < 0.5
     # Standard errors are relative to the first camera: compare in its frame.
     base = truth.cameras[0]
-    for camera, line in zip(truth.cameras[1:], found.table[1:], strict=True):
+    for camera, line in zip(truth.cameras[1:], result.table[1:], strict=True):
         rotation = camera.rotation @ base.rotation.T
         true = replace(
             camera, rotation=rotation, translation=camera.translation - rotation @ base.translation
         )
-        millimetres, degrees = pose_difference(found.rig[camera.name], true)
+        millimetres, degrees = pose_difference(result.rig[camera.name], true)
         assert millimetres < 4 * line.position_mm
         assert degrees < 4 * line.rotation_deg
         assert 0.1 < line.position_mm < 5
-    assert np.isnan(found.table[0].position_mm)
-    assert found.advice == ()
+    assert np.isnan(result.table[0].position_mm)
+    assert result.advice == ()
 
 
 def test_lenses_that_are_a_little_wrong_are_refined_with_the_poses():
@@ -61,13 +61,13 @@ def test_lenses_that_are_a_little_wrong_are_refined_with_the_poses():
         )
     )
     views = board_views(truth, CHECKERBOARD, 24, noise_px=0.1)
-    found = calibrate_extrinsics(CHECKERBOARD, wrong, views, refine_lenses=True)
+    result = calibrate_extrinsics(CHECKERBOARD, wrong, views, refine_lenses=True)
     stiff = calibrate_extrinsics(CHECKERBOARD, wrong, views)
-    assert found.rms_px < 0.2 < stiff.rms_px
+    assert result.rms_px < 0.2 < stiff.rms_px
     for camera in truth:
-        assert found.rig[camera.name].matrix[0, 0] == pytest.approx(camera.matrix[0, 0], rel=0.005)
-    assert np.isnan(found.table[0].position_mm)
-    assert 0.1 < found.table[1].position_mm < 30
+        assert result.rig[camera.name].matrix[0, 0] == pytest.approx(camera.matrix[0, 0], rel=0.005)
+    assert np.isnan(result.table[0].position_mm)
+    assert 0.1 < result.table[1].position_mm < 30
 
 
 def test_a_board_that_is_symmetric_can_be_used():
@@ -79,9 +79,9 @@ def test_a_board_that_is_symmetric_can_be_used():
         for name, view in moment.items():
             if rng.random() < 0.5:  # the detector started at the other end
                 moment[name] = BoardView(view.ids, view.pixels[::-1], view.size)
-    found = calibrate_extrinsics(board, without_poses(truth), views)
-    assert found.rms_px < 0.4
-    for camera in align_rigs(found.rig, truth):
+    result = calibrate_extrinsics(board, without_poses(truth), views)
+    assert result.rms_px < 0.4
+    for camera in align_rigs(result.rig, truth):
         assert pose_difference(camera, truth[camera.name])[0] < 5
 
 
@@ -90,13 +90,13 @@ def test_the_floors_board_is_the_world():
     board = CHECKERBOARD
     views = board_views(truth, board, 40, noise_px=0.1) | {"floor": on_the_floor(truth, board, 0.1)}
     assert len(views["floor"]) == 4
-    found = calibrate_extrinsics(board, without_poses(truth), views, floor="floor")
+    result = calibrate_extrinsics(board, without_poses(truth), views, floor="floor")
     # The synthetic board's middle lies at the true origin, its first corner is the new one; rows
     # run along x, columns along -y.
     corner = np.array([-board.points_m[:, 0].mean(), board.points_m[:, 1].mean(), 0])
     for camera in truth:
         np.testing.assert_allclose(
-            found.rig[camera.name].center_m, camera.center_m - corner, atol=0.01
+            result.rig[camera.name].center_m, camera.center_m - corner, atol=0.01
         )
     with pytest.raises(InputError, match="the floor's board 'later' was not seen"):
         calibrate_extrinsics(board, without_poses(truth), views, floor="later")
@@ -127,8 +127,8 @@ def test_cameras_without_a_common_board_are_named_with_counts():
     truth = room(4)
     views = board_views(truth, CHECKERBOARD, 40, 0.1)
     split = {
-        f"{moment}{side}": {name: view for name, view in found.items() if name in names}
-        for moment, found in views.items()
+        f"{moment}{side}": {name: view for name, view in result.items() if name in names}
+        for moment, result in views.items()
         for side, names in (("a", {"cam_0", "cam_1"}), ("b", {"cam_2", "cam_3"}))
     }
     with pytest.raises(
@@ -163,9 +163,9 @@ def test_a_camera_with_the_wrong_lens_is_named():
             for camera in without_poses(truth)
         )
     )
-    found = calibrate_extrinsics(CHECKERBOARD, wrong, views)
-    assert [line for line in found.advice if "camera cam_2 disagrees with the others" in line]
-    assert len(found.advice) == 1
+    result = calibrate_extrinsics(CHECKERBOARD, wrong, views)
+    assert [line for line in result.advice if "camera cam_2 disagrees with the others" in line]
+    assert len(result.advice) == 1
 
 
 def test_a_camera_with_mirrored_pictures_is_named_with_counts():
@@ -188,8 +188,8 @@ def test_a_camera_with_mirrored_pictures_is_named_with_counts():
         InputError, match="the pictures of camera cam_0 or of camera cam_1 are mirrored"
     ):
         pair = {
-            moment: {name: view for name, view in found.items() if name != "cam_2"}
-            for moment, found in views.items()
+            moment: {name: view for name, view in result.items() if name != "cam_2"}
+            for moment, result in views.items()
         }
         calibrate_extrinsics(CHECKERBOARD, without_poses(truth.select(["cam_0", "cam_1"])), pair)
 
@@ -206,7 +206,7 @@ def test_standing4s_corner_lists(shared):
             .astype(float)
         )
         views[camera.name] = BoardView(np.arange(48), pixels, camera.size)
-    found = calibrate_extrinsics(board, without_poses(known), {"board": views}, floor="board")
+    result = calibrate_extrinsics(board, without_poses(known), {"board": views}, floor="board")
 
     square = []
     for camera in known:
@@ -217,13 +217,13 @@ def test_standing4s_corner_lists(shared):
                 for listed in (views[camera.name].pixels, views[camera.name].pixels[::-1])
             )
         )
-    assert found.rms_px <= 1.01 * np.sqrt(
+    assert result.rms_px <= 1.01 * np.sqrt(
         np.mean(square)
     )  # theirs is the least squares, ours resists outliers
     # Their world has z into the floor, ours out of it.
     for camera in known:
         np.testing.assert_allclose(
-            found.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03
+            result.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03
         )
 
 

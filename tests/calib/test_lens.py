@@ -41,7 +41,7 @@ def fisheye_lenses(draw) -> FisheyeLens:
 directions = arrays(np.float64, (30, 2), elements=number(1.0))
 
 
-def spread(unit: np.ndarray, radius: float) -> np.ndarray:
+def scaled_to(unit: np.ndarray, radius: float) -> np.ndarray:
     """Scales points of the unit square into a disc of that radius (at most 2, 63 degrees from the
     axis).
     """
@@ -52,7 +52,8 @@ def spread(unit: np.ndarray, radius: float) -> np.ndarray:
 @settings(max_examples=150, deadline=None)
 @given(st.one_of(rational_lenses(), fisheye_lenses()), directions)
 def test_undistort_inverts_distort_in_the_field(lens, unit):
-    points = spread(unit, 0.98 * lens.field_radius)  # at the fold itself the inverse has no slope
+    # At the fold itself the inverse has no slope.
+    points = scaled_to(unit, 0.98 * lens.field_radius)
     bent = lens.distort(points)
     seen = np.isfinite(bent).all(axis=1)
     np.testing.assert_allclose(lens.undistort(bent)[seen], points[seen], atol=1e-7)

@@ -23,14 +23,14 @@ def listed(rig: Rig, measured: int, noise_px: float = 0.3, seed: int = 0) -> Sce
 
 def test_cameras_stand_in_the_world_of_the_measured_points():
     truth = room(4)
-    found = calibrate_from_points(without_poses(truth), listed(truth, measured=8))
-    assert found.advice == ()
-    for camera, line in zip(truth, found.table, strict=True):
-        millimetres, degrees = pose_difference(found.rig[camera.name], camera)
+    result = calibrate_from_points(without_poses(truth), listed(truth, measured=8))
+    assert result.advice == ()
+    for camera, line in zip(truth, result.table, strict=True):
+        millimetres, degrees = pose_difference(result.rig[camera.name], camera)
         assert millimetres < min(25, 4 * line.position_mm)
         assert degrees < min(0.3, 4 * line.rotation_deg)
         assert line.seen == 24
-    assert found.shared_boards["cam_0", "cam_1"] == 24
+    assert result.shared_boards["cam_0", "cam_1"] == 24
 
 
 def test_a_camera_without_measured_points_is_reached_by_shared_ones():
@@ -44,8 +44,8 @@ def test_a_camera_without_measured_points_is_reached_by_shared_ones():
         }
         for name, seen in points.pixels.items()
     }
-    found = calibrate_from_points(without_poses(truth), ScenePoints(pixels, points.known_m))
-    assert pose_difference(found.rig["cam_2"], truth["cam_2"])[0] < 25
+    result = calibrate_from_points(without_poses(truth), ScenePoints(pixels, points.known_m))
+    assert pose_difference(result.rig["cam_2"], truth["cam_2"])[0] < 25
     alone = {
         name: {
             camera: pixel
@@ -64,9 +64,9 @@ def test_a_point_that_was_confused_is_named():
     truth = room(3)
     points = listed(truth, measured=10)
     points.pixels["p3"]["cam_1"] += 25
-    found = calibrate_from_points(without_poses(truth), points)
-    assert found.advice[0].startswith("point p3 in camera cam_1 is off by ")
-    assert pose_difference(found.rig["cam_1"], truth["cam_1"])[0] < 40
+    result = calibrate_from_points(without_poses(truth), points)
+    assert result.advice[0].startswith("point p3 in camera cam_1 is off by ")
+    assert pose_difference(result.rig["cam_1"], truth["cam_1"])[0] < 40
     points.pixels["lonely"] = {"cam_0": np.array([600.0, 300.0])}
     assert "of no use: lonely" in calibrate_from_points(without_poses(truth), points).advice[-1]
 

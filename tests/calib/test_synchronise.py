@@ -43,36 +43,36 @@ def expected(reference: str) -> np.ndarray:
 
 @pytest.mark.parametrize("reference", ["cam_0", "cam_2"])
 def test_whole_and_fractional_offsets_are_found(shifted, reference):
-    found = synchronise(shifted, 0.6, reference)
-    assert found.reference == reference
+    result = synchronise(shifted, 0.6, reference)
+    assert result.reference == reference
     np.testing.assert_allclose(
-        [line.frames for line in found.offsets], expected(reference), atol=0.1
+        [line.frames for line in result.offsets], expected(reference), atol=0.1
     )
-    assert found.agreed
-    assert found.after_px < 0.35 < 1.0 < found.before_px
-    assert all(line.error_s * FPS < 0.1 for line in found.offsets)
-    assert [line.offset_s for line in found.offsets if line.camera == reference] == [0.0]
+    assert result.agreed
+    assert result.after_px < 0.35 < 1.0 < result.before_px
+    assert all(line.error_s * FPS < 0.1 for line in result.offsets)
+    assert [line.offset_s for line in result.offsets if line.camera == reference] == [0.0]
 
 
 def test_cameras_in_step_are_left_so(rig):
-    found = synchronise(tracks(rig, 30), 0.5)
-    np.testing.assert_allclose([line.frames for line in found.offsets], 0, atol=0.06)
+    result = synchronise(tracks(rig, 30), 0.5)
+    np.testing.assert_allclose([line.frames for line in result.offsets], 0, atol=0.06)
 
 
 def test_a_camera_of_half_the_rate(rig):
-    found = synchronise(tracks(rig, 40, BEGIN, {"cam_1": 2.0}), 0.6)
-    late = np.array([line.offset_s for line in found.offsets]) * FPS
+    result = synchronise(tracks(rig, 40, BEGIN, {"cam_1": 2.0}), 0.6)
+    late = np.array([line.offset_s for line in result.offsets]) * FPS
     np.testing.assert_allclose(late, expected("cam_0"), atol=0.12)
-    assert found.offsets[1].frames == pytest.approx(late[1] / 2)
+    assert result.offsets[1].frames == pytest.approx(late[1] / 2)
 
 
 def test_a_wrong_calibration_is_noticed(rig, shifted):
     turned = rig.select(["cam_2", "cam_3", "cam_0", "cam_1"])
     mixed = [track.with_camera(camera) for track, camera in zip(shifted, turned, strict=True)]
     assert pose_difference(mixed[0].camera, shifted[0].camera)[0] > 1000
-    found = synchronise(mixed, 0.6)
-    assert not found.agreed
-    assert all(np.isnan(line.error_s) for line in found.offsets)
+    result = synchronise(mixed, 0.6)
+    assert not result.agreed
+    assert all(np.isnan(line.error_s) for line in result.offsets)
 
 
 def test_what_cannot_be_synchronised_is_refused(rig, shifted):
@@ -93,6 +93,6 @@ def test_what_cannot_be_synchronised_is_refused(rig, shifted):
 
 def test_speeds_are_of_the_outline(shifted):
     assert shifted[0].period_s == pytest.approx(1 / FPS)
-    found = speeds(shifted[0])
-    assert found.shape == (36, 3)
-    assert 0.05 < np.nanmedian(found[:, 0]) < 3
+    result = speeds(shifted[0])
+    assert result.shape == (36, 3)
+    assert 0.05 < np.nanmedian(result[:, 0]) < 3

@@ -76,11 +76,11 @@ def voxel_overlap(
 def voxel_cover(numbers, origin, voxel_size, points, rotations, translations, bits, empty, taken):
     """Iiyama, Kameda and Minoh, step (5): the set of the points' voxels."""
     for k, world in enumerate(_placed(points, rotations, translations)):
-        found = _look_up(numbers, np.floor((world - origin) / voxel_size), -1)
+        result = _look_up(numbers, np.floor((world - origin) / voxel_size), -1)
         covered = np.zeros(64 * bits.shape[1], bool)
-        covered[found[found >= 0]] = True
+        covered[result[result >= 0]] = True
         bits[k] = np.packbits(covered, bitorder="little").view(np.uint64)
-        empty[k], taken[k] = np.count_nonzero(found == -1), np.count_nonzero(found == -2)
+        empty[k], taken[k] = np.count_nonzero(result == -1), np.count_nonzero(result == -2)
 
 
 def _placed(points, rotations, translations):
@@ -93,6 +93,6 @@ def _placed(points, rotations, translations):
 def _look_up(array, index, beyond):
     """Returns the entries of an array at indices (P, n), or `beyond` outside of it."""
     within = ((index >= 0) & (index < array.shape)).all(axis=1)
-    found = np.full(len(index), beyond, array.dtype)
-    found[within] = array[tuple(index[within].astype(np.int64).T)]
-    return found
+    result = np.full(len(index), beyond, array.dtype)
+    result[within] = array[tuple(index[within].astype(np.int64).T)]
+    return result

@@ -152,11 +152,11 @@ def test_a_longer_bone_moves_the_joints_beyond_it_alone(model, axis, start, end)
 
 def _above(part):
     """Parts on whose bone a joint hangs: all but itself."""
-    found = []
+    result = []
     while PARENTS[part] >= 0:
         part = PARENTS[part]
-        found.append(part)
-    return found
+        result.append(part)
+    return result
 
 
 @pytest.mark.parametrize("axis", [axis.name for axis in SHAPE_AXES if axis.along == "girth"])

@@ -24,7 +24,7 @@ def twin(windows, images, reduction, weighting):
     """The least weighted disagreement of every image (K, h, w) with the windows, every pixel looked
     at.
     """
-    found = []
+    result = []
     for window in windows:
         picture, weights = relative_weights(window, weighting, reduction)
         wide, margins = np.pad(picture, 1), np.pad(weights, 1, mode="edge")
@@ -33,8 +33,8 @@ def twin(windows, images, reduction, weighting):
             moved[
                 :, 1 + down : 1 + down + picture.shape[0], 1 + right : 1 + right + picture.shape[1]
             ] = images
-            found.append(np.where(moved ^ wide, margins, 0).sum((1, 2)))
-    return np.array(found)
+            result.append(np.where(moved ^ wide, margins, 0).sum((1, 2)))
+    return np.array(result)
 
 
 @pytest.mark.parametrize(("level", "reduction"), [(0, 4), (1, 2), (2, 1)])
@@ -45,16 +45,18 @@ def test_distances_are_those_of_a_search_pixel_by_pixel(
     assert not windows[0].seen.all()
     own = library.levels[level]
     nodes = np.random.default_rng(level).permutation(len(own))[:40]
-    found = Evidence(windows, weighting).distances(own.spans, nodes, reduction)
+    result = Evidence(windows, weighting).distances(own.spans, nodes, reduction)
     every = twin(windows, masks_of(own.spans, nodes, own.size_px), reduction, weighting)
-    np.testing.assert_allclose(found.distance, every.min(0), atol=1e-6)
-    row = found.scale * len(SHIFTS_PX) + [
-        SHIFTS_PX.tolist().index((shift // reduction).tolist()) for shift in found.shift_px
+    np.testing.assert_allclose(result.distance, every.min(0), atol=1e-6)
+    row = result.scale * len(SHIFTS_PX) + [
+        SHIFTS_PX.tolist().index((shift // reduction).tolist()) for shift in result.shift_px
     ]
     np.testing.assert_allclose(every[row, np.arange(len(nodes))], every.min(0), atol=1e-6)
-    assert len(np.unique(found.shift_px, axis=0)) > 3
+    assert len(np.unique(result.shift_px, axis=0)) > 3
     # What nwXOR lets stand out of the silhouette costs little, so that the larger fits better.
-    assert np.mean(found.scale == 1) > 0.9 if weighting == "nwxor" else 0 < np.mean(found.scale) < 1
+    assert (
+        np.mean(result.scale == 1) > 0.9 if weighting == "nwxor" else 0 < np.mean(result.scale) < 1
+    )
 
 
 def test_weights_are_the_papers_over_the_silhouettes_own(windows):
@@ -90,8 +92,8 @@ def test_the_silhouette_itself_has_no_distance(library):
         window.axis_px,
         4.0,
     )
-    found = Evidence([copied]).distances(
+    result = Evidence([copied]).distances(
         library.levels[2].spans, np.arange(len(library.levels[2])), 1
     )
-    assert found.distance[33] == pytest.approx(0, abs=1e-9) and (found.shift_px[33] == 0).all()
-    assert (found.distance > 1e-3).sum() >= len(found.distance) - 3
+    assert result.distance[33] == pytest.approx(0, abs=1e-9) and (result.shift_px[33] == 0).all()
+    assert (result.distance > 1e-3).sum() >= len(result.distance) - 3

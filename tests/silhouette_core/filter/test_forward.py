@@ -25,9 +25,9 @@ def test_somebody_who_comes_nearer_is_seen_to(tree, walk):
     places, masks = walk
     filter_frames = follow(ForwardFilter(tree, CAMERA), masks)
     truth = np.linalg.norm(places - CAMERA.center_m, axis=1)
-    found = np.array([filter_frame.distance_m for filter_frame in filter_frames])
+    result = np.array([filter_frame.distance_m for filter_frame in filter_frames])
     assert np.ptp(truth) > 0.8
-    np.testing.assert_allclose(found, truth, rtol=0.10)
+    np.testing.assert_allclose(result, truth, rtol=0.10)
     assert not any(filter_frame.lost for filter_frame in filter_frames)
 
 
@@ -63,9 +63,9 @@ def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
 def test_candidates_stand_where_the_silhouette_is(tree, walk):
     places, masks = walk
     filter_frame = follow(ForwardFilter(tree, CAMERA), masks[:1])[0]
-    found = candidates_of(tree, filter_frame, np.arange(5))
-    pixels, _ = CAMERA.project(found.root_m)
+    result = candidates_of(tree, filter_frame, np.arange(5))
+    pixels, _ = CAMERA.project(result.root_m)
     true, _ = CAMERA.project(places[:1])
     assert np.linalg.norm(pixels - true, axis=1).max() < 15
-    np.testing.assert_allclose(np.linalg.det(found.root_rotation), 1.0, atol=1e-6)
-    assert found.angles_rad.shape == (5, tree.library.model.dof_count) == found.occluded.shape
+    np.testing.assert_allclose(np.linalg.det(result.root_rotation), 1.0, atol=1e-6)
+    assert result.angles_rad.shape == (5, tree.library.model.dof_count) == result.occluded.shape

@@ -46,7 +46,7 @@ def test_the_store_gives_back_what_was_put_as_often_as_asked():
         put.append((frame, rng.random(count), rng.normal(size=(count, 15, 3))))
         store.put(*put[-1])
     for _ in range(2):
-        for (frame, probability, joints), found in zip(put, store, strict=True):
-            assert found[0] == frame
-            np.testing.assert_allclose(found[1], probability, rtol=1e-6)
-            np.testing.assert_allclose(found[2], joints, rtol=1e-6, atol=1e-6)
+        for (frame, probability, joints), result in zip(put, store, strict=True):
+            assert result[0] == frame
+            np.testing.assert_allclose(result[1], probability, rtol=1e-6)
+            np.testing.assert_allclose(result[2], joints, rtol=1e-6, atol=1e-6)

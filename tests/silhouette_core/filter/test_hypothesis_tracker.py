@@ -57,10 +57,10 @@ def turn(pose):
 
 def test_the_course_follows_the_motion(followed):
     _, states, truth = followed
-    found = np.stack([frame.joints[k] for frame, k in zip(states, backtrack(states), strict=True)])
-    apart = np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1)
+    result = np.stack([frame.joints[k] for frame, k in zip(states, backtrack(states), strict=True)])
+    apart = np.linalg.norm((result - result[:, :1]) - (truth - truth[:, :1]), axis=-1)
     assert 1000 * apart.mean() < 90
-    assert np.linalg.norm(found[:, 0] - truth[:, 0], axis=-1).mean() < 0.25
+    assert np.linalg.norm(result[:, 0] - truth[:, 0], axis=-1).mean() < 0.25
 
 
 def test_costs_are_counted_from_the_best_and_pasts_exist(followed):
@@ -91,10 +91,10 @@ def test_kept_poses_differ(followed):
 def test_a_course_may_end_elsewhere_than_at_the_best(followed):
     _, states, _ = followed
     worst = len(states[-1].poses) - 1
-    course = backtrack(states, worst)
-    assert course[-1] == worst
+    trajectory = backtrack(states, worst)
+    assert trajectory[-1] == worst
     for k in range(len(states) - 1, 0, -1):
-        assert states[k].back[course[k]] == course[k - 1]
+        assert states[k].back[trajectory[k]] == trajectory[k - 1]
 
 
 def test_unrefined_poses_are_the_librarys(tree, library):

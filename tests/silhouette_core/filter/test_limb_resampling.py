@@ -55,13 +55,13 @@ def apart_mm(poses, truth):
         np.stack([getattr(pose, name) for pose in poses])
         for name in ("root_m", "root_rotation", "angles_rad")
     )
-    found = landmarks(MODEL, *forward(MODEL, root, quaternions(rotation), angles))
+    result = landmarks(MODEL, *forward(MODEL, root, quaternions(rotation), angles))
     root, rotation, angles = (
         np.stack([getattr(pose, name) for pose in truth])
         for name in ("root_m", "root_rotation", "angles_rad")
     )
     return 1000 * np.linalg.norm(
-        found - landmarks(MODEL, *forward(MODEL, root, quaternions(rotation), angles)), axis=-1
+        result - landmarks(MODEL, *forward(MODEL, root, quaternions(rotation), angles)), axis=-1
     )
 
 
@@ -78,17 +78,17 @@ def test_an_arm_is_found_where_it_is_seen(resampler, truth):
         pose_frame(pose, seen, 0.1 * k)
         for k, (pose, seen) in enumerate(zip(wrong, truth, strict=True))
     ]
-    found = resampler.resample(pose_frames)
-    before, after = apart_mm(wrong, truth), apart_mm([one.pose for one in found], truth)
+    result = resampler.resample(pose_frames)
+    before, after = apart_mm(wrong, truth), apart_mm([one.pose for one in result], truth)
     assert before.max() > 250
     assert after.max() < 160 and after.mean() < 25
-    for one, given in zip(found, pose_frames, strict=True):
+    for one, given in zip(result, pose_frames, strict=True):
         assert (one.pose.root_m == given.pose.root_m).all() and one.mask is given.mask
 
 
 def test_what_is_right_stays(resampler, truth):
-    found = resampler.resample([pose_frame(pose, pose, 0.1 * k) for k, pose in enumerate(truth)])
-    assert apart_mm([one.pose for one in found], truth).mean() < 15
+    result = resampler.resample([pose_frame(pose, pose, 0.1 * k) for k, pose in enumerate(truth)])
+    assert apart_mm([one.pose for one in result], truth).mean() < 15
 
 
 @pytest.mark.parametrize("continued", [False, True])

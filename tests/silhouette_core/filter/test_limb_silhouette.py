@@ -52,8 +52,8 @@ def test_a_limb_elsewhere_is_the_whole_body_drawn_again(seen, name, reduction):
         pose.angles_rad[limb.dofs] + rng.normal(0, 0.4, (6, len(limb.dofs))),
         *MODEL.dof_limits_rad[limb.dofs].T,
     )
-    found = picture.limb_distances(MODEL, limb, pose, angles)
-    for own, distance in zip(angles, found, strict=True):
+    result = picture.limb_distances(MODEL, limb, pose, angles)
+    for own, distance in zip(angles, result, strict=True):
         whole = pose.angles_rad.copy()
         whole[limb.dofs] = own
         other = Pose(pose.root_m, pose.root_rotation, whole)
@@ -62,7 +62,7 @@ def test_a_limb_elsewhere_is_the_whole_body_drawn_again(seen, name, reduction):
             dense, abs=0.02
         )  # skin that limb and trunk share stays behind
         assert picture.distances(MODEL, [other])[0] == pytest.approx(dense, abs=1e-6)
-    assert np.ptp(found) > 0.05
+    assert np.ptp(result) > 0.05
     still = picture.limb_distances(MODEL, limb, pose, pose.angles_rad[None, limb.dofs])
     assert still[0] == pytest.approx(picture.distances(MODEL, [pose])[0], abs=1e-9)
 

@@ -74,9 +74,9 @@ def test_threads_change_nothing(track, tracked, filmed):
 
 
 def test_hypotheses_belong_to_frames(tracked):
-    found = list(tracked.hypotheses)
-    assert [frame for frame, _, _ in found] == list(range(len(ROWS)))
-    for _, probability, _ in found:
+    result = list(tracked.hypotheses)
+    assert [frame for frame, _, _ in result] == list(range(len(ROWS)))
+    for _, probability, _ in result:
         assert (np.diff(probability) <= 0).all() and 0 < probability.sum() <= 1 + 1e-6
 
 

@@ -1,4 +1,4 @@
-"""Viterbi against looking at every course, and what a step costs."""
+"""Viterbi against enumeration of all trajectories, and what a step costs."""
 
 from itertools import pairwise, product
 
@@ -38,12 +38,12 @@ def test_the_course_is_the_cheapest_of_all(seed, started):
     start = np.array([-30.0, -0.5, -20.0]) if started else None
     costs = [transition_cost(before, after, NOISE) for before, after in pairwise(frames)]
 
-    def cost(course):
-        steps = sum(table[a, b] for table, (a, b) in zip(costs, pairwise(course), strict=True))
+    def cost(trajectory):
+        steps = sum(table[a, b] for table, (a, b) in zip(costs, pairwise(trajectory), strict=True))
         return (
             steps
-            - sum(frame.log_likelihood[k] for frame, k in zip(frames, course, strict=True))
-            - (start[course[0]] if started else 0)
+            - sum(frame.log_likelihood[k] for frame, k in zip(frames, trajectory, strict=True))
+            - (start[trajectory[0]] if started else 0)
         )
 
     every = list(product(*(range(len(frame.log_likelihood)) for frame in frames)))
@@ -53,7 +53,7 @@ def test_the_course_is_the_cheapest_of_all(seed, started):
 def test_a_step_costs_what_the_normal_distribution_says():
     """(4), with the source's hidden parts of (5), both with the library's grain."""
     before, after = candidates(4, 0.0, 1), candidates(5, 1 / 30, 2)
-    found = transition_cost(before, after, ProcessNoise(NOISE.sigma_rad, restart_cost=1e9))
+    result = transition_cost(before, after, ProcessNoise(NOISE.sigma_rad, restart_cost=1e9))
     for a in range(4):
         for b in range(5):
             sigma = np.sqrt((NOISE.sigma_rad * np.where(before.occluded[a], 5, 1)) ** 2 + 0.10**2)
@@ -62,7 +62,7 @@ def test_a_step_costs_what_the_normal_distribution_says():
                 before.root_rotation[a].T @ after.root_rotation[b]
             ).magnitude() ** 2 / (0.10**2 + 0.10**2)
             place = ((after.root_m[b] - before.root_m[a]) ** 2).sum() / (0.05**2 + 0.05**2)
-            assert found[a, b] == pytest.approx(0.5 * (joints + turn + place), rel=1e-6)
+            assert result[a, b] == pytest.approx(0.5 * (joints + turn + place), rel=1e-6)
 
 
 def test_what_is_hidden_moves_cheaply_and_a_jump_has_a_price():

@@ -26,8 +26,8 @@ BODY = (60, 140, 200, 180)
 
 def test_the_largest_piece_is_the_person_with_what_lies_beside_it():
     hand, speck, other = (100, 186, 112, 196), (70, 184, 72, 186), (20, 20, 60, 50)
-    found = find_person(picture(BODY, hand, speck, other))
-    assert found is not None and (found.mask == picture(BODY, hand)).all() and not found.cut
+    result = find_person(picture(BODY, hand, speck, other))
+    assert result is not None and (result.mask == picture(BODY, hand)).all() and not result.cut
 
 
 def test_nobody_and_crumbs_are_no_person():
@@ -50,13 +50,13 @@ def test_a_piece_where_the_person_was_wins_over_a_larger_one():
     "box", [(0, 140, 120, 180), (120, 140, 240, 180), (60, 0, 200, 40), (60, 280, 200, 320)]
 )
 def test_a_person_at_the_border_is_cut(box):
-    found = find_person(picture(box))
-    assert found is not None and found.cut
+    result = find_person(picture(box))
+    assert result is not None and result.cut
 
 
 def test_a_toe_at_the_border_does_not_count():
-    found = find_person(picture(BODY, (200, 150, 240, 153)))
-    assert found is not None and not found.cut
+    result = find_person(picture(BODY, (200, 150, 240, 153)))
+    assert result is not None and not result.cut
 
 
 @pytest.mark.parametrize("place", [(0, -4, 1.3), (2, -3, 2.2), (0, -7, 0.8)])

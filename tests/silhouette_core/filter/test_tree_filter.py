@@ -55,37 +55,37 @@ def filled(posterior, count):
 
 
 def test_without_pruning_the_posterior_is_the_dense_one(library, tree, evidence, prior):
-    found = TreeFilter(library, tree.transitions, EVERY_NODE).update(prior, evidence)
+    result = TreeFilter(library, tree.transitions, EVERY_NODE).update(prior, evidence)
     expected, distance = dense_posterior(library, prior, evidence, EVERY_NODE.sigma)
-    assert found.scored == tuple(len(level) for level in library.levels)
-    assert sorted(found.samples) == list(range(len(library)))
-    np.testing.assert_allclose(filled(found, len(library)), expected, rtol=1e-6, atol=1e-15)
-    np.testing.assert_allclose(found.distance, distance[leaves(library)][found.samples])
-    assert (np.diff(found.probability) <= 0).all()
+    assert result.scored == tuple(len(level) for level in library.levels)
+    assert sorted(result.samples) == list(range(len(library)))
+    np.testing.assert_allclose(filled(result, len(library)), expected, rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(result.distance, distance[leaves(library)][result.samples])
+    assert (np.diff(result.probability) <= 0).all()
 
 
 def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, prior):
-    found = tree.update(prior, evidence)
+    result = tree.update(prior, evidence)
     expected, _ = dense_posterior(library, prior, evidence, tree.settings.sigma)
-    assert found.scored[0] == len(library.levels[0])
-    assert found.scored[-1] < 0.6 * len(library.levels[-1])
-    assert found.probability.sum() == pytest.approx(1.0)
-    assert found.samples[0] == expected.argmax()
-    assert np.abs(filled(found, len(library)) - expected).sum() < 0.05
+    assert result.scored[0] == len(library.levels[0])
+    assert result.scored[-1] < 0.6 * len(library.levels[-1])
+    assert result.probability.sum() == pytest.approx(1.0)
+    assert result.samples[0] == expected.argmax()
+    assert np.abs(filled(result, len(library)) - expected).sum() < 0.05
 
 
 @pytest.mark.parametrize("most", [1, 7])
 def test_not_more_nodes_are_kept_than_allowed(library, tree, evidence, prior, most):
-    found = TreeFilter(library, tree.transitions, replace(EVERY_NODE, most=most)).update(
+    result = TreeFilter(library, tree.transitions, replace(EVERY_NODE, most=most)).update(
         prior, evidence
     )
-    assert len(np.unique(leaves(library)[found.samples])) == most
+    assert len(np.unique(leaves(library)[result.samples])) == most
 
 
 def test_a_pose_that_is_impossible_stays_so(library, tree, evidence, prior):
     prior = np.where(np.arange(len(library)) % 2, prior, 0.0)
-    found = tree.update(prior, evidence)
-    assert (found.probability[found.samples % 2 == 0] == 0).all()
+    result = tree.update(prior, evidence)
+    assert (result.probability[result.samples % 2 == 0] == 0).all()
 
 
 @pytest.mark.parametrize("steps", [1, 3])

@@ -45,12 +45,14 @@ def test_a_pose_anywhere_looks_as_in_the_library(library, place, ground):
         abs(columns.mean() - (SIZE[0] - 1) / 2) < 0.7 and abs(rows.mean() - (SIZE[1] - 1) / 2) < 0.7
     )
     yaw, pitch = heading - window.heading_rad, window.pitch_rad
-    found = from_library(library, base, yaw, pitch)
-    assert np.count_nonzero(window.mask) == pytest.approx(np.count_nonzero(found.windows), rel=0.03)
+    result = from_library(library, base, yaw, pitch)
+    assert np.count_nonzero(window.mask) == pytest.approx(
+        np.count_nonzero(result.windows), rel=0.03
+    )
     # The centroid leaves a pixel open; the library sees from 4 m, where perspective is a little
     # different.
-    assert overlap(found.windows[0] > 0, window.mask) > 0.93
-    np.testing.assert_allclose(window.pixels(pose.root_m[None])[0], found.pelvis_px[0], atol=2.5)
+    assert overlap(result.windows[0] > 0, window.mask) > 0.93
+    np.testing.assert_allclose(window.pixels(pose.root_m[None])[0], result.pelvis_px[0], atol=2.5)
     for wrong in (-0.3, 0.3):
         assert (
             overlap(from_library(library, base, yaw + wrong, pitch).windows[0] > 0, window.mask)

@@ -118,13 +118,13 @@ def test_runs_are_those_of_spans_and_draw_the_same_silhouettes(scene):
     masks = np.concatenate(
         [scene[4].windows > 0, np.zeros((1, 240, 320), bool), np.ones((1, 240, 320), bool)]
     )
-    found, expected = spans_of(masks), Spans.from_masks(masks)
+    result, expected = spans_of(masks), Spans.from_masks(masks)
     for name in ("rows", "starts", "ends", "offsets"):
-        assert (getattr(found, name) == getattr(expected, name)).all()
-    assert found.rows.dtype == np.int16
+        assert (getattr(result, name) == getattr(expected, name)).all()
+    assert result.rows.dtype == np.int16
     chosen = np.array([4, 0, 0, 3])
-    assert (masks_of(select_spans(found, chosen), np.arange(4)) == masks[chosen]).all()
+    assert (masks_of(select_spans(result, chosen), np.arange(4)) == masks[chosen]).all()
     assert (
-        masks_of(join_spans([found, select_spans(found, chosen)]), np.arange(9))
+        masks_of(join_spans([result, select_spans(result, chosen)]), np.arange(9))
         == masks[[0, 1, 2, 3, 4, 4, 0, 0, 3]]
     ).all()

@@ -22,7 +22,7 @@ def dense_squares(library, occlusion_aware):
     turn, angles = library.pose(np.arange(len(library)))
     rotation = Rotation.from_quat(turn, scalar_first=True)
     pitch = library.views[library.sample_view, 1]
-    found = np.full((len(library), len(library)), np.inf)
+    result = np.full((len(library), len(library)), np.inf)
     for i in range(len(library)):
         occluded = library.occluded[i] if occlusion_aware else np.zeros(27, bool)
         sigma = library.sigma_rad * np.where(occluded[library.model.dof_part], 5, 1)
@@ -30,8 +30,8 @@ def dense_squares(library, occlusion_aware):
         apart = (((angles - angles[i]) / sigma) ** 2).sum(1) + (
             (rotation[i].inv() * rotation).magnitude() / root
         ) ** 2
-        found[i] = np.where(pitch == pitch[i], apart, np.inf)
-    return found
+        result[i] = np.where(pitch == pitch[i], apart, np.inf)
+    return result
 
 
 @pytest.mark.parametrize("occlusion_aware", [False, True])
@@ -40,8 +40,8 @@ def test_all_neighbours_give_the_dense_matrix(made, occlusion_aware):
     sigma_scale = 4.0
     gauss = np.exp(-dense_squares(made, occlusion_aware) / (2 * sigma_scale**2))
     expected = gauss / gauss.sum(1, keepdims=True)
-    found = transitions(library, occlusion_aware, sigma_scale, neighbours=len(made)).toarray()
-    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=1e-6)
+    result = transitions(library, occlusion_aware, sigma_scale, neighbours=len(made)).toarray()
+    np.testing.assert_allclose(result, expected, rtol=2e-3, atol=1e-6)
     assert np.count_nonzero(expected > 1e-3) > 3 * len(made)
 
 

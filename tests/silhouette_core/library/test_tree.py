@@ -38,7 +38,7 @@ def literal_tree(library):
         )
         return {s: weights[mask ^ masks[s]].sum() / mask.size for s in samples}
 
-    sets, found = [list(everybody)], []
+    sets, result = [list(everybody)], []
     for masks, level in zip(levels, library.levels, strict=True):
         nodes = []
         for number, samples in enumerate(sets):
@@ -57,9 +57,9 @@ def literal_tree(library):
             nodes += [
                 (number, nearest_mean(sorted(group)), sorted(group)) for group in groups
             ]  # (4)
-        found.append(nodes)
+        result.append(nodes)
         sets = [samples for _, _, samples in nodes]
-    return found
+    return result
 
 
 def test_the_tree_is_the_literal_one(made):

@@ -90,28 +90,28 @@ def test_arms_forward_and_to_the_side():
 @pytest.mark.parametrize(("heading", "expected"), [(0, 180), (180, 0), (90, -90), (-90, 90)])
 def test_pelvis_in_the_world(heading, expected):
     # At rest the body faces -y; zero is facing +y.
-    found = anatomical_angles(posed({}, heading))
-    assert np.cos(np.radians(found["pelvis_rotation"][0] - expected)) == pytest.approx(1)
-    assert abs(found["pelvis_tilt"][0]) < 1e-9
+    result = anatomical_angles(posed({}, heading))
+    assert np.cos(np.radians(result["pelvis_rotation"][0] - expected)) == pytest.approx(1)
+    assert abs(result["pelvis_tilt"][0]) < 1e-9
 
 
 def test_pelvis_leans_the_same_whichever_way_it_faces():
     lean = Rotation.from_euler("x", 20, degrees=True)  # the body faces -y: its head goes forward
     for heading in (0, 70, 200):
         turned = (Rotation.from_euler("z", heading, degrees=True) * lean).as_quat(scalar_first=True)
-        found = anatomical_angles(replace(posed({}), root_quaternion=turned[None]))
-        assert found["pelvis_tilt"][0] == pytest.approx(20)
-        assert found["pelvis_obliquity"][0] == pytest.approx(0, abs=1e-9)
+        result = anatomical_angles(replace(posed({}), root_quaternion=turned[None]))
+        assert result["pelvis_tilt"][0] == pytest.approx(20)
+        assert result["pelvis_obliquity"][0] == pytest.approx(0, abs=1e-9)
 
 
 def test_obliquity_raises_the_right_side():
     raised = Rotation.from_euler(
         "y", 15, degrees=True
     )  # about +y: from z toward x, so the right hip, at -x, goes up
-    found = replace(posed({}), root_quaternion=raised.as_quat(scalar_first=True)[None])
-    hips = found.landmarks()[0, [4, 1], 2]
+    result = replace(posed({}), root_quaternion=raised.as_quat(scalar_first=True)[None])
+    hips = result.landmarks()[0, [4, 1], 2]
     assert hips[0] > hips[1]
-    assert anatomical_angles(found)["pelvis_obliquity"][0] == pytest.approx(15)
+    assert anatomical_angles(result)["pelvis_obliquity"][0] == pytest.approx(15)
 
 
 @settings(max_examples=25, deadline=None)
@@ -122,15 +122,16 @@ def test_angles_make_the_rotations_again(seed):
         posed({}),
         angles_rad=random.uniform(BODY.dof_limits_rad[:, 0], BODY.dof_limits_rad[:, 1])[None],
     )
-    found, rotations = anatomical_angles(motion), joint_rotations(motion)
+    result, rotations = anatomical_angles(motion), joint_rotations(motion)
     for side in ("left", "right"):
         flexion, adduction, turn = (
-            found[f"{side}_hip_{name}"][0] for name in ("flexion", "adduction", "internal_rotation")
+            result[f"{side}_hip_{name}"][0]
+            for name in ("flexion", "adduction", "internal_rotation")
         )
         again = Rotation.from_euler("ZXY", [flexion, adduction, turn], degrees=True).as_matrix()
         np.testing.assert_allclose(again, rotations[f"{side}_hip"][0], atol=1e-9)
         plane, elevation, axial = (
-            found[f"{side}_shoulder_{name}"][0]
+            result[f"{side}_shoulder_{name}"][0]
             for name in ("plane_of_elevation", "elevation", "axial_rotation")
         )
         again = Rotation.from_euler("YXY", [plane, -elevation, axial], degrees=True).as_matrix()
@@ -141,14 +142,14 @@ def test_angles_make_the_rotations_again(seed):
     thigh, shin = joints[4] - joints[5], joints[5] - joints[6]
     between = np.degrees(np.arccos(thigh @ shin / np.linalg.norm(thigh) / np.linalg.norm(shin)))
     knee = Rotation.from_euler(
-        "ZX", [-found["right_knee_flexion"][0], found["right_knee_adduction"][0]], degrees=True
+        "ZX", [-result["right_knee_flexion"][0], result["right_knee_adduction"][0]], degrees=True
     ).as_matrix()
     assert np.degrees(np.arccos(knee[1, 1])) == pytest.approx(between, abs=1e-6)
 
 
 def test_a_row_per_pose_and_every_angle_once():
-    found = anatomical_angles(waving(4))
-    assert found.degrees.shape == (4, len(found.names)) == (4, len(set(found.names)))
-    assert np.isfinite(found.degrees).all()
-    assert (np.diff(found["left_knee_flexion"]) > 20).all()
-    assert (np.diff(found["right_shoulder_elevation"]) > 0).all()
+    result = anatomical_angles(waving(4))
+    assert result.degrees.shape == (4, len(result.names)) == (4, len(set(result.names)))
+    assert np.isfinite(result.degrees).all()
+    assert (np.diff(result["left_knee_flexion"]) > 20).all()
+    assert (np.diff(result["right_shoulder_elevation"]) > 0).all()

@@ -130,11 +130,11 @@ def test_axes_are_the_derivatives_of_the_joints(model, clip):
 
 
 def _ancestors(part):
-    found = []
+    result = []
     while part >= 0:
-        found.append(part)
+        result.append(part)
         part = PARENTS[part]
-    return found
+    return result
 
 
 @pytest.mark.parametrize("length", [0.0, 1e-9, 1e-5, 9e-5, 1.1e-4, 0.5, 3.1, 7.0])
@@ -167,7 +167,7 @@ def test_skin_is_the_weighted_mean_of_the_parts(model, clip):
 
 def test_landmarks_are_the_joints_of_their_names(model, clip):
     rotation, origin = forward(model, *clip)
-    found = landmarks(model, rotation, origin)
+    result = landmarks(model, rotation, origin)
     for name, part in (
         ("left_knee", "left_shin"),
         ("right_wrist", "right_hand"),
@@ -175,7 +175,7 @@ def test_landmarks_are_the_joints_of_their_names(model, clip):
         ("right_hip", "right_thigh"),
     ):
         np.testing.assert_allclose(
-            found[:, LANDMARK_NAMES.index(name)], origin[:, PART_NAMES.index(part)], atol=1e-12
+            result[:, LANDMARK_NAMES.index(name)], origin[:, PART_NAMES.index(part)], atol=1e-12
         )
 
 
@@ -205,6 +205,6 @@ def test_positive_angles_make_the_named_movement(model):
 
 def test_quaternions_and_back():
     given = Rotation.random(20, random_state=3).as_matrix().reshape(4, 5, 3, 3)
-    found = quaternions(given)
-    assert (found[..., 0] >= 0).all()
-    np.testing.assert_allclose(rotation_matrices(found), given, atol=1e-12)
+    result = quaternions(given)
+    assert (result[..., 0] >= 0).all()
+    np.testing.assert_allclose(rotation_matrices(result), given, atol=1e-12)

@@ -155,9 +155,9 @@ def test_agrees_with_another_program_that_retargeted_the_same_clip(
         [shared / "data/mocap" / clip], BodyModel.from_sizes(BodySizes(truth["stature"]))
     )
     motion = motion.select(slice(first_frame, first_frame + len(wanted)))
-    found = motion.landmarks()
-    relative = (found - found[:, :1]) - (wanted - wanted[:, :1])
+    result = motion.landmarks()
+    relative = (result - result[:, :1]) - (wanted - wanted[:, :1])
     assert 1e3 * np.linalg.norm(relative, axis=-1).mean() < joints_mm
     hips = lambda places: np.unwrap(np.arctan2(*(places[:, 1] - places[:, 4])[:, 1::-1].T))  # noqa: E731
-    turned = hips(found) - hips(wanted)
+    turned = hips(result) - hips(wanted)
     assert np.degrees(np.abs(turned)).max() < 12

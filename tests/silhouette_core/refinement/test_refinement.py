@@ -67,14 +67,14 @@ def test_pose_jacobian_against_differences(surface):
     pose = some_pose(surface.model)
     index = rng.integers(0, len(surface.rest), 60)
     direction = rng.normal(size=(60, 3))
-    found = surface.jacobian(surface.posed(pose), index, direction)
+    result = surface.jacobian(surface.posed(pose), index, direction)
     step = 1e-6
-    for k, one in enumerate(np.eye(found.shape[1])):
+    for k, one in enumerate(np.eye(result.shape[1])):
         ahead, behind = (
             surface.posed(pose.moved(sign * step * one)).points[index] for sign in (1, -1)
         )
         np.testing.assert_allclose(
-            found[:, k], (direction * (ahead - behind)).sum(1) / (2 * step), atol=1e-7
+            result[:, k], (direction * (ahead - behind)).sum(1) / (2 * step), atol=1e-7
         )
 
 
@@ -83,14 +83,14 @@ def test_shape_jacobian_against_differences(surface):
     pose = some_pose(surface.model)
     index = rng.integers(0, len(surface.rest), 60)
     direction = rng.normal(size=(60, 3))
-    found = surface.shape_jacobian(surface.posed(pose), index, direction)
+    result = surface.shape_jacobian(surface.posed(pose), index, direction)
     step = 1e-4  # linear, but for rounding
     for k, one in enumerate(np.eye(len(SHAPE_AXES))):
         ahead, behind = (
             surface.reshaped(sign * step * one).posed(pose).points[index] for sign in (1, -1)
         )
         np.testing.assert_allclose(
-            found[:, k], (direction * (ahead - behind)).sum(1) / (2 * step), atol=1e-8
+            result[:, k], (direction * (ahead - behind)).sum(1) / (2 * step), atol=1e-8
         )
 
 
@@ -115,25 +115,25 @@ def test_refinement_finds_the_pose_of_somebody_else(surface, seed):
     truth = stance(body, POSTURES[seed % 4])
     seen = observe(views(6), body, truth)
     start = perturbed(truth, seed)
-    found = refine(surface, seen, start).pose
-    before, after = (joint_errors_m(surface.model, pose, body, truth) for pose in (start, found))
+    result = refine(surface, seen, start).pose
+    before, after = (joint_errors_m(surface.model, pose, body, truth) for pose in (start, result))
     assert 0.15 < before.max() < 0.25
     assert after.mean() < 0.03 and after.max() < 0.07
     assert after.mean() < 0.25 * before.mean()
-    assert silhouette_error(surface.model, found, seen) < 0.6 * silhouette_error(
+    assert silhouette_error(surface.model, result, seen) < 0.6 * silhouette_error(
         surface.model, start, seen
     )
     low, high = surface.model.dof_limits_rad.T
-    assert (found.angles_rad >= low).all() and (found.angles_rad <= high).all()
+    assert (result.angles_rad >= low).all() and (result.angles_rad <= high).all()
 
 
 def test_held_angles_are_left_alone(surface):
     body = other_body(1)
     start = perturbed(stance(body), 4)
-    found = refine(surface, observe(views(4), body, stance(body)), start).pose
+    result = refine(surface, observe(views(4), body, stance(body)), start).pose
     held = surface.model.dof_fixed
-    np.testing.assert_array_equal(found.angles_rad[held], start.angles_rad[held])
-    assert (found.angles_rad[~held] != start.angles_rad[~held]).mean() > 0.9
+    np.testing.assert_array_equal(result.angles_rad[held], start.angles_rad[held])
+    assert (result.angles_rad[~held] != start.angles_rad[~held]).mean() > 0.9
 
 
 def test_a_firm_belief_is_kept_and_a_vague_one_gives_way(surface):
@@ -154,9 +154,9 @@ def test_nothing_seen_leaves_the_place_and_says_so(surface):
 
     seen = Observation.from_masks(seen_by, [np.ones((320, 320), bool)] * 2)
     start = stance(surface.model)
-    found = refine(surface, seen, start, settings=RefineSettings(reaches_m=(0.2, 0.1)))
-    assert found.explained == 0 and found.rms_m == np.inf
-    np.testing.assert_allclose(found.pose.root_m, start.root_m, atol=1e-9)
+    result = refine(surface, seen, start, settings=RefineSettings(reaches_m=(0.2, 0.1)))
+    assert result.explained == 0 and result.rms_m == np.inf
+    np.testing.assert_allclose(result.pose.root_m, start.root_m, atol=1e-9)
 
 
 def test_steps_stay_within_limits_and_trust(surface):
@@ -172,8 +172,10 @@ def test_steps_stay_within_limits_and_trust(surface):
     rng = np.random.default_rng(0)
     a = rng.normal(size=(n, n))
     matrix, gradient = a @ a.T + n * np.eye(n), 0.01 * rng.normal(size=n)
-    found = bounded_step(matrix, gradient, free, np.zeros(model.dof_count), model)
-    np.testing.assert_allclose(matrix[np.ix_(free, free)] @ found[free], -gradient[free], atol=1e-6)
+    result = bounded_step(matrix, gradient, free, np.zeros(model.dof_count), model)
+    np.testing.assert_allclose(
+        matrix[np.ix_(free, free)] @ result[free], -gradient[free], atol=1e-6
+    )
 
 
 @pytest.mark.slow
@@ -196,7 +198,7 @@ def test_proportions_of_somebody_else_are_found_in_part(surface):
     seen_by = views(6)
     seen = [observe(seen_by, body, pose) for pose in poses]
     starts = [perturbed(pose, k, 4.0) for k, pose in enumerate(poses)]
-    adapted, found = adapt_shape(
+    adapted, result = adapt_shape(
         surface, seen, starts, Stature(stature_of(body), 0.006), np.zeros(len(SHAPE_AXES))
     )
     before, after = (
@@ -211,7 +213,7 @@ def test_proportions_of_somebody_else_are_found_in_part(surface):
         np.mean(
             [joint_errors_m(model, p, body, truth) for p, truth in zip(fitted, poses, strict=True)]
         )
-        for model, fitted in ((surface.model, plain), (adapted.model, found))
+        for model, fitted in ((surface.model, plain), (adapted.model, result))
     ]
     assert errors[1] < errors[0] and errors[1] < 0.015
 

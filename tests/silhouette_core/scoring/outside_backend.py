@@ -45,13 +45,13 @@ class ArrayBackend:
         return inside, weights.sum() - inside
 
     def voxel_cover(self, grid, numbers, words, points, rotations, translations_m):
-        found = _entries(numbers, _voxels(grid, points, rotations, translations_m), -1)
+        result = _entries(numbers, _voxels(grid, points, rotations, translations_m), -1)
         bits = np.zeros((len(rotations), words), np.uint64)
-        k, p = np.nonzero(found >= 0)
-        number = found[k, p].astype(np.uint64)
+        k, p = np.nonzero(result >= 0)
+        number = result[k, p].astype(np.uint64)
         one = np.uint64(1) << (number & np.uint64(63))
         np.bitwise_or.at(bits, (k, (number >> np.uint64(6)).astype(int)), one)
-        return bits, (found == -1).sum(1), (found == -2).sum(1)
+        return bits, (result == -1).sum(1), (result == -2).sum(1)
 
 
 def _drawn(vertices_cam, faces, matrix, shape, cull_back):

@@ -76,13 +76,13 @@ def test_span_distance_is_the_weighted_disagreement(backend, windows, shifts, se
     if seed % 2:
         runs = (array.astype(np.int16) for array in (spans.rows, spans.starts, spans.ends))
         spans = Spans(*runs, spans.offsets)
-    found = backend.span_distances(target, spans)
+    result = backend.span_distances(target, spans)
     expected = REFERENCE.span_distances(target, spans)
-    assert found.shape == (len(masks), windows * shifts)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert result.shape == (len(masks), windows * shifts)
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9)
     which = rng.integers(0, max(len(masks), 1), 5 if masks else 0)
-    np.testing.assert_array_equal(backend.span_distances(target, spans, which), found[which])
-    np.testing.assert_array_equal(backend.span_distances(target, spans, parallel=False), found)
+    np.testing.assert_array_equal(backend.span_distances(target, spans, which), result[which])
+    np.testing.assert_array_equal(backend.span_distances(target, spans, parallel=False), result)
     if shifts == 1:
         plain = [
             [weights[mask ^ other].sum(dtype=float) for mask, weights in zip(*pair, strict=True)]
@@ -90,7 +90,7 @@ def test_span_distance_is_the_weighted_disagreement(backend, windows, shifts, se
             for pair in [(target.masks, target.weights)]
         ]
         np.testing.assert_allclose(
-            found, target.scale * np.array(plain).reshape(found.shape), atol=1e-9
+            result, target.scale * np.array(plain).reshape(result.shape), atol=1e-9
         )
 
 
@@ -99,15 +99,15 @@ def test_span_distance_is_the_weighted_disagreement(backend, windows, shifts, se
 def test_drawn_weights_are_summed_under_each_mesh(backend, cull, seed):
     rng = np.random.default_rng(seed)
     weights, meshes = rng.normal(size=(48, 64)), meshes_of(rng, 7)
-    found = backend.drawn_weights(weights, meshes, FACES, MATRIX, cull)
+    result = backend.drawn_weights(weights, meshes, FACES, MATRIX, cull)
     expected = REFERENCE.drawn_weights(weights, meshes, FACES, MATRIX, cull)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9)
     # Eq. (7), with the weights of a silhouette: the disagreement with it, pixel by pixel.
     mask, positive = rng.random(weights.shape) > 0.5, np.abs(weights)
     signed = np.where(mask, -positive, positive)
-    found = positive[mask].sum() + backend.drawn_weights(signed, meshes[:1], FACES, MATRIX, cull)
+    result = positive[mask].sum() + backend.drawn_weights(signed, meshes[:1], FACES, MATRIX, cull)
     parts, _ = render_parts(meshes[0], FACES, np.zeros(10, int), MATRIX, (64, 48), cull)
-    assert found[0] == pytest.approx(positive[(parts > 0) ^ mask].sum(), abs=1e-9)
+    assert result[0] == pytest.approx(positive[(parts > 0) ^ mask].sum(), abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -118,15 +118,15 @@ def test_silhouette_errors_are_the_references(backend, seed):
     matrices[:, 2, 2] = 1
     meshes = meshes_of(rng, 4, 3)
     meshes[3] -= (0, 0, 9)  # behind all cameras
-    found = backend.silhouette_errors(masks, matrices, meshes, FACES)
+    result = backend.silhouette_errors(masks, matrices, meshes, FACES)
     expected = REFERENCE.silhouette_errors(masks, matrices, meshes, FACES)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-    assert found[3] == 1 and 0 < found[0] < 1
+    np.testing.assert_allclose(result, expected, rtol=1e-12)
+    assert result[3] == 1 and 0 < result[0] < 1
     # A camera that sees nothing and should not is left out.
     empty = [masks[0], np.zeros((20, 20), bool)]
     meshes[0, 1] -= (0, 0, 9)
-    found = backend.silhouette_errors(empty, matrices[:2], meshes[:1, :2], FACES)
-    assert found == backend.silhouette_errors(masks[:1], matrices[:1], meshes[:1, :1], FACES)
+    result = backend.silhouette_errors(empty, matrices[:2], meshes[:1, :2], FACES)
+    assert result == backend.silhouette_errors(masks[:1], matrices[:1], meshes[:1, :1], FACES)
     none = backend.silhouette_errors(empty[1:], matrices[:1], meshes[3:, :1], FACES)
     assert none.tolist() == [1.0]
 
@@ -142,9 +142,9 @@ def test_pixel_scores_are_the_references(backend, seed):
     )
     images = rng.integers(-3, 3, (3, 50, 70)).astype(np.int8)
     case = views, images, rng.normal(size=(40, 3)), *placements_of(rng, 20)
-    found = backend.pixel_scores(*case)
-    np.testing.assert_array_equal(found, REFERENCE.pixel_scores(*case))
-    assert len(np.unique(found)) > 3
+    result = backend.pixel_scores(*case)
+    np.testing.assert_array_equal(result, REFERENCE.pixel_scores(*case))
+    assert len(np.unique(result)) > 3
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -154,11 +154,11 @@ def test_voxel_overlap_is_the_references(backend, seed):
     points = rng.normal(size=(seed * 8, 3))
     weights = rng.random(len(points))
     case = grid_of(rng), occupancy, points, weights, *placements_of(rng, 12)
-    found, expected = backend.voxel_overlap(*case), REFERENCE.voxel_overlap(*case)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    result, expected = backend.voxel_overlap(*case), REFERENCE.voxel_overlap(*case)
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(expected[0] + expected[1], weights.sum(), atol=1e-12)
     if isinstance(backend, CpuBackend):
-        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(result, expected)
 
 
 def test_a_part_overlaps_where_it_was_cut_out(backend):
@@ -181,10 +181,10 @@ def test_voxel_cover_is_the_references(backend, seed):
     numbers[rng.random(numbers.shape) < 0.2] = -2
     grid = SimpleNamespace(origin_m=np.full(3, -1.0), voxel_size_m=0.2)
     case = grid, numbers, 21, rng.normal(size=(90, 3)), *placements_of(rng, 15)
-    found, expected = backend.voxel_cover(*case), REFERENCE.voxel_cover(*case)
-    for ours, theirs in zip(found, expected, strict=True):
+    result, expected = backend.voxel_cover(*case), REFERENCE.voxel_cover(*case)
+    for ours, theirs in zip(result, expected, strict=True):
         np.testing.assert_array_equal(ours, theirs)
-    assert found[0].dtype == np.uint64 and found[0].any() and found[1].any() and found[2].any()
+    assert result[0].dtype == np.uint64 and result[0].any() and result[1].any() and result[2].any()
 
 
 @pytest.mark.parametrize("own", [REFERENCE, CpuBackend()])

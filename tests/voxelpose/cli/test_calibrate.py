@@ -99,13 +99,13 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
         )
         == 0
     )
-    said = capsys.readouterr().out
-    assert "used" in said
-    assert "distortion" in said
-    found = read_rig(calibration)
+    output = capsys.readouterr().out
+    assert "used" in output
+    assert "distortion" in output
+    result = read_rig(calibration)
     for camera in truth:
         np.testing.assert_allclose(
-            np.diag(found[camera.name].matrix)[:2], np.diag(camera.matrix)[:2], rtol=0.01
+            np.diag(result[camera.name].matrix)[:2], np.diag(camera.matrix)[:2], rtol=0.01
         )
     assert tomllib.loads(calibration.read_text())["metadata"]["intrinsics"]["cam_0"]["rms_px"] < 0.3
     assert (
@@ -132,9 +132,9 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
         )
         == 0
     )
-    said = capsys.readouterr().out
-    assert "reference" in said
-    assert "boards that pairs of cameras share: cam_0-cam_1" in said
+    output = capsys.readouterr().out
+    assert "reference" in output
+    assert "boards that pairs of cameras share: cam_0-cam_1" in output
     # The world begins at the board's first corner on the floor.
     corner = FLOOR_M - FACE_UP @ BOARD.points_m.mean(axis=0)
     rig = read_rig(rig_path)
@@ -178,8 +178,8 @@ def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
         str(tmp_path / "lens.toml"),
     ]
     assert run(words) == 0
-    said = capsys.readouterr().out
-    assert "shows the board much as another frame does" in said
+    output = capsys.readouterr().out
+    assert "shows the board much as another frame does" in output
     report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
     assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
     assert "there are cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
@@ -257,7 +257,7 @@ def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
         write_video(
             walk / f"{name}.avi", [frame[:, ::-1] if name == "cam_1" else frame for frame in frames]
         )
-    said = failure(
+    output = failure(
         capsys,
         "calibrate",
         "extrinsics",
@@ -268,7 +268,7 @@ def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
         "--out",
         tmp_path / "rig.toml",
     )
-    assert "camera cam_1's pictures are mirrored" in said
+    assert "camera cam_1's pictures are mirrored" in output
 
 
 def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
@@ -337,9 +337,9 @@ def test_a_printed_board_says_what_to_measure(tmp_path, capsys):
         )
         == 0
     )
-    said = capsys.readouterr().out
-    assert "9 squares in a row are 360 mm" in said
-    assert "--board 8x5 --square 0.04 --marker 0.03 --dictionary DICT_4X4_50" in said
+    output = capsys.readouterr().out
+    assert "9 squares in a row are 360 mm" in output
+    assert "--board 8x5 --square 0.04 --marker 0.03 --dictionary DICT_4X4_50" in output
     assert "say how large a square is" in failure(
         capsys, "calibrate", "board", "--out", tmp_path / "b.pdf", "--paper", "large"
     )

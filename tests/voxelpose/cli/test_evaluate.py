@@ -16,17 +16,17 @@ from voxelpose.export.trc import write_trc
 
 
 @pytest.fixture
-def takes(desk):
+def results(desk):
     """A joints.csv, one with a frame lost and the others moved by 5 cm, truth.json and a TRC."""
-    take = waving(8)
-    joints = {name: take.landmarks()[:, k].tolist() for k, name in enumerate(LANDMARK_NAMES)}
+    motion = waving(8)
+    joints = {name: motion.landmarks()[:, k].tolist() for k, name in enumerate(LANDMARK_NAMES)}
     (desk / "truth.json").write_text(
         json.dumps({"fps": 25, "unit": "m", "up": "z", "joints": joints})
     )
-    write_trc(take, desk / "truth.trc")
+    write_trc(motion, desk / "truth.trc")
     for name, rows in (("one", np.arange(8)), ("two", np.array([0, 1, 2, 4, 5, 6, 7]))):
         (desk / name).mkdir()
-        write_joints(take.select(rows), desk / name / "joints.csv")
+        write_joints(motion.select(rows), desk / name / "joints.csv")
     text = (desk / "two" / "joints.csv").read_text().splitlines()
     moved = [
         ",".join(
@@ -39,7 +39,7 @@ def takes(desk):
 
 
 @pytest.mark.parametrize("truth", ["truth.json", "truth.trc"])
-def test_json_of_one(takes, capsys, truth):
+def test_json_of_one(results, capsys, truth):
     assert run(["evaluate", "two", "--truth", truth, "--json"]) == 0
     score = json.loads(capsys.readouterr().out)
     assert score["mpjpe_mm"] == pytest.approx(50, abs=0.01)
@@ -47,12 +47,12 @@ def test_json_of_one(takes, capsys, truth):
     assert set(score["joint_root_mm"]) == set(LANDMARK_NAMES)
 
 
-def test_the_truth_may_come_last(takes, capsys):
+def test_the_truth_may_come_last(results, capsys):
     assert run(["evaluate", "one", "truth.json"]) == 0
     assert "0.0 mm" in capsys.readouterr().out
 
 
-def test_table_of_several(takes, capsys):
+def test_table_of_several(results, capsys):
     assert run(["evaluate", "one", "two", "--truth", "truth.json", "truth.trc", "--markdown"]) == 0
     lines = [
         [cell.strip() for cell in line.strip("|").split("|")]
@@ -116,15 +116,15 @@ def test_truth_of_the_recording_that_was_fitted(desk, capsys):
         ([], "no result is named"),
     ],
 )
-def test_mistakes(takes, capsys, words, line):
+def test_mistakes(results, capsys, words, line):
     assert run(["evaluate", *words]) == 2
     assert line in capsys.readouterr().err
 
 
-def test_same_numbers_as_the_reviewers_script(takes, shared, capsys):
+def test_same_numbers_as_the_reviewers_script(results, shared, capsys):
     words = [sys.executable, str(shared / "eval" / "score.py"), "truth.json", "two/joints.csv"]
     theirs = json.loads(
-        subprocess.run(words, cwd=takes, check=True, capture_output=True, text=True).stdout
+        subprocess.run(words, cwd=results, check=True, capture_output=True, text=True).stdout
     )
     run(["evaluate", "two", "--truth", "truth.json", "--json"])
     ours = json.loads(capsys.readouterr().out)

@@ -33,8 +33,8 @@ def test_beside_the_result_and_again(fitted, capsys):
     before = {path.name for path in fitted.iterdir()}
     for _ in range(2):
         assert run(["export", "fitted"]) == 0
-    said = capsys.readouterr().out.split()
-    assert "fitted/motion.glb" in said
+    output = capsys.readouterr().out.split()
+    assert "fitted/motion.glb" in output
     assert {path.name for path in fitted.iterdir()} - before == {
         "motion.glb",
         "motion.trc",

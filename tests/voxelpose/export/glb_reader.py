@@ -46,20 +46,20 @@ class Glb:
     def channels(self) -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
         """(node, path): times (K,) and values (K, 3 or 4)."""
         animation = self.document["animations"][0]
-        found = {}
+        result = {}
         for channel in animation["channels"]:
             sampler = animation["samplers"][channel["sampler"]]
             assert sampler.get("interpolation", "LINEAR") == "LINEAR"
             node = self.document["nodes"][channel["target"]["node"]]["name"]
-            found[node, channel["target"]["path"]] = (
+            result[node, channel["target"]["path"]] = (
                 self.array(sampler["input"])[:, 0],
                 self.array(sampler["output"]),
             )
-        return found
+        return result
 
     def world_matrices(self, key: int) -> dict[str, np.ndarray]:
         """(4, 4) of every node at the key-th time, down from the scene's roots."""
-        nodes, channels, found = self.document["nodes"], self.channels(), {}
+        nodes, channels, result = self.document["nodes"], self.channels(), {}
 
         def place(number: int, above: np.ndarray) -> None:
             node = nodes[number]
@@ -73,13 +73,13 @@ class Glb:
             )[1][key]
             matrix = np.eye(4)
             matrix[:3, :3], matrix[:3, 3] = Rotation.from_quat(turned).as_matrix(), moved
-            found[node["name"]] = above @ matrix
+            result[node["name"]] = above @ matrix
             for child in node.get("children", ()):
-                place(child, found[node["name"]])
+                place(child, result[node["name"]])
 
         for number in self.document["scenes"][self.document["scene"]]["nodes"]:
             place(number, np.eye(4))
-        return found
+        return result
 
     def skinned(self, key: int) -> np.ndarray:
         """(V, 3): the body's surface at the key-th time; the skin's joints alone place it, as the

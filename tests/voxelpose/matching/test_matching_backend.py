@@ -30,7 +30,7 @@ def test_the_same_pose_by_a_backend_from_outside(monkeypatch):
 
     expected, overlap = fitted()
     called = record_calls(monkeypatch)
-    found, again = fitted(ArrayBackend())
-    np.testing.assert_allclose(found.pose.angles_rad, expected.pose.angles_rad, atol=1e-6)
+    result, again = fitted(ArrayBackend())
+    np.testing.assert_allclose(result.pose.angles_rad, expected.pose.angles_rad, atol=1e-6)
     np.testing.assert_allclose(again.part_overlap, overlap.part_overlap)
     assert called == {"voxel_overlap", "voxel_cover", "pixel_scores", "silhouette_errors"}
