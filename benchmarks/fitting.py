@@ -14,10 +14,10 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.dynamics import RELAXED_RAD
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings

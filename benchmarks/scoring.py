@@ -11,12 +11,12 @@ from benchmarks.scene import ring, silhouettes
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Spans
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.reference import ReferenceBackend
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from silhouette_core.scoring.target import Target
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid

@@ -8,7 +8,7 @@ from pathlib import Path
 from docutils import nodes
 from sphinx.application import Sphinx
 
-from voxelpose import __version__
+from voxelpose.version import __version__
 
 project = "voxelpose"
 author = "the voxelpose authors"

@@ -6,6 +6,8 @@ The everyday names are imported at their first use, so that `import voxelpose` i
 import importlib
 from typing import TYPE_CHECKING
 
+from voxelpose.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from calib.errors import InputError
     from silhouette_core.estimator import Settings
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
     from voxelpose.recording.folder import Recording
     from voxelpose.results import Result
 
-__version__ = "0.1.0"
 
 __all__ = [
     "CarveSettings",

@@ -19,12 +19,12 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.backend import load_backend
-from voxelpose import __version__
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
 from voxelpose.export.joints import JOINTS, write_joints
 from voxelpose.recording.folder import Recording
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
+from voxelpose.version import __version__
 from voxelpose.view.images.overlay import draw_pictures
 
 

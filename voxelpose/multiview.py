@@ -16,10 +16,10 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import Pose
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.refinement.pose import Pose
 from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.adaptation import stature_of
 from voxelpose.matching.body_choice import choose_body, refit

@@ -26,8 +26,8 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.demo.mannequin import STATURE_M, Mannequin

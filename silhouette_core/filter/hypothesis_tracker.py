@@ -39,8 +39,8 @@ from silhouette_core.motion.dynamics import (
     predict,
 )
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
 from silhouette_core.refinement.surface import Surface
 

@@ -19,8 +19,8 @@ from silhouette_core.filter.limb_silhouette import LIMB_NAMES, LimbShape, Signed
 from silhouette_core.filter.motion_cost import PoseCandidates, ProcessNoise, viterbi
 from silhouette_core.library.thinning import thin_poses
 from silhouette_core.motion.dynamics import STEP_SIGMA_RAD, neighbour_middle
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
 from silhouette_core.refinement.surface import Surface
 

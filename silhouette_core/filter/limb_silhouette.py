@@ -19,10 +19,10 @@ from silhouette_core.filter.window import SIZE, Window
 from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kernels.kinematics import pose_many
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.silhouette_error import posed_mesh
 
 _PARTS = {
     "arm": ("clavicle", "upper_arm", "forearm", "hand", "thumb", "fingers"),

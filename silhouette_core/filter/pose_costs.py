@@ -10,7 +10,7 @@ from silhouette_core.filter.motion_cost import yaw_rotations
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.motion.heading import split_heading
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
 
 _NOVELTY_M, _FAR = 0.06, 4.0

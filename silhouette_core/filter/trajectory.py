@@ -24,10 +24,10 @@ from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import look_at
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.library.rendering import STATURE_PX
+from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import silhouette_error
+from silhouette_core.scoring.silhouette_error import silhouette_error
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
 _LONGEST_GAP_S = 1.0

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-
-if TYPE_CHECKING:
-    from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 
 #: Frame rate, 1/s, to which all step sizes refer, and at which recorded motion is used.
 FPS = 30.0

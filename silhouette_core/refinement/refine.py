@@ -16,13 +16,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.kernels.refine import (
     add_normal_equations,
     match_contours,
     measure_outside,
 )
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.surface import PosedSurface, Surface
 
 _LIMIT_RAD = np.radians(3.0)

@@ -9,8 +9,8 @@ import numpy as np
 from silhouette_core.body.joints import PARENTS
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_parts_and_axes
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.kernels.refine import fill_jacobian, pose_surface
-from silhouette_core.refinement.pose import Pose
 
 
 def _descends() -> np.ndarray:

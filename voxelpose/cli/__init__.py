@@ -82,7 +82,7 @@ def run(arguments: Sequence[str]) -> int:
         print(_HELP.format(commands=_listing(COMMANDS)), end="")
         return 0
     if name in ("-V", "--version"):
-        from voxelpose import __version__
+        from voxelpose.version import __version__
 
         print(f"voxelpose {__version__}")
         return 0

@@ -51,12 +51,12 @@ run compiles the program and makes a pose library, which takes most of its time.
             from dataclasses import asdict
 
             from silhouette_core.estimator import Settings
-            from voxelpose import __version__
             from voxelpose.demo.filming import make_recording
             from voxelpose.evaluation import evaluate
             from voxelpose.fitting import Output, fit, track
             from voxelpose.recording.folder import Recording
             from voxelpose.recording.truth import TRUTH
+            from voxelpose.version import __version__
 
             settings = Settings(threads=self.threads)
             recording = Recording.open(make_recording(folder / "recording", self.frames))

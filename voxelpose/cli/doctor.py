@@ -22,8 +22,8 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
         from rich.console import Console
         from rich.table import Table
 
-        from voxelpose import __version__
         from voxelpose.machine_checks import examine
+        from voxelpose.version import __version__
 
         console = Console(highlight=False)
         with console.status("checking ..."):

@@ -9,7 +9,6 @@ from pathlib import Path
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
-from voxelpose import __version__
 from voxelpose.demo.filming import make_recording
 from voxelpose.evaluation import Score, markdown_table, score_motion
 from voxelpose.export.joints import read_joints
@@ -17,6 +16,7 @@ from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 from voxelpose.results import SUMMARY, as_json
+from voxelpose.version import __version__
 
 TABLE = "table.md"
 PERFORMED = ("golf", "pointing")

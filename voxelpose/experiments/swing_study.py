@@ -17,7 +17,6 @@ from silhouette_core.library.pose_library import PoseLibrary, describe, require_
 from silhouette_core.library.store import read_library
 from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.progress import Reporter
-from voxelpose import __version__
 from voxelpose.experiments.arm_swing import (
     DEGRADATIONS,
     FLOOR,
@@ -35,6 +34,7 @@ from voxelpose.experiments.swings import Criterion, arm_angles, split_swings
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 from voxelpose.results import SUMMARY, as_json
+from voxelpose.version import __version__
 
 TABLE, PLOT = "table.md", "angles.png"
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from voxelpose import __version__
 from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
+from voxelpose.version import __version__
 
 _TYPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
 _COMPONENTS = {"float32": gltf.FLOAT, "uint8": gltf.UNSIGNED_BYTE, "uint16": gltf.UNSIGNED_SHORT}

@@ -15,9 +15,9 @@ import numpy as np
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.refine import (
     RefineSettings,
     add_pose_priors,

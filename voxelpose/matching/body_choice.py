@@ -10,11 +10,11 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import silhouette_error
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend, load_backend
+from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.matching.adaptation import Stature, adapt_shape
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore

@@ -9,7 +9,7 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_one_part
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from voxelpose.matching.limbs import LIMBS, Limb

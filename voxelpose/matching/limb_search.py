@@ -12,9 +12,9 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.limbs import LIMBS, Limb, sample_angles, sample_hinge, within_limits
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.joint_search import best_together, interference_groups

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
-from silhouette_core.refinement.silhouette_error import silhouette_error
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.limb_search import CHAINS, place_limb
 from voxelpose.matching.matcher import MatchSettings, match

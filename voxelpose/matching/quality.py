@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silhouette_core.motion.kinematics import forward, quaternions
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.voxel_set import VoxelSet

@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.dynamics import RELAXED_RAD
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from silhouette_core.motion.dynamics import FPS, POSE_STEP_SIGMA, neighbour_middle, predict
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observation_store import ObservationStore

@@ -12,8 +12,8 @@ from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.motion import Motion
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
 MOVEMENTS = ("walk", "wave", "arm swing both", "reach aside", "squat", "kick")

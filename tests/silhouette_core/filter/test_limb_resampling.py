@@ -11,8 +11,8 @@ from silhouette_core.filter.limb_silhouette import SignedWeights
 from silhouette_core.filter.window import look_at
 from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.refinement.pose import Pose
 from tests.silhouette_core.filter.filming import (
     STATURE_M,
     body,

@@ -8,8 +8,8 @@ from silhouette_core.filter.limb_silhouette import LIMB_NAMES, LimbShape, Signed
 from silhouette_core.filter.window import SIZE, look_at
 from silhouette_core.image.raster import render_parts
 from silhouette_core.library.rendering import STATURE_PX
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from tests.silhouette_core.filter.filming import (
     STATURE_M,
     body,

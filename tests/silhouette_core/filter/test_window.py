@@ -6,7 +6,7 @@ import pytest
 from silhouette_core.filter.window import SIZE, look_at
 from silhouette_core.library.rendering import STATURE_PX, pose_surfaces, render_views
 from silhouette_core.motion.kinematics import rotation_matrices
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from tests.silhouette_core.filter.filming import STATURE_M, camera_at, silhouette
 
 METRE_PX = STATURE_PX / STATURE_M

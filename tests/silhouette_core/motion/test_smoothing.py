@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.dynamics import RELAXED_RAD
+from silhouette_core.motion.pose import Pose
 from silhouette_core.motion.smoothing import smooth, smooth_quaternions
-from silhouette_core.refinement.pose import Pose
 
 
 def test_smoothing_keeps_what_stands_still_and_what_moves_evenly():

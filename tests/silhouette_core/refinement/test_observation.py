@@ -5,7 +5,7 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.refinement.observation import Observation, PinholeViews, contour_points
-from silhouette_core.refinement.silhouette_error import silhouette_error
+from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.carving.carving_scenes import look_at
 from tests.voxelpose.matching.matching_scenes import (
     fitting_model,

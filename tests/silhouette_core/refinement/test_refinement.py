@@ -7,10 +7,10 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, bounded_step, refine
-from silhouette_core.refinement.silhouette_error import silhouette_error
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.matching.matching_scenes import (
     STATURE_M,
     fitting_model,

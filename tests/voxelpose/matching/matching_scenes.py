@@ -10,9 +10,9 @@ from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.pose import Pose
-from silhouette_core.refinement.silhouette_error import posed_mesh
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from tests.voxelpose.carving.carving_scenes import look_at
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.refinement.pose import Pose
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.matching.matching_scenes import (
     fitting_model,

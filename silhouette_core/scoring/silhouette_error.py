@@ -6,8 +6,8 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import forward, quaternions, skin
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
