@@ -1,7 +1,7 @@
 """Speed of an older checkout against this one: python -m benchmarks.between OLD [PART ...]
 
 OLD is a folder with another version of the project, for example made by `git worktree add ../old
-COMMIT`. Every case of `python -m benchmarks` that both have is run in both, in turn, three times;
+COMMIT`. Every case of `python -m benchmarks` that both have is run in both, in turn, four times;
 the shortest time counts. One line per case: old, new, and their ratio, above 1 where this one is
 faster.
 """
@@ -12,8 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROUNDS = 3
-LINE = re.compile(r"(.{34}) *([\d.]+) ms")
+ROUNDS = 4
+LINE = re.compile(r"^(\S.*?)\s{2,}([\d.]+) ms", re.MULTILINE)
 
 
 def main(arguments: list[str]) -> int:
