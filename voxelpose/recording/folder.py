@@ -101,23 +101,7 @@ class Recording:
                 f"{folder} is not a recording: give a folder with a video per camera and"
                 " calibration.toml"
             )
-        paths = pictures_by_camera(folder)
-        silhouettes_given = not paths and (folder / "masks").is_dir()
-        if silhouettes_given:
-            paths = pictures_by_camera(folder / "masks")
-        if not paths:
-            raise InputError(
-                f"{folder} holds no video: put one per camera there, named as in the calibration"
-                " (cam_1.mp4)"
-            )
-        if cameras is not None:
-            filmed = ", ".join(paths)
-            paths = {name: path for name, path in paths.items() if name in cameras}
-            if not paths:
-                raise InputError(
-                    f"there is no video of {' or '.join(cameras)} in {folder}: its cameras are"
-                    f" {filmed}"
-                )
+        paths, silhouettes_given = _paths(folder, cameras)
         readers = {name: FrameReader.open(path) for name, path in paths.items()}
         calibration = _calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
@@ -263,6 +247,27 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
             )
         paths[name] = path
     return paths
+
+
+def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
+    """Videos or image folders by camera name, and whether they are silhouettes, from masks/."""
+    paths = pictures_by_camera(folder)
+    silhouettes_given = not paths and (folder / "masks").is_dir()
+    if silhouettes_given:
+        paths = pictures_by_camera(folder / "masks")
+    if not paths:
+        raise InputError(
+            f"{folder} holds no video: put one per camera there, named as in the calibration"
+            " (cam_1.mp4)"
+        )
+    if cameras is not None:
+        filmed = ", ".join(paths)
+        paths = {name: path for name, path in paths.items() if name in cameras}
+        if not paths:
+            raise InputError(
+                f"there is no video of {' or '.join(cameras)} in {folder}: its cameras are {filmed}"
+            )
+    return paths, silhouettes_given
 
 
 def _calibration_path(folder: Path) -> Path | None:
