@@ -29,6 +29,7 @@ _PITCH_SIGMA_RAD = np.radians(8.0)
 # A frame is lost where the best node's distance exceeds the usual one by this factor and excess.
 _LOST_FACTOR, _LOST_EXCESS = 2.5, 0.05
 _LONGEST_GAP_S = 1.0
+_MOST_STEPS = 30  # that many frame intervals of missing frames are predicted one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,7 @@ class ForwardFilter:
         weighting: pixel weights of the silhouette distance.
         distance_m: constant distance of the person, as in the paper; None: estimated frame by
             frame.
+        interval_s: time between two frames, for which the tree filter's transitions were made.
     """
 
     def __init__(
@@ -73,11 +75,12 @@ class ForwardFilter:
         facing: bool = True,
         weighting: Weighting = "balanced",
         distance_m: float | None = None,
+        interval_s: float = 1 / FPS,
     ):
         """Starts without a posterior."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
-        self._distance_m = distance_m
+        self._distance_m, self._interval_s = distance_m, interval_s
         self._facing = facing
         self._last: FilterFrame | None = None
         self._recent_best: list[float] = []
@@ -150,7 +153,8 @@ class ForwardFilter:
         if last is None or (restarted and not last.lost):
             prior = self._initial()
         else:
-            steps = int(np.clip(round(((time_s - last.time_s) * FPS) ** 2), 1, 9))
+            intervals = round((time_s - last.time_s) / self._interval_s)
+            steps = int(np.clip(intervals, 1, _MOST_STEPS))
             prior = self.tree.predict(last.posterior, steps)
             if last.lost:
                 prior = 0.5 * prior + 0.5 / len(prior)

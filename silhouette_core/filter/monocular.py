@@ -27,7 +27,6 @@ from silhouette_core.library.default import default_library
 from silhouette_core.library.pose_library import PoseLibrary, require_body
 from silhouette_core.library.store import read_library
 from silhouette_core.library.transitions import transitions
-from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import smooth_runs
@@ -126,13 +125,16 @@ class MonocularEstimator:
             transitions(
                 library,
                 options.motion_model == "DM2",
-                sigma_scale=SIGMA_SCALE * np.sqrt(FPS / source.fps),
+                sigma_scale=SIGMA_SCALE,
+                interval_s=1 / source.fps,
             ),
             backend=load_backend(settings.backend),
         )
         clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()
         facing = options.start == "facing"
-        forward = ForwardFilter(tree, lens.pinhole, facing, options.weighting)
+        forward = ForwardFilter(
+            tree, lens.pinhole, facing, options.weighting, interval_s=1 / source.fps
+        )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
         trajectory = PoseTrajectory(tree, lens.pinhole, tracking, settings.smooth, clock)
 

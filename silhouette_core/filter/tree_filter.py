@@ -119,7 +119,8 @@ class TreeFilter:
 
         Args:
             posterior: posterior of this frame.
-            steps: number of steps of the motion model between the frames.
+            steps: frame intervals between the frames: the variance of the random walk grows with
+                every one.
 
         Returns:
             (N,) float64, summing to 1.

@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 
 from silhouette_core.library.kernels import transitions as kernels
 from silhouette_core.library.occlusion import MAGNIFICATION
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.progress import Reporter
 
@@ -36,8 +37,9 @@ def transitions(
     sigma_scale: float = 1.0,
     neighbours: int = KEPT,
     normalised: bool = True,
+    interval_s: float = 1 / FPS,
 ) -> csr_matrix:
-    r"""Matrix of :math:`p(x_t|x_{t-1})` over a library.
+    r"""Matrix of :math:`p(x_t|x_{t-1})` over a library, one frame interval apart.
 
     The motion model is a random walk: the next pose is normally distributed about the last,
 
@@ -46,17 +48,21 @@ def transitions(
 
         p(x_t|x_{t-1}) \sim N(x_{t-1}, \Sigma)
 
-    with one variance for each joint angle, see :eq:`okada-5`. Only the 64 nearest samples of each
-    sample have a probability other than 0. The paper does not normalise over the library.
+    with one variance for each joint angle, see :eq:`okada-5`. The variance of a random walk grows
+    in proportion to time: this is the only place where that is taken into account, and whoever
+    skips frames applies the matrix once for every frame interval that passed. Only the 64 nearest
+    samples of each sample have a probability other than 0. The paper does not normalise over the
+    library.
 
     Args:
         library: the library, N samples.
         occlusion_aware: DM2, with eq. (5); else DM1, without.
-        sigma_scale: factor on all sigmas, which belong to steps of 1/30 s; for a random walk at
-            another frame rate sqrt(30 / fps).
+        sigma_scale: factor on all sigmas.
         neighbours: largest number of neighbours used.
         normalised: rows sum to 1. Else a neighbour has the same weight whether there are many
             others or none, and probability gathers where poses are dense.
+        interval_s: time between two frames, s. The library's sigmas are those of 1/30 s; variances
+            are multiplied by interval_s over that.
 
     Returns:
         (N, N) float32, row i the distribution after sample i; the prior (14) is `matrix.T @
@@ -69,7 +75,8 @@ def transitions(
     index, square = (
         np.asarray(kept[f"{name}.{array}"])[:, :neighbours] for array in ("index", "square")
     )
-    weight = np.exp(square.astype(np.float64) / (-2 * sigma_scale**2))  # eq. (4)
+    variance = sigma_scale**2 * interval_s * FPS
+    weight = np.exp(square.astype(np.float64) / (-2 * variance))  # eq. (4)
     if normalised:
         weight /= weight.sum(axis=1, keepdims=True)
     rows = np.arange(0, index.size + 1, index.shape[1])

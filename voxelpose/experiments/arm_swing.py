@@ -20,7 +20,6 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.library.transitions import transitions
-from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.progress import Reporter
 from voxelpose.experiments.degrade import Degradation, degrade
@@ -246,11 +245,13 @@ def track_arm(
         (T,) degrees, the angle of the right upper arm, NaN where the silhouette is empty; and the
         number of frames in which the filter was lost.
     """
-    step = np.sqrt(FPS / video.fps)
-    matrix = transitions(library, method.occlusion_aware, step, NEIGHBOURS, reading.normalised)
+    interval_s = 1 / video.fps
+    matrix = transitions(
+        library, method.occlusion_aware, 1.0, NEIGHBOURS, reading.normalised, interval_s
+    )
     tree = TreeFilter(library, matrix, FilterSettings(sigma=reading.sigma, floor=FLOOR))
     tracker = ForwardFilter(
-        tree, video.camera, facing=False, weighting=method.weighting, distance_m=video.distance_m
+        tree, video.camera, False, method.weighting, video.distance_m, interval_s
     )
     joints = np.full((len(video), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0

@@ -51,6 +51,16 @@ def test_who_faces_the_camera_is_likelier_at_first(tree, walk):
     assert facing(ForwardFilter(tree, CAMERA, facing=True)) > 0.7
 
 
+@pytest.mark.parametrize("fps", [10, 15, 25, 30, 60])
+def test_every_frame_interval_is_one_step_of_the_motion_model(tree, walk, fps, monkeypatch):
+    steps, predict = [], tree.predict
+    monkeypatch.setattr(tree, "predict", lambda *args: steps.append(args[1]) or predict(*args))
+    forward = ForwardFilter(tree, CAMERA, interval_s=1 / fps)
+    for number in (0, 1, 2, 5, 6):  # two frames are missing
+        forward.step(number, number / fps, Person(walk[1][number], False))
+    assert steps == [1, 1, 3, 1]
+
+
 def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
     masks = list(walk[1][:20])
     box = np.zeros_like(masks[0])

@@ -71,6 +71,14 @@ def test_without_normalising_the_nearest_weigh_the_same_from_everywhere(made):
     )
 
 
+def test_variances_grow_in_proportion_to_the_frame_interval(made):
+    half_rate, wider = (
+        transitions(made, True, 4.0, interval_s=2 / 30),
+        transitions(made, True, 4.0 * np.sqrt(2)),
+    )
+    np.testing.assert_allclose(half_rate.toarray(), wider.toarray(), rtol=1e-5)
+
+
 def test_hidden_parts_move_more(made):
     assert made.occluded.any() and not made.occluded.all()
     occluded = np.flatnonzero(made.occluded.sum(1) > 3)
