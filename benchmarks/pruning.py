@@ -56,7 +56,10 @@ def main(path: str) -> None:
         for looked_up in ("nwxor", "balanced"):
             result = [
                 _look_up(
-                    library, [Target.from_mask(mask, looked_up) for mask in masks], spans, nodes
+                    library,
+                    [Target.from_mask(mask, looked_up, library.bounds_px) for mask in masks],
+                    spans,
+                    nodes,
                 )
                 for masks in zip(*observed, strict=True)
             ]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.filter.window import Window
 from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.image.spans import Spans
+from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.library.rendering import reduce_silhouette
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
@@ -46,15 +46,21 @@ class Evidence:
             in the middle.
         weighting: Of the disagreeing pixels.
         backend: Scores the nodes.
+        bounds_px: Rectangle of the library whose nodes they are, see `pixel_weights`; None: the
+            window.
     """
 
     def __init__(
-        self, windows: Sequence[Window], weighting: Weighting = "nwxor", backend: Backend = CPU
+        self,
+        windows: Sequence[Window],
+        weighting: Weighting = "nwxor",
+        backend: Backend = CPU,
+        bounds_px: Rectangle | None = None,
     ):
         """Keeps the windows; resolutions are prepared when needed."""
         self.windows = tuple(windows)
         self.weighting: Weighting = weighting
-        self.backend = backend
+        self.backend, self.bounds_px = backend, bounds_px
         self._targets: dict[int, Target] = {}
 
     def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
@@ -66,7 +72,10 @@ class Evidence:
             reduction: 1, 2 or 4: how many times smaller than the window the level's images are.
         """
         if reduction not in self._targets:
-            weighed = (relative_weights(w, self.weighting, reduction) for w in self.windows)
+            weighed = (
+                relative_weights(window, self.weighting, reduction, self.bounds_px)
+                for window in self.windows
+            )
             masks, weights = zip(*weighed, strict=True)
             self._targets[reduction] = Target(masks, weights, SHIFTS_PX)
         distances = self.backend.span_distances(self._targets[reduction], spans, nodes)
@@ -78,7 +87,7 @@ class Evidence:
 
 
 def relative_weights(
-    window: Window, weighting: Weighting, reduction: int
+    window: Window, weighting: Weighting, reduction: int, bounds_px: Rectangle | None = None
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Pixel weights of a window, relative to the whole silhouette's weight.
 
@@ -90,6 +99,7 @@ def relative_weights(
         window: The silhouette.
         weighting: See `pixel_weights`.
         reduction: 1, 2 or 4: how many times smaller than the window.
+        bounds_px: Rectangle of the library, see `pixel_weights`; None: the window.
 
     Returns:
         The silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in
@@ -101,5 +111,6 @@ def relative_weights(
     mask, seen = window.mask, window.seen
     for _ in range(int(np.log2(reduction))):
         mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
-    weights = np.where(seen, pixel_weights(mask, weighting), np.float32(0.0)).astype(np.float64)
+    weights = np.where(seen, pixel_weights(mask, weighting, bounds_px), np.float32(0.0))
+    weights = weights.astype(np.float64)
     return mask, weights / max(float(weights[mask].sum()), 1e-6)

@@ -112,7 +112,8 @@ class ForwardFilter:
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
         )
         prior = self._prior(windows[0], last, time_s, restarted)
-        posterior = self.tree.update(prior, Evidence(windows, self.weighting, self.tree.backend))
+        evidence = Evidence(windows, self.weighting, self.tree.backend, library.bounds_px)
+        posterior = self.tree.update(prior, evidence)
         best = float(posterior.distance[0])
         usual = float(np.median(self._recent_best)) if self._recent_best else best
         lost = best > _LOST_FACTOR * usual + _LOST_EXCESS

@@ -153,7 +153,10 @@ class HypothesisTracker:
             STATURE_PX / self.model.sizes.stature_m,
         )
         weights = SignedWeights.from_window(
-            window, self.settings.weighting, backend=self.tree.backend
+            window,
+            self.settings.weighting,
+            backend=self.tree.backend,
+            bounds_px=self.tree.library.bounds_px,
         )
         predicted = [] if previous is None else _predicted(previous, before_previous)
         poses = self._seeds(filter_frame)

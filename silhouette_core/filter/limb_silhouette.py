@@ -18,6 +18,7 @@ from silhouette_core.filter.evidence import relative_weights
 from silhouette_core.filter.window import SIZE, Window
 from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
+from silhouette_core.image.spans import Rectangle
 from silhouette_core.motion.kernels.kinematics import pose_many
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
@@ -107,9 +108,13 @@ class SignedWeights:
         weighting: Weighting = "nwxor",
         reduction: int = 2,
         backend: Backend = CPU,
+        bounds_px: Rectangle | None = None,
     ) -> SignedWeights:
-        """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4)."""
-        mask, weights = relative_weights(window, weighting, reduction)
+        """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4).
+
+        `bounds_px` is the library's rectangle, see `pixel_weights`; None: the window.
+        """
+        mask, weights = relative_weights(window, weighting, reduction, bounds_px)
         center = (window.axis_px + 0.5) / reduction - 0.5
         focal = window.focal_px / reduction
         matrix = np.array([[focal, 0.0, center[0]], [0.0, focal, center[1]], [0.0, 0.0, 1.0]])

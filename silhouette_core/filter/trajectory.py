@@ -175,7 +175,10 @@ class PoseTrajectory:
             pose,
             mask,
             SignedWeights.from_window(
-                window, self.settings.weighting, backend=self.tracker.tree.backend
+                window,
+                self.settings.weighting,
+                backend=self.tracker.tree.backend,
+                bounds_px=self.tracker.tree.library.bounds_px,
             ),
             distance,
             frame.time_s,

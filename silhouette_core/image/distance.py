@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from calib.checks import check_array
 from silhouette_core.image.kernels import distance as kernels
+from silhouette_core.image.spans import Rectangle
 
 Weighting = Literal["xor", "wxor", "nwxor", "balanced"]
 WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor", "balanced")
@@ -27,7 +28,9 @@ _REACH = 12 / 240
 _HEIGHT = 240
 
 
-def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> NDArray[np.float32]:
+def pixel_weights(
+    mask: NDArray[np.bool_], weighting: Weighting = "nwxor", bounds_px: Rectangle | None = None
+) -> NDArray[np.float32]:
     r"""Weights of the pixels of a silhouette's window.
 
     The density of disagreeing pixels, "xor", weighs all of them alike:
@@ -53,23 +56,26 @@ def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> ND
 
         d_P = \frac{D_P}{D_P + D_{P_{med}}} + w' \, D_{\neg P}
 
-    with w' one over the largest :math:`D_{\neg P}` of the window: inside and outside have the same
-    maximum. "balanced" (ours) is the same inside, and outside :math:`D_{\neg P}` over a twentieth
+    with w' one over the largest :math:`D_{\neg P}` in the rectangle that holds every pose of the
+    tree, the outer limit of the outside: inside and outside have the same maximum in it. "balanced"
+    (ours) is the same inside, and outside :math:`D_{\neg P}` over a twentieth
     of the window's height, at most 1. With "nwxor" what is just outside costs next to nothing, so
     that a larger body always fits better; where the size is estimated as well, that must not be.
 
     Args:
         mask: (h, w) bool, the silhouette P.
         weighting: One of `WEIGHTINGS`.
+        bounds_px: That rectangle, `PoseLibrary.bounds_px`, in pixels of an image 240 high, whatever
+            h is; None, where there is no library, or where the silhouette covers it: the window.
 
     Returns:
-        (h, w) float32, d_P.
+        (h, w) float32, d_P. With "nwxor" it exceeds 1 beyond the rectangle, where no pose is.
 
     Raises:
         TypeError: mask is not bool.
         ValueError: mask is not (h, w), or no such weighting.
 
-    Source: Okada and Stenger, eq. (6)-(9); the values of w and w', and "balanced", are ours.
+    Source: Okada and Stenger, eq. (6)-(9); the value of w, and "balanced", are ours.
     """
     check_array("mask", mask, ("h", "w"), np.bool_)
     if weighting not in WEIGHTINGS:
@@ -90,9 +96,23 @@ def pixel_weights(mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> ND
     if weighting == "balanced":
         np.minimum(weights / np.float32(_REACH * len(mask)), np.float32(1.0), out=weights)
     else:
-        weights /= weights.max()
+        weights /= _largest(weights, bounds_px)
     weights[box] += inside / np.maximum(inside + middle, np.float32(1e-6))  # eq. (9)
     return weights
+
+
+def _largest(weights: NDArray[np.float32], bounds_px: Rectangle | None) -> np.float32:
+    """Largest weight in a rectangle, in pixels of an image 240 high; without any, in the window."""
+    if bounds_px is not None:
+        left, top, right, bottom = np.array(bounds_px) * (len(weights) / _HEIGHT)
+        columns, rows = (
+            slice(int(np.floor(first)), int(np.ceil(last)))
+            for first, last in ((left, right), (top, bottom))
+        )
+        largest = weights[rows, columns].max(initial=np.float32(0.0))
+        if largest > 0:
+            return largest
+    return weights.max()
 
 
 def _distances(image: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from calib.checks import check_array
 
+Rectangle = tuple[int, int, int, int]
+"""(left, top, right, bottom) in pixels; columns left to right - 1, rows top to bottom - 1."""
+
 
 @dataclass(frozen=True, eq=False)
 class Spans:
@@ -50,6 +53,14 @@ class Spans:
     def __len__(self) -> int:
         """Counts the silhouettes."""
         return len(self.offsets) - 1
+
+    @property
+    def bounds(self) -> Rectangle:
+        """Smallest rectangle that holds all silhouettes; (0, 0, 0, 0) where all are empty."""
+        if not len(self.rows):
+            return 0, 0, 0, 0
+        left, top = int(self.starts.min()), int(self.rows.min())
+        return left, top, int(self.ends.max()), int(self.rows.max()) + 1
 
     @classmethod
     def from_masks(cls, masks: Iterable[NDArray[np.bool_]]) -> Spans:

@@ -108,6 +108,7 @@ def build_library(
         leaf_samples=nodes[-1].members,
         sigma_rad=bases.sigma_rad,
         root_sigma_rad=bases.root_sigma_rad,
+        bounds_px=spans[-1].bounds,
     )
     return replace(
         library,
@@ -207,7 +208,7 @@ def _tree(
     nodes: list[Nodes] = []
     thresholds: list[float] = []
     for number, (runs, size) in enumerate(zip(spans, SIZES_PX, strict=True)):
-        score = Scorer(runs, size, settings.weighting)
+        score = Scorer(runs, size, settings.weighting, bounds_px=spans[-1].bounds)
         finished = checkpoint.load(f"tree{number}")
         if finished is None:
             target = round(settings.node_shares[number] * count)

@@ -13,7 +13,7 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import Weighting
-from silhouette_core.image.spans import Spans
+from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.library.rendering import RenderedViews, pose_surfaces, render_views
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
@@ -139,6 +139,8 @@ class PoseLibrary:
         sigma_rad: (D,) float32, step sizes of the joint angles within 1/30 s, spacing of the
             library included, see `base_poses.motion_sigmas`.
         root_sigma_rad: step size of the pelvis's orientation.
+        bounds_px: smallest rectangle of the window of 320 x 240 that holds the silhouettes of all
+            samples, the outer limit of eq. (9).
         neighbours: nearest samples of every sample, see `transitions.find_neighbours`.
     """
 
@@ -162,6 +164,7 @@ class PoseLibrary:
     leaf_samples: NDArray[np.int32]
     sigma_rad: NDArray[np.float32]
     root_sigma_rad: float
+    bounds_px: Rectangle
     neighbours: Mapping[str, NDArray] = field(default_factory=dict)
 
     def __len__(self) -> int:

@@ -22,7 +22,7 @@ from safetensors.numpy import save
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.image.spans import Spans
+from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 
 VERSION = 1
@@ -86,6 +86,7 @@ def write_library(library: PoseLibrary, path: Path) -> None:
             {"size_px": level.size_px, "threshold": level.threshold} for level in library.levels
         ],
         "root_sigma_rad": library.root_sigma_rad,
+        "bounds_px": library.bounds_px,
         "checksums": {
             name: zlib.crc32(array.data.cast("B") if array.size else b"")
             for name, array in arrays.items()
@@ -171,6 +172,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         clips=tuple(about["clips"]),
         levels=tuple(levels),
         root_sigma_rad=about["root_sigma_rad"],
+        bounds_px=_bounds(about, levels),
         neighbours={
             name.removeprefix("neighbours."): array
             for name, array in arrays.items()
@@ -178,6 +180,14 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         },
         **{name: arrays[name] for name in _PLAIN},
     )
+
+
+def _bounds(about: dict, levels: list[Level]) -> Rectangle:
+    """Rectangle of the silhouettes; files made before it was stored have the representatives'."""
+    if "bounds_px" in about:
+        left, top, right, bottom = (int(edge) for edge in about["bounds_px"])
+        return left, top, right, bottom
+    return levels[-1].spans.bounds if levels else (0, 0, 0, 0)
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray], dict]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.distance import Weighting
-from silhouette_core.image.spans import Spans
+from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.library.rendering import masks_of
 from silhouette_core.progress import Reporter
 from silhouette_core.scoring.backend import Backend
@@ -73,19 +73,21 @@ class Scorer:
         size_px: (width, height).
         weighting: of the distance; the weights are the representative's.
         backend: scores the samples.
+        bounds_px: rectangle that holds every pose, see `pixel_weights`; None: the window.
     """
 
     spans: Spans
     size_px: tuple[int, int]
     weighting: Weighting
     backend: Backend = CPU
+    bounds_px: Rectangle | None = None
 
     def __call__(
         self, representative: int, samples: NDArray[np.int64], threads: bool
     ) -> NDArray[np.float64]:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
-        target = Target.from_mask(mask, self.weighting)
+        target = Target.from_mask(mask, self.weighting, self.bounds_px)
         return self.backend.span_distances(target, self.spans, samples, parallel=threads)[:, 0]
 
 

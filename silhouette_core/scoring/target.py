@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.image.spans import Rectangle
 from silhouette_core.scoring.kernels import spans as kernels
 
 
@@ -32,11 +33,17 @@ class Target:
     scale: float = 1.0
 
     @classmethod
-    def from_mask(cls, mask: NDArray[np.bool_], weighting: Weighting = "nwxor") -> Target:
+    def from_mask(
+        cls,
+        mask: NDArray[np.bool_],
+        weighting: Weighting = "nwxor",
+        bounds_px: Rectangle | None = None,
+    ) -> Target:
         """Prepares one silhouette (h, w) bool; the distance is the weighted disagreement per pixel
-        of the window, and candidates are not moved.
+        of the window, and candidates are not moved. For `bounds_px` see `pixel_weights`.
         """
-        return cls((mask,), (pixel_weights(mask, weighting),), scale=1.0 / mask.size)
+        weights = pixel_weights(mask, weighting, bounds_px)
+        return cls((mask,), (weights,), scale=1.0 / mask.size)
 
     @property
     def margin_px(self) -> int:

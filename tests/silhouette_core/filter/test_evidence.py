@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import identity
 
 from silhouette_core.filter.evidence import SHIFTS_PX, Evidence, relative_weights
+from silhouette_core.filter.forward import ForwardFilter
+from silhouette_core.filter.person import Person
+from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.library.rendering import STATURE_PX, masks_of, silhouette_levels
@@ -71,6 +75,22 @@ def test_weights_are_the_papers_over_the_silhouettes_own(windows):
         rtol=1e-5,
     )
     assert (weights[~window.seen] == 0).all()
+
+
+def test_a_frame_is_weighed_in_the_librarys_rectangle(library, windows, monkeypatch):
+    spans, nodes = library.levels[2].spans, np.arange(10)
+    own = Evidence(windows[:1], "nwxor", bounds_px=library.bounds_px).distances(spans, nodes, 1)
+    assert (own.distance > Evidence(windows[:1], "nwxor").distances(spans, nodes, 1).distance).all()
+    seen = []
+    monkeypatch.setattr(
+        "silhouette_core.filter.forward.Evidence",
+        lambda *args: seen.append(args) or Evidence(*args),
+    )
+    tree = TreeFilter(library, identity(len(library), format="csr"))
+    camera = camera_at((0, -4, 1.2))
+    mask = films(performed("walk"), camera, [5])[0]
+    ForwardFilter(tree, camera, weighting="nwxor").step(0, 0.0, Person(mask, False))
+    assert seen[0][3] == library.bounds_px
 
 
 def test_resolutions_are_reduced_as_the_librarys(windows):

@@ -76,6 +76,35 @@ def test_normalised_weights_are_one_on_the_middle_lines_of_thick_and_thin_parts(
     assert weights[~mask].max() == pytest.approx(1.0)
 
 
+def test_the_outside_is_normalised_in_the_rectangle_that_holds_every_pose():
+    mask = np.zeros((240, 320), bool)
+    mask[60:180, 140:180] = True
+    bounds = (100, 40, 220, 200)
+    for reduction in (1, 2, 4):
+        small = mask[::reduction, ::reduction]
+        left, top, right, bottom = (edge // reduction for edge in bounds)
+        inside = np.zeros(small.shape, bool)
+        inside[top:bottom, left:right] = True
+        weights = pixel_weights(small, "nwxor", bounds)
+        assert weights[inside & ~small].max() == pytest.approx(1.0)
+        whole = pixel_weights(small, "nwxor")
+        assert whole[inside & ~small].max() < 0.5
+        np.testing.assert_array_equal(weights[small], whole[small])
+        for weighting in ("xor", "wxor", "balanced"):
+            np.testing.assert_array_equal(
+                pixel_weights(small, weighting, bounds), pixel_weights(small, weighting)
+            )
+    covered = pixel_weights(mask, "nwxor", (150, 80, 170, 100))
+    np.testing.assert_array_equal(covered, pixel_weights(mask, "nwxor"))
+
+
+def test_bounds_hold_all_silhouettes():
+    masks = np.zeros((3, 20, 30), bool)
+    masks[0, 3:7, 10:25] = masks[1, 5:16, 4:6] = True
+    assert Spans.from_masks(masks).bounds == (4, 3, 25, 16)
+    assert Spans.from_masks(masks[2:]).bounds == (0, 0, 0, 0)
+
+
 def test_resolutions_agree():
     rng = np.random.default_rng(1)
     for weighting in WEIGHTINGS:

@@ -1,6 +1,7 @@
 """The library's file: what is read is what was written, and what is wrong is said."""
 
 import json
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,22 @@ def test_what_is_read_is_what_was_written(made, path):
     assert all((read.neighbours[name] == made.neighbours[name]).all() for name in made.neighbours)
     assert (read.model.vertices_m == made.model.vertices_m).all()
     require_body(read, made.model.sizes)
+    silhouettes = made.render(np.arange(len(made))).windows.any(axis=0)
+    rows, columns = (np.flatnonzero(silhouettes.any(axis=axis)) for axis in (1, 0))
+    assert read.bounds_px == (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
+
+
+def test_a_file_without_the_rectangle_has_that_of_its_representatives(path, made):
+    content = path.read_bytes()
+    length = int.from_bytes(content[:8], "little")
+    header = json.loads(content[8 : 8 + length])
+    about = json.loads(header["__metadata__"]["about"])
+    del about["bounds_px"]
+    text = json.dumps(about)
+    header["__metadata__"] |= {"about": text, "about_checksum": str(zlib.crc32(text.encode()))}
+    text = json.dumps(header)
+    path.write_bytes(len(text).to_bytes(8, "little") + text.encode() + content[8 + length :])
+    assert read_library(path).bounds_px == made.levels[-1].spans.bounds
 
 
 @pytest.mark.parametrize("where", [0.0, 0.3, 0.6, 0.999])

@@ -22,6 +22,8 @@ def literal_tree(library):
     """Section 3 as it is written. Every set is a list of samples; silhouettes are images."""
     everybody = np.arange(len(library))
     levels = silhouette_levels(library.render(everybody).windows > 0)
+    rows, columns = (np.flatnonzero(levels[-1].any(axis=axes)) for axes in ((0, 2), (0, 1)))
+    bounds_px = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
     turn, angles = library.pose(everybody)
     w, x, y, z = turn.T
     first = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1)
@@ -34,7 +36,7 @@ def literal_tree(library):
     def distances(representative, masks, samples):
         mask, weights = (
             masks[representative],
-            pixel_weights(masks[representative], "nwxor").astype(float),
+            pixel_weights(masks[representative], "nwxor", bounds_px).astype(float),
         )
         return {s: weights[mask ^ masks[s]].sum() / mask.size for s in samples}
 
