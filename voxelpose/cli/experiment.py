@@ -29,8 +29,8 @@ class ArmSwing:
 
 RECORDING shows a person in profile whose right arm swings forth and back, with the true joint
 positions in truth.json or --truth. Without RECORDING, the demo's mannequin is rendered. The arm is
-tracked with {wXOR, nwXOR} and {DM1, DM2} as in the paper, without this program's additions, and
-every swing is counted as Success, Error (tracked at a wrong angle) or Fail (Fig. 4).
+tracked with {wXOR, nwXOR} and {DM1, DM2} as in the paper, or with --additions by this program's
+filter, and every swing is counted as Success, Error (tracked at a wrong angle) or Fail (Fig. 4).
 OUT receives table.md (with the paper's numbers), angles.png (true and estimated angles),
 summary.json, and the mannequin's recording/.
 
@@ -57,6 +57,8 @@ summary.json, and the mannequin's recording/.
     """Standard deviation in eq. (10), as a fraction of the silhouette's weight; for all methods."""
     prior: Literal["normalised", "kernel"] = "normalised"
     """Eq. (4) normalised over the library, as in `voxelpose track`, or its exponential alone."""
+    additions: bool = False
+    """Track with what this program adds: refined silhouettes, shifts, restarts of lost tracks."""
     arm: Literal["near", "far"] = "near"
     """Without RECORDING: side on which the arm swings, near the camera or far (as the paper)."""
     degraded: bool = True
@@ -96,7 +98,7 @@ summary.json, and the mannequin's recording/.
                 source = make_recording(folder / "recording", performance=performance)
             recording = Recording.open(source, frame_range(self.frames), camera_names(self.camera))
             truth = self.truth or source / TRUTH
-            reading = Reading(self.sigma, self.prior == "normalised")
+            reading = Reading(self.sigma, self.prior == "normalised", self.additions)
             study = Study(
                 truth, self.stature, self.library, self.degraded, self.ours, reading=reading
             )

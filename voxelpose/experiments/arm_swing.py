@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.filter.forward import ForwardFilter, candidates_of
+from silhouette_core.filter.forward import ForwardFilter
 from silhouette_core.filter.person import find_person, upright_distance
 from silhouette_core.filter.tree_filter import FilterSettings, TreeFilter
 from silhouette_core.filter.window import look_at
@@ -20,17 +20,18 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.library.transitions import transitions
-from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.kinematics import forward, landmarks
 from silhouette_core.progress import Reporter
 from voxelpose.experiments.degrade import Degradation, degrade
+from voxelpose.experiments.paper_filter import PaperFilter, largest_component
 from voxelpose.experiments.swing_library import NEIGHBOURS
 from voxelpose.experiments.swings import Verdict, arm_angles, count
 from voxelpose.recording.folder import Recording
 
 LONG_SIDE_PX = 640  # the paper's camera
 FLOOR = 1e-6
-"""Fraction of the prior spread over the whole library: negligible, as the paper's tracker does not
-recover from a lost track."""
+"""Fraction of the prior spread over the whole library with the program's additions: negligible. A
+lost track recovers by being started again."""
 _SEED = 0
 DEGRADATIONS = (
     Degradation(),
@@ -52,10 +53,16 @@ class Reading:
     Attributes:
         sigma: of eq. (10), as a fraction of the silhouette's own weight.
         normalised: of eq. (4), see `silhouette_core.library.transitions.transitions`.
+        additions: with this program's additions to the paper, as `voxelpose track` without
+            refinement: refined silhouettes with the components near the person, nodes moved by a
+            pixel, sigma relative to every frame's silhouette and wider for the coarse levels, a
+            uniform initial prior, and half of the prior spread evenly once the track is lost. Else
+            section 5.1's silhouettes, of which the largest component, and `PaperFilter`.
     """
 
     sigma: float = 0.05
     normalised: bool = True
+    additions: bool = False
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,7 @@ class SilhouetteVideo:
 
     @classmethod
     def from_recording(
-        cls, recording: Recording, stature_m: float, reporter: Reporter
+        cls, recording: Recording, stature_m: float, reporter: Reporter, additions: bool = False
     ) -> SilhouetteVideo:
         """Finds the silhouettes of a recording.
 
@@ -123,6 +130,7 @@ class SilhouetteVideo:
             recording: of one camera.
             stature_m: of the person.
             reporter: notified of every frame.
+            additions: refined silhouettes instead of those of the paper, see `Reading`.
 
         Raises:
             InputError: the first frame shows no person, or there are several cameras.
@@ -133,12 +141,17 @@ class SilhouetteVideo:
                 " NAME"
             )
         view = UndistortedView.from_camera(recording.rig.cameras[0], LONG_SIDE_PX)
-        silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
+        method = "refined" if additions else "paper"
+        silhouettes = Silhouettes(recording, method, LONG_SIDE_PX)
         reporter.stage("silhouettes", recording.frame_count)
         bits = []
         for _, _, frames in recording:
-            person = find_person(view.undistort(silhouettes.of(frames)[recording.rig.names[0]]))
-            mask = np.zeros(view.pinhole.size[::-1], bool) if person is None else person.mask
+            mask = view.undistort(silhouettes.of(frames)[recording.rig.names[0]])
+            if not additions:
+                mask = largest_component(mask)
+            else:
+                person = find_person(mask)
+                mask = np.zeros_like(mask) if person is None else person.mask
             bits.append(np.packbits(mask, axis=1))
             reporter.advance()
         width, height = view.pinhole.size
@@ -228,7 +241,7 @@ def track_arm(
     reading: Reading,
     reporter: Reporter,
 ) -> tuple[NDArray[np.float64], int]:
-    """Tracks the right arm as the paper does.
+    """Tracks the right arm, as the paper does or with this program's additions.
 
     The estimate of a frame is the most likely sample given the frames up to it, eq. (12) and (13),
     without refinement. The person stays at the distance of the first frame, which is not estimated.
@@ -238,12 +251,12 @@ def track_arm(
         library: poses, seen from about the side of the video.
         method: distance and motion model.
         degradation: applied to the silhouettes first.
-        reading: of what the paper does not state.
+        reading: of what the paper does not state, and whether with additions.
         reporter: notified of every frame.
 
     Returns:
         (T,) degrees, the angle of the right upper arm, NaN where the silhouette is empty; and the
-        number of frames in which the filter was lost.
+        number of frames in which the filter was lost, which only the program's own notices.
     """
     interval_s = 1 / video.fps
     matrix = transitions(
@@ -253,19 +266,29 @@ def track_arm(
     tracker = ForwardFilter(
         tree, video.camera, False, method.weighting, video.distance_m, interval_s
     )
+    paper = PaperFilter(
+        library, matrix, video.camera, video.distance_m, method.weighting, reading.sigma
+    )
     joints = np.full((len(video), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0
     for frame in range(len(video)):
-        rng = np.random.default_rng((_SEED, frame))
-        person = find_person(degrade(video.mask(frame), degradation, rng))
-        if person is not None:
-            posterior = tracker.step(frame, frame / video.fps, person)
-            lost += posterior.lost
-            best, model = candidates_of(tree, posterior, [0]), library.model
-            pose = best.root_m, quaternions(best.root_rotation), best.angles_rad
-            joints[frame] = landmarks(model, *forward(model, *pose))[0]
+        mask = degrade(video.mask(frame), degradation, np.random.default_rng((_SEED, frame)))
+        if not reading.additions:
+            mask = largest_component(mask)
+            if mask.any():
+                joints[frame] = _landmarks(library, paper.step(frame, mask))
+        elif (person := find_person(mask)) is not None:
+            filter_frame = tracker.step(frame, frame / video.fps, person)
+            lost += filter_frame.lost
+            joints[frame] = _landmarks(library, int(filter_frame.posterior.samples[0]))
         reporter.advance()
     return arm_angles(joints), lost
+
+
+def _landmarks(library: PoseLibrary, sample: int) -> NDArray[np.float64]:
+    """Joints (15, 3) of a sample before the library's camera, m, pelvis at the origin."""
+    turn, angles = library.pose(np.array([sample]))
+    return landmarks(library.model, *forward(library.model, np.zeros((1, 3)), turn, angles))[0]
 
 
 def run_methods(

@@ -92,7 +92,8 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
             f"{recording.folder} has no subject.toml that says how tall the person is: add"
             " --stature"
         )
-    video = SilhouetteVideo.from_recording(recording, stature, reporter)
+    additions = study.reading.additions
+    video = SilhouetteVideo.from_recording(recording, stature, reporter, additions)
     library = _library(
         study,
         stature,
@@ -118,7 +119,7 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         "distance_m": video.distance_m,
         "criterion": asdict(Criterion()),
         "filter": asdict(study.reading)
-        | {"floor": FLOOR, "m": MAGNIFICATION, "hidden_share": AREA_FRACTION},
+        | {"floor": FLOOR if additions else 0.0, "m": MAGNIFICATION, "hidden_share": AREA_FRACTION},
         "library": {
             "samples": len(library),
             "nodes": [len(level) for level in library.levels],
