@@ -54,7 +54,7 @@ class LibrarySettings:
         pitches_deg: angles of the camera below the horizontal, one or several.
         mirror: whether every pose's mirror image is added.
         weighting: pixel weights of the silhouette distance in the tree. XOR is symmetric. With
-            nwXOR, pixels outside the representative cost little, so that large nodes hold very
+            nwXOR, pixels just outside the representative cost little, so that large nodes hold very
             different silhouettes and the tree leads less well to the best pose (`python -m
             benchmarks.pruning`).
         node_shares: number of nodes of each level, as a fraction of the samples; the default is the
