@@ -17,12 +17,13 @@ from voxelpose import Output, Recording, Settings, track
 out = out_folder()
 recording = Recording.open(recording_folder(out), cameras=["cam_2"])
 
-# A small pose library, which is made in seconds. Without the option `library`, the default one with
-# eight times as many samples is made and kept.
+# A small pose library without a learned proposal, which is made in seconds. Without the option
+# `library`, the default one with eight times as many samples is made and kept.
 library = out / "small.vplib"
 if not library.exists():
     model = BodyModel.from_sizes(BodySizes(stature_m=1.75))
-    make_library(keypose_motions(model), model, library, LibrarySettings(poses=3000))
+    settings = LibrarySettings(poses=3000, proposal=False)
+    make_library(keypose_motions(model), model, library, settings)
 
 result = track(
     recording, Output(out / "track", overwrite=True), Settings(options={"library": str(library)})

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
+
+import numpy as np
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
@@ -15,6 +20,8 @@ from silhouette_core.library.store import is_library, read_library, write_librar
 from silhouette_core.motion.mocap.load import load_motions, motion_files
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.proposal.pose_proposal import PoseProposal
+from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
 
 
 def read_clips(
@@ -96,6 +103,31 @@ def make_library(
         f" {len(bases.angles) * settings.views_count} samples"
     )
     partial = path.with_name(f"{path.name}.partial")
-    write_library(build_library(bases, model, settings, reporter, partial), path)
+    library = build_library(bases, model, settings, reporter, partial)
+    if settings.proposal:
+        learning = LearningSettings(mirror=settings.mirror)
+        library = replace(library, proposal=_learned(motions, model, learning, partial, reporter))
+    write_library(library, path)
     Checkpoint.remove(partial)
     return read_library(path)
+
+
+def _learned(
+    motions: Mapping[str, Motion],
+    model: BodyModel,
+    settings: LearningSettings,
+    partial: Path,
+    reporter: Reporter,
+) -> PoseProposal:
+    """Proposal learned from all motion, with a checkpoint once it is learned."""
+    digest = hashlib.sha256(json.dumps([asdict(settings), asdict(model.sizes)]).encode())
+    for motion in motions.values():
+        for array in (motion.root_m, motion.root_quaternion, motion.angles_rad, motion.time_s):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    checkpoint = Checkpoint(partial / "proposal", digest.hexdigest())
+    return PoseProposal.from_arrays(
+        checkpoint.step(
+            "proposal",
+            lambda: learn_proposal(list(motions.values()), model, settings, reporter).arrays(),
+        )
+    )

@@ -16,6 +16,7 @@ from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.library.rendering import RenderedViews, pose_surfaces, render_views
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
+from silhouette_core.proposal.pose_proposal import PoseProposal
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,7 @@ class LibrarySettings:
         node_shares: number of nodes of each level, as a fraction of the samples; the default is the
             paper's 7,828, 26,805 and 44,108 of 57,136.
         thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
+        proposal: whether `from_motion.make_library` learns a proposal from the motion.
     """
 
     poses: int = 60_000
@@ -70,6 +72,7 @@ class LibrarySettings:
     weighting: Weighting = "xor"
     node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
     thresholds: tuple[float, float, float] | None = None
+    proposal: bool = True
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -142,6 +145,7 @@ class PoseLibrary:
         bounds_px: smallest rectangle of the window of 320 x 240 that holds the silhouettes of all
             samples, the outer limit of eq. (9).
         neighbours: nearest samples of every sample, see `transitions.find_neighbours`.
+        proposal: learned proposal of poses; None: the library has none.
     """
 
     model: BodyModel
@@ -166,6 +170,7 @@ class PoseLibrary:
     root_sigma_rad: float
     bounds_px: Rectangle
     neighbours: Mapping[str, NDArray] = field(default_factory=dict)
+    proposal: PoseProposal | None = None
 
     def __len__(self) -> int:
         """Number of samples."""

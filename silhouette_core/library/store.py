@@ -24,6 +24,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
+from silhouette_core.proposal.pose_proposal import PoseProposal
 
 VERSION = 1
 _FORMAT = "voxelpose pose library"
@@ -75,6 +76,8 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         for name in ("rows", "starts", "ends", "offsets"):
             arrays[f"level{number}.{name}"] = getattr(level.spans, name)
     arrays |= {f"neighbours.{name}": array for name, array in library.neighbours.items()}
+    if library.proposal is not None:
+        arrays |= {f"proposal.{name}": array for name, array in library.proposal.arrays().items()}
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     about = {
         "sizes": asdict(library.model.sizes),
@@ -143,7 +146,8 @@ def read_library(path: Path) -> PoseLibrary:
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     """Library from the arrays and the description in its file."""
-    settings: dict[str, Any] = {
+    # Files made before proposals were learned do not state that they have none.
+    settings: dict[str, Any] = {"proposal": False} | {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
     }
@@ -166,6 +170,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         levels.append(
             Level(representative, parent, spans, tuple(facts["size_px"]), facts["threshold"])
         )
+    learned = _group(arrays, "proposal.")
     return PoseLibrary(
         model=model,
         settings=LibrarySettings(**settings),
@@ -173,13 +178,19 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         levels=tuple(levels),
         root_sigma_rad=about["root_sigma_rad"],
         bounds_px=_bounds(about, levels),
-        neighbours={
-            name.removeprefix("neighbours."): array
-            for name, array in arrays.items()
-            if name.startswith("neighbours.")
-        },
+        neighbours=_group(arrays, "neighbours."),
+        proposal=PoseProposal.from_arrays(learned) if learned else None,
         **{name: arrays[name] for name in _PLAIN},
     )
+
+
+def _group(arrays: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
+    """Arrays whose names begin with a prefix, by the rest of their names."""
+    return {
+        name.removeprefix(prefix): array
+        for name, array in arrays.items()
+        if name.startswith(prefix)
+    }
 
 
 def _bounds(about: dict, levels: list[Level]) -> Rectangle:

@@ -21,7 +21,7 @@ def summary(library: PoseLibrary, path: Path) -> str:
     nodes = " / ".join(f"{len(level):,}" for level in library.levels)
     thresholds = " / ".join(f"{level.threshold:.4f}" for level in library.levels)
     clips = np.bincount(library.base_source[:, 0], minlength=len(library.clips))
-    occluded = library.occluded.mean(axis=0)
+    occluded, proposal = library.occluded.mean(axis=0), library.proposal
     lines = [
         f"{path}: {path.stat().st_size / 1e6:,.1f} MB",
         f"body      {describe(library.model.sizes)}",
@@ -43,6 +43,7 @@ def summary(library: PoseLibrary, path: Path) -> str:
             f"hidden    {occluded.mean():.0%} of all parts; most often"
             f" {library.model.names[int(occluded.argmax())]}, {occluded.max():.0%}"
         ),
+        "proposal  none" if proposal is None else f"proposal  {proposal.network.modes} modes",
         (
             f"clips     {int((clips > 0).sum())} of {len(library.clips)} gave poses:"
             f" {', '.join(library.clips)}"

@@ -45,6 +45,8 @@ the same command is run again.
     """Add the mirror image of every pose."""
     weighting: Literal["xor", "wxor", "nwxor", "balanced"] = "xor"
     """Silhouette distance of the tree: Okada and Stenger's eq. (6), (7)-(8), (9), or balanced."""
+    proposal: bool = True
+    """Learn a proposal of poses from the motion, about three minutes on one core."""
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
     """Names of the joints, for a skeleton whose names are not recognised."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
@@ -71,6 +73,7 @@ the same command is run again.
                 pitches_deg=self.pitch or LibrarySettings.pitches_deg,
                 mirror=self.mirror,
                 weighting=self.weighting,
+                proposal=self.proposal,
             )
             model = BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)

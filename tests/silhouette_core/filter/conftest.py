@@ -10,7 +10,9 @@ from silhouette_core.library.store import write_library
 from silhouette_core.library.transitions import transitions
 from tests.silhouette_core.filter.filming import MOVEMENTS, body, performed
 
-SETTINGS = LibrarySettings(poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011))
+SETTINGS = LibrarySettings(
+    poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011), proposal=False
+)
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,12 @@ from silhouette_core.library.pose_library import LibrarySettings
 from silhouette_core.motion.motion import Motion
 
 SETTINGS = LibrarySettings(
-    poses=240, yaw_step_deg=60, mirror=False, tolerance_deg=12.0, weighting="nwxor"
+    poses=240,
+    yaw_step_deg=60,
+    mirror=False,
+    tolerance_deg=12.0,
+    weighting="nwxor",
+    proposal=False,
 )
 
 

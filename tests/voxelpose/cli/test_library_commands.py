@@ -8,7 +8,7 @@ from tests.clips import waving
 from voxelpose.cli import run
 from voxelpose.export.bvh import write_bvh
 
-SMALL = ["--yaw-step", "120", "--poses", "12", "--no-mirror", "--stature", "1.7"]
+SMALL = ["--yaw-step", "120", "--poses", "12", "--no-mirror", "--no-proposal", "--stature", "1.7"]
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_build_and_info(clips, desk, capsys):
     )
     out = capsys.readouterr().out
     library = read_library(desk / "me.vplib")
-    assert library.clips == ("wave_1",)
+    assert library.clips == ("wave_1",) and library.proposal is None
     assert 0 < len(library) <= 12 and library.model.sizes.stature_m == 1.7
     np.testing.assert_allclose(np.degrees(library.views), [[0, 4], [120, 4], [240, 4]])
     assert sorted(path.name for path in desk.iterdir() if path.name != "site") == [

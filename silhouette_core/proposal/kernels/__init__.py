@@ -1,0 +1,1 @@
+"""Compiled loops of this folder; plain arrays only."""

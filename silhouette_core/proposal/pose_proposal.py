@@ -1,0 +1,133 @@
+"""Learned proposal: probable poses from silhouettes, stored in the pose library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.proposal.mixture_network import MixtureNetwork
+from silhouette_core.proposal.silhouette_features import (
+    FrameFeatures,
+    coverage_grid,
+    encode,
+    nearby_frames,
+    network_inputs,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseModes:
+    """M probable poses in each of T frames; lengths in statures.
+
+    Attributes:
+        probability: (T, M) float32, summing to 1.
+        joints: (T, M, 15, 3) float32, relative to the pelvis, in the order of LANDMARK_NAMES, in
+            the frame of a level camera with the heading of the features: right, away and up.
+        sigma: (T, M, 15, 2) float32, deviations across (right and up) and along (away) the line of
+            sight, scales of Student's t with 4 degrees of freedom; 0 for the pelvis.
+        offset: (T, 3) float32, the pelvis's place in the window from its middle, right and down, at
+            the assumed distance (1: 158 px of 240), and the logarithm of the pelvis's true distance
+            along the optical axis over the assumed one.
+        offset_sigma: (T, 3) float32, deviations of `offset`, likewise.
+    """
+
+    probability: NDArray[np.float32]
+    joints: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    offset: NDArray[np.float32]
+    offset_sigma: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.probability)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseProposal:
+    """Trained network and the basis of its silhouettes, see `proposal_learning.learn_proposal`.
+
+    Attributes:
+        mean_coverage: (4800,) float32, see `silhouette_features.fit_basis`.
+        basis: (4800, K) float32, likewise.
+        network: the network, float32.
+    """
+
+    mean_coverage: NDArray[np.float32]
+    basis: NDArray[np.float32]
+    network: MixtureNetwork
+
+    def codes(self, masks: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Codes (T, K) float32 of silhouettes (T, 240, 320) bool in the window of the library.
+
+        The window is that of `silhouette_core.filter.window.look_at`: the silhouette's centroid in
+        its middle, 158 pixels per stature at the assumed distance.
+
+        Raises:
+            ValueError: the masks have another shape.
+        """
+        return encode(coverage_grid(masks), self.mean_coverage, self.basis)
+
+    def modes(self, features: FrameFeatures, causal: bool = False) -> PoseModes:
+        """Probable poses in every frame.
+
+        Args:
+            features: of the frames.
+            causal: whether each frame's poses depend on no later frame.
+
+        Returns:
+            The modes of all frames.
+        """
+        frames = np.arange(len(features))
+        flags = np.full(len(features), causal)
+        nearby = nearby_frames(features.time_s)
+        found = self.network.mixture(network_inputs(features, frames, nearby, flags))
+        return PoseModes(
+            found.probability,
+            np.pad(found.joints, ((0, 0), (0, 0), (1, 0), (0, 0))),
+            np.pad(found.sigma, ((0, 0), (0, 0), (1, 0), (0, 0))),
+            found.offset,
+            found.offset_sigma,
+        )
+
+    def arrays(self) -> dict[str, NDArray]:
+        """All arrays by name, for a file; `from_arrays` is the inverse."""
+        network = self.network
+        return {
+            "mean_coverage": self.mean_coverage,
+            "basis": self.basis,
+            "mean_joints": network.mean_joints,
+            "modes": np.array([network.modes], np.int32),
+            **{f"weight{number}": array for number, array in enumerate(network.weights)},
+            **{f"bias{number}": array for number, array in enumerate(network.biases)},
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> PoseProposal:
+        """Proposal of the arrays of a file.
+
+        Raises:
+            KeyError: an array is missing.
+            ValueError: the arrays do not fit together.
+        """
+        layers = range(sum(name.startswith("weight") for name in arrays))
+        network = MixtureNetwork(
+            tuple(arrays[f"weight{number}"] for number in layers),
+            tuple(arrays[f"bias{number}"] for number in layers),
+            arrays["mean_joints"],
+            int(arrays["modes"][0]),
+        )
+        sizes = [weight.shape for weight in network.weights]
+        ends = network.modes * (5 * len(network.mean_joints) + 1) + 6
+        if (
+            not sizes
+            or any(a[1] != b[0] for a, b in pairwise(sizes))
+            or any(bias.shape != size[1:] for bias, size in zip(network.biases, sizes, strict=True))
+            or sizes[-1][1] != ends
+            or len(arrays["mean_coverage"]) != len(arrays["basis"])
+        ):
+            raise ValueError("the arrays of the proposal do not fit together")
+        return cls(arrays["mean_coverage"], arrays["basis"], network)

@@ -1,0 +1,181 @@
+"""Training of the proposal on virtual takes of recorded motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.motion import Motion
+from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.proposal.mixture_network import MixtureNetwork
+from silhouette_core.proposal.network_training import Batch, TrainingSettings, train_network
+from silhouette_core.proposal.pose_proposal import PoseProposal
+from silhouette_core.proposal.silhouette_features import (
+    FrameFeatures,
+    encode,
+    fit_basis,
+    nearby_frames,
+    network_inputs,
+)
+from silhouette_core.proposal.virtual_takes import VirtualBodies, VirtualTake, film_take, plan_takes
+
+_BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
+_FIRST_TAKES = 120  # takes in random order, from which the basis is made
+_BASIS_GRIDS = 4000
+_CAUSAL = 1 / 3  # of the samples
+_LEAST_STEPS = 200
+
+
+@dataclass(frozen=True)
+class LearningSettings:
+    """Settings of the proposal.
+
+    Attributes:
+        frames: largest number of virtual frames.
+        takes: largest number of virtual takes of each recorded frame.
+        mirror: whether half of the takes are mirrored.
+        passes: how often each virtual frame is learned from, if that takes fewer steps than
+            `training` allows.
+        training: settings of the training.
+        seed: seed of everything random.
+    """
+
+    frames: int = 100_000
+    takes: int = 8
+    mirror: bool = True
+    passes: float = 10.0
+    training: TrainingSettings = field(default_factory=TrainingSettings)
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedFrames:
+    """Frames of all takes.
+
+    Attributes:
+        features: their features; takes are 10 s apart.
+        joints: (T, 14, 3) float32, as in `VirtualTake`.
+        offset: (T, 3) float32, as in `VirtualTake`.
+    """
+
+    features: FrameFeatures
+    joints: NDArray[np.float32]
+    offset: NDArray[np.float32]
+
+
+def learn_proposal(
+    motions: Sequence[Motion],
+    model: BodyModel,
+    settings: LearningSettings | None = None,
+    reporter: Reporter | None = None,
+) -> PoseProposal:
+    """Proposal that has learned to tell recorded motion from its silhouettes.
+
+    Args:
+        motions: recorded motion, of the body.
+        model: the body of the library; random bodies around it are filmed.
+        settings: settings; None: the usual ones.
+        reporter: informed of the stages.
+
+    Returns:
+        The proposal; the same inputs give the same one, for any number of threads.
+
+    Raises:
+        InputError: there is too little motion.
+    """
+    settings, reporter = settings or LearningSettings(), reporter or SilentReporter()
+    streams = np.random.SeedSequence(settings.seed).spawn(4)
+    plan, film, fit, train = (np.random.default_rng(stream) for stream in streams)
+    recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
+    stretches = plan_takes(
+        motions, min(settings.frames, settings.takes * recorded), settings.mirror, plan
+    )
+    if not stretches:
+        raise InputError(
+            "the proposal needs motion of at least half a second: give more, or --no-proposal"
+        )
+    reporter.stage("filming the motion", sum(map(len, stretches)))
+    filmed, mean, basis = _film(stretches, VirtualBodies(model), film, fit, reporter)
+    return _trained(filmed, mean, basis, settings, train, reporter)
+
+
+def _film(
+    stretches: Sequence[Motion],
+    bodies: VirtualBodies,
+    film: np.random.Generator,
+    fit: np.random.Generator,
+    reporter: Reporter,
+) -> tuple[FilmedFrames, NDArray[np.float32], NDArray[np.float32]]:
+    """Frames of all stretches, and the mean and basis of their silhouettes."""
+    takes: list[VirtualTake] = []
+    codes: list[NDArray[np.float32]] = []
+    mean = basis = np.zeros(0, np.float32)
+    # Each take has random numbers of its own.
+    for number, (motion, rng) in enumerate(
+        zip(stretches, film.spawn(len(stretches)), strict=True), start=1
+    ):
+        takes.append(film_take(motion, bodies, rng))
+        if number == min(_FIRST_TAKES, len(stretches)):
+            grids = np.concatenate([take.coverage for take in takes])
+            mean, basis = fit_basis(grids[fit.permutation(len(grids))[:_BASIS_GRIDS]], fit)
+        if len(basis):
+            for late in range(len(codes), number):
+                codes.append(encode(takes[late].coverage, mean, basis))
+                # Grids would fill the memory.
+                takes[late] = replace(takes[late], coverage=takes[late].coverage[:0])
+        reporter.advance(len(motion))
+    starts = [0.0, *np.cumsum([take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes])]
+    time_s = [
+        take.time_s - take.time_s[0] + start for take, start in zip(takes, starts[:-1], strict=True)
+    ]
+    features = FrameFeatures(
+        np.concatenate(codes),
+        np.concatenate([take.pitch_rad for take in takes]),
+        np.concatenate([take.heading_rad for take in takes]),
+        np.concatenate([take.anchor for take in takes]),
+        np.concatenate(time_s),
+    )
+    joints, offset = (
+        np.concatenate([getattr(take, name) for take in takes]) for name in ("joints", "offset")
+    )
+    return FilmedFrames(features, joints, offset), mean, basis
+
+
+def _trained(
+    filmed: FilmedFrames,
+    mean: NDArray[np.float32],
+    basis: NDArray[np.float32],
+    settings: LearningSettings,
+    rng: np.random.Generator,
+    reporter: Reporter,
+) -> PoseProposal:
+    """Proposal whose network is trained on frames."""
+    training, count = settings.training, len(filmed.features)
+    steps = round(settings.passes * count / training.batch)
+    training = replace(training, steps=min(training.steps, max(steps, _LEAST_STEPS)))
+    nearby = nearby_frames(filmed.features.time_s)
+
+    def draw(rng: np.random.Generator) -> Batch:
+        frames = rng.integers(0, count, training.batch)
+        causal = rng.random(training.batch) < _CAUSAL
+        return Batch(
+            network_inputs(filmed.features, frames, nearby[frames], causal),
+            filmed.joints[frames],
+            filmed.offset[frames],
+        )
+
+    network = MixtureNetwork.initial(
+        draw(np.random.default_rng(0)).inputs.shape[1],
+        training.hidden,
+        training.modes,
+        filmed.joints.mean(axis=0),
+        rng,
+    )
+    reporter.stage("learning the proposal", training.steps)
+    train_network(network, draw, training, rng, reporter)
+    return PoseProposal(mean, basis, network)

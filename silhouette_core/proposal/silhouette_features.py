@@ -1,0 +1,203 @@
+"""From silhouettes over time to what the network of the proposal reads.
+
+A silhouette becomes a grid of coverage, the grid a few principal components, and these are read
+at several instants within 0.4 s, stated in seconds so that any frame rate will do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.checks import check_array
+
+GRID = (60, 80)
+"""Rows and columns of the grid of coverage."""
+STATURE_CELLS = 39.5
+"""Cells of a stature at the assumed distance: 158 pixels of the library's window."""
+FULL = 4
+"""Coverage of a cell inside the silhouette."""
+OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
+"""Instants that are read beside a frame's own, s."""
+_FUTURE = OFFSETS_S > 0
+_WINDOW_PX = (240, 320)
+_COMPONENTS, _COMPONENTS_BESIDE = 120, 40
+_SPARE, _ROUNDS = 20, 3  # of the randomised decomposition
+_BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with other threads
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFeatures:
+    """Silhouettes of one person in T frames, as seen by a camera turned toward each.
+
+    Attributes:
+        codes: (T, K) float32, of the silhouettes, from `PoseProposal.codes`.
+        pitch_rad: (T,) float32, angle of the optical axis below the horizontal.
+        heading_rad: (T,) float32, direction of the optical axis from above, atan2(y, x); not the
+            heading of a body that faces the camera.
+        anchor: (T, 3) float32, the point of the optical axis at the assumed distance, in the world
+            in statures, the floor at height 0.
+        time_s: (T,) float64, increasing.
+    """
+
+    codes: NDArray[np.float32]
+    pitch_rad: NDArray[np.floating]
+    heading_rad: NDArray[np.floating]
+    anchor: NDArray[np.floating]
+    time_s: NDArray[np.floating]
+
+    def __post_init__(self) -> None:
+        """Checks the arrays.
+
+        Raises:
+            ValueError: an array has another shape than stated, or holds NaN.
+        """
+        count = len(self.codes)
+        check_array("codes", self.codes, ("T", "K"), finite=True)
+        check_array("anchor", self.anchor, (count, 3), finite=True)
+        for name in ("pitch_rad", "heading_rad", "time_s"):
+            check_array(name, getattr(self, name), (count,), finite=True)
+        if (np.diff(self.time_s) <= 0).any():
+            raise ValueError("time_s must increase")
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.codes)
+
+
+def coverage_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Coverage (…, 60, 80) uint8, 0 to 4, of silhouettes (…, 240, 320) bool in the library's
+    window: of 2 x 2 pixels two must be set, of these 2 x 2 are counted.
+    """
+    check_array("masks", masks.reshape(-1, *masks.shape[-2:]), ("N", *_WINDOW_PX), np.bool_)
+    rows, columns = GRID
+    halves = masks.reshape(*masks.shape[:-2], rows, 2, 2, columns, 2, 2)
+    return (halves.sum(axis=(-4, -1), dtype=np.uint8) >= 2).sum(axis=(-3, -1), dtype=np.uint8)
+
+
+def level_axes(heading_rad: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Right, away and up (T, 3, 3), as rows in the world, of level cameras that look along
+    headings (T,), atan2(y, x).
+    """
+    heading = np.asarray(heading_rad, float)
+    cosine, sine, none = np.cos(heading), np.sin(heading), np.zeros(len(heading))
+    return np.stack(
+        [
+            np.stack([sine, -cosine, none], axis=-1),
+            np.stack([cosine, sine, none], axis=-1),
+            np.stack([none, none, none + 1], axis=-1),
+        ],
+        axis=1,
+    )
+
+
+def nearby_frames(time_s: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Frames (T, 8) nearest to the instants `OFFSETS_S` about every frame; of two equally near the
+    earlier. Instants before a frame give no later one, and the other way round.
+    """
+    time = np.asarray(time_s, float)
+    wanted = time[:, None] + OFFSETS_S
+    after = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(time) - 1)
+    later = time[after] - wanted < wanted - time[before]
+    return np.where(later, after, before)
+
+
+def past_only(nearby: NDArray[np.int64], frames: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Nearby frames (n, 8) of frames (n,), the later ones replaced by the frame itself."""
+    return np.where(_FUTURE, np.asarray(frames)[:, None], nearby)
+
+
+def network_inputs(
+    features: FrameFeatures,
+    frames: NDArray[np.integer],
+    nearby: NDArray[np.int64],
+    causal: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """Inputs (n, I) of the network.
+
+    Args:
+        features: the frames' features; the order of `time_s` does not matter here.
+        frames: (n,), frames whose poses are asked for.
+        nearby: (n, 8), frames at `OFFSETS_S` about each.
+        causal: (n,), whether only the earlier of those are read.
+    """
+    nearby = np.where(causal[:, None], past_only(nearby, frames), nearby)
+    axes = level_axes(features.heading_rad[frames])
+    moved = features.anchor[nearby] - features.anchor[frames][:, None]
+    return np.concatenate(
+        [
+            features.codes[frames],
+            features.codes[nearby, :_COMPONENTS_BESIDE].reshape(len(frames), -1),
+            3 * np.matmul(moved, axes.transpose(0, 2, 1)).reshape(len(frames), -1),
+            2 * features.pitch_rad[frames][:, None],
+            features.anchor[frames, 2:],
+            causal[:, None],
+        ],
+        axis=1,
+        dtype=np.float32,
+        casting="unsafe",
+    )
+
+
+def fit_basis(
+    grids: NDArray[np.uint8], rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Mean and principal components of grids of coverage.
+
+    Args:
+        grids: (N, 60, 80) uint8, 0 to 4.
+        rng: random numbers, for the start.
+
+    Returns:
+        Mean (4800,) and basis (4800, K) float32, K <= 120, of grids divided by 4: codes are
+        (grid / 4 - mean) @ basis. The components are scaled by the square root of their deviation,
+        so that the first ones count most, but less than in the picture.
+
+    Source: Halko, Martinsson and Tropp, Finding structure with randomness (2011), 4.5.
+    """
+    rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
+    mean = rows.mean(axis=0)
+    rows -= mean
+    count = min(_COMPONENTS, max(1, len(rows) - 1))
+    directions = rng.normal(size=(rows.shape[1], min(count + _SPARE, len(rows))))
+    for _ in range(_ROUNDS):
+        seen = product(rows, _orthonormal(directions).astype(np.float32))
+        directions = product(rows.T, seen).astype(np.float64)
+    directions = _orthonormal(directions)
+    seen = product(rows, directions.astype(np.float32)).astype(np.float64)
+    variance, turn = np.linalg.eigh(product(seen.T, seen) / len(rows))
+    deviation = np.sqrt(np.maximum(variance[::-1][:count], 1e-12))
+    basis = product(directions, turn[:, ::-1][:, :count]) / np.sqrt(deviation * deviation[0])
+    return mean, basis.astype(np.float32)
+
+
+def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Orthonormal basis of the space of columns (n, k), by Cholesky twice."""
+    for _ in range(2):
+        gram = product(columns.T, columns)
+        gram += 1e-12 * np.trace(gram) / len(gram) * np.eye(len(gram))
+        columns = product(columns, np.linalg.inv(np.linalg.cholesky(gram)).T)
+    return columns
+
+
+def encode(
+    grids: NDArray[np.uint8], mean: NDArray[np.float32], basis: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Codes (N, K) float32 of grids of coverage (N, 60, 80), see `fit_basis`."""
+    rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
+    return product(rows - mean, basis)
+
+
+def product(left: NDArray, right: NDArray) -> NDArray:
+    """Matrix product (n, m) of (n, k) and (k, m), the same for any number of threads.
+
+    BLAS divides long inner dimensions otherwise with other threads, so they are divided here.
+    """
+    total = left[:, :_BLOCK] @ right[:_BLOCK]
+    for start in range(_BLOCK, left.shape[1], _BLOCK):
+        total += left[:, start : start + _BLOCK] @ right[start : start + _BLOCK]
+    return total

@@ -1,0 +1,274 @@
+"""Virtual takes: recorded motion of random bodies before random cameras, as silhouettes.
+
+All lengths are in statures, so that what is learned serves every body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA, BodySizes
+from silhouette_core.image.raster import render_many
+from silhouette_core.motion import kinematics
+from silhouette_core.motion.heading import mirrored
+from silhouette_core.motion.motion import Motion
+from silhouette_core.proposal.kernels import virtual_views as kernels
+from silhouette_core.proposal.silhouette_features import GRID, STATURE_CELLS, level_axes
+
+_FPS = 30.0
+_LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
+_CANVAS_PX = 208
+_STATURE_PX = 2 * STATURE_CELLS
+_HEAD_TOP = LANDMARK_NAMES.index("head_top")
+_MATRIX = np.array([[1, 0, (_CANVAS_PX - 1) / 2], [0, 1, (_CANVAS_PX - 1) / 2], [0, 0, 1]], float)
+_METRE = 1 / 1.75  # in statures
+# Bodies: deviations relative to the spread of adults, and a common one of all girths.
+_SPREAD, _STOUT = 0.8, 0.12
+_SHAPE_LIMITS = (-0.3, 0.45)
+_GIRTHS = np.array(
+    [
+        axis.along == "girth" or axis.name in ("trunk_width", "trunk_depth", "foot_girth")
+        for axis in SHAPE_AXES
+    ]
+)
+_LOOSE = ("pelvis", "lumbar", "abdomen", "thorax", "thigh", "shin", "upper_arm", "clavicle")
+_CLOTHED = np.array([any(name in part for name in _LOOSE) for part in PART_NAMES])
+_CLOTHES = (0.005 * _METRE, 0.035 * _METRE)  # distance of wide clothes from the skin
+# Cameras: distances and heights, and the room that the person leaves before them.
+_DISTANCE, _HEIGHT = (2.7 * _METRE, 7.5 * _METRE), (0.4 * _METRE, 3.2 * _METRE)
+_NEAREST = 1.8 * _METRE
+_AWAY = 0.35 * _METRE  # deviation of the place from the middle of the room
+# Logarithm of the error of the assumed distance: constant, and how it wanders.
+_WRONG, _STEADY, _WANDER = 0.09, 0.95, 0.008
+# Defects of silhouettes come in bouts of frames.
+_BOUT, _LONGEST_BOUT = 0.04, 20  # chance of a beginning; the two make 30 % of the frames
+_HOLES, _HOLE_PX, _BLOB_PX = 3, (1.5, 4.0), (4.0, 9.0)
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualTake:
+    """T frames of a person before a virtual camera; lengths in statures, the floor at 0.
+
+    Attributes:
+        coverage: (T, 60, 80) uint8, 0 to 4, the silhouettes, see `coverage_grid`.
+        pitch_rad: (T,) float32, as in `FrameFeatures`.
+        heading_rad: (T,) float32, as in `FrameFeatures`.
+        anchor: (T, 3) float32, as in `FrameFeatures`.
+        time_s: (T,) float64.
+        joints: (T, 14, 3) float32, joints but the pelvis, relative to it: right, away, up.
+        offset: (T, 3) float32, the pelvis in the window (right, down) at the assumed distance, and
+            the logarithm of its true distance over the assumed one.
+    """
+
+    coverage: NDArray[np.uint8]
+    pitch_rad: NDArray[np.float32]
+    heading_rad: NDArray[np.float32]
+    anchor: NDArray[np.float32]
+    time_s: NDArray[np.float64]
+    joints: NDArray[np.float32]
+    offset: NDArray[np.float32]
+
+
+class VirtualBodies:
+    """Random bodies around that of a library, with and without wide clothes."""
+
+    def __init__(self, model: BodyModel) -> None:
+        """Prepares the templates.
+
+        Args:
+            model: body of the library; both sexes are drawn if its sex is unknown.
+        """
+        sizes = model.sizes
+        sexes = ("male", "female") if sizes.sex == "unknown" else (sizes.sex,)
+        self._templates = [
+            BodyModel.from_sizes(BodySizes(sizes.stature_m, sizes.chest_girth_m, sex))
+            for sex in sexes
+        ]
+
+    def draw(self, rng: np.random.Generator) -> tuple[BodyModel, NDArray[np.float64], float]:
+        """Body, its clothed vertices (V, 3) at rest, m, and its stature, m."""
+        template = self._templates[int(rng.integers(len(self._templates)))]
+        stout = rng.normal(0, _STOUT)
+        shape = rng.normal(0, _SPREAD, len(SHAPE_AXES)) * SHAPE_SIGMA + _GIRTHS * stout
+        model = template.reshaped(template.shape + np.clip(shape, *_SHAPE_LIMITS))
+        stature = float(model.landmarks_m[_HEAD_TOP, 2] - model.vertices_m[:, 2].min())
+        vertices = model.vertices_m
+        if rng.random() < 0.5:
+            covered = (model.skin_weights * _CLOTHED[model.skin_parts]).sum(axis=1)
+            width = rng.uniform(*_CLOTHES) * stature
+            vertices = vertices + model.vertex_normals * (width * covered)[:, None]
+        return model, vertices, stature
+
+
+def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -> VirtualTake:
+    """Films a motion with a random camera.
+
+    Args:
+        motion: T frames, about 30 per second.
+        bodies: bodies, of which one is drawn.
+        rng: random numbers; the take depends on nothing else.
+
+    Returns:
+        The take.
+    """
+    joints, surface, faces = _performed(motion, bodies, rng)
+    count = len(joints)
+    centre = _camera_place(joints[:, 0, :2], rng)
+    toward = surface.mean(axis=1, dtype=np.float64) - centre
+    heading = np.arctan2(toward[:, 1], toward[:, 0])
+    pitch = np.arctan2(-toward[:, 2], np.hypot(toward[:, 0], toward[:, 1]))
+    level = level_axes(heading)
+    forward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    down = np.asarray(np.cross(forward, level[:, 0]), float)
+    camera_from_world = np.stack([level[:, 0], down, forward], axis=1)
+    pelvis = np.einsum("tij,tj->ti", camera_from_world, joints[:, 0] - centre)
+    assumed = pelvis[:, 2] * np.exp(_distance_error(count, rng))
+    focal = _STATURE_PX * assumed
+    viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
+    one_label = np.zeros(len(faces), np.int32)
+    masks = render_many(viewed, faces, one_label, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
+    kernels.spoil_silhouettes(masks, *_defects(viewed, rng))
+    coverage = np.empty((count, *GRID), np.uint8)
+    corners = np.empty((count, 2), np.int32)
+    kernels.centre_coverage(masks, coverage, corners)
+    # The window's middle, relative to the canvas's.
+    middle = corners + (np.array(GRID[::-1]) * 2 - 1) / 2 - (_CANVAS_PX - 1) / 2
+    ray = np.column_stack([middle / focal[:, None], np.ones(count)])
+    seen = pelvis[:, :2] / pelvis[:, 2:] * focal[:, None] - middle
+    relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
+    return VirtualTake(
+        coverage,
+        pitch.astype(np.float32),
+        heading.astype(np.float32),
+        (centre + assumed[:, None] * np.einsum("tji,tj->ti", camera_from_world, ray)).astype(
+            np.float32
+        ),
+        motion.time_s,
+        relative.astype(np.float32),
+        np.column_stack([seen / _STATURE_PX, np.log(pelvis[:, 2] / assumed)]).astype(np.float32),
+    )
+
+
+def _performed(
+    motion: Motion, bodies: VirtualBodies, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.int32]]:
+    """Joints (T, 15, 3) and surfaces (T, V, 3) of a random body in statures, on the floor near the
+    middle of the room, and the surface's triangles.
+    """
+    model, vertices, stature = bodies.draw(rng)
+    rotation, origin = kinematics.forward(
+        model, motion.root_m, motion.root_quaternion, motion.angles_rad
+    )
+    joints = kinematics.landmarks(model, rotation, origin) / stature
+    surface = np.empty((len(motion), *vertices.shape), np.float32)
+    clothed = replace(model, vertices_m=vertices)
+    for frame in range(len(motion)):
+        surface[frame] = kinematics.skin(clothed, rotation[frame], origin[frame])
+    surface /= stature
+    root = joints[:, 0, :2]
+    floor = np.quantile(surface[..., 2].min(axis=1), 0.1)
+    moved = np.array([*(root.max(axis=0) + root.min(axis=0)) / 2 + rng.normal(0, _AWAY, 2), floor])
+    return joints - moved, surface - moved.astype(np.float32), model.faces
+
+
+def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Place (3,) of a camera that has the person's way (T, 2) before it."""
+    azimuth = rng.uniform(0, 2 * np.pi)
+    distance = np.exp(rng.uniform(*np.log(_DISTANCE)))
+    height = rng.uniform(*_HEIGHT)
+    away = np.array([np.cos(azimuth), np.sin(azimuth)])
+    while np.linalg.norm(roots - distance * away, axis=1).min() < _NEAREST:
+        distance *= 1.2
+    return np.array([*(distance * away), height])
+
+
+def _distance_error(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Logarithm (T,) of the assumed distance over the true one."""
+    error = np.zeros(count)
+    constant, steps = rng.normal(0, _WRONG), rng.normal(0, _WANDER, count)
+    for frame in range(1, count):
+        error[frame] = _STEADY * error[frame - 1] + steps[frame]
+    return constant + error
+
+
+def _viewed(
+    surface: NDArray[np.float32],
+    camera_from_world: NDArray[np.float64],
+    focal_px: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Surfaces (T, V, 3) in the cameras' frames, x and y times the focal length: every frame has
+    its own, and all are drawn with one matrix.
+    """
+    scaled = (
+        camera_from_world * np.column_stack([focal_px, focal_px, np.ones_like(focal_px)])[..., None]
+    )
+    return np.matmul(surface, scaled.transpose(0, 2, 1).astype(np.float32))
+
+
+def _defects(
+    viewed: NDArray[np.float32], rng: np.random.Generator
+) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
+    """Defects as background subtraction leaves them, at the same places of the body for some
+    frames: edges (T,) and discs (T, D, 3) px for `kernels.spoil_silhouettes`.
+    """
+    count = len(viewed)
+    edges, discs = np.zeros(count, np.int8), np.zeros((count, _HOLES + 1, 3), np.float32)
+    frame = 0
+    while frame < count:
+        if rng.random() >= _BOUT:
+            frame += 1
+            continue
+        bout = slice(frame, frame + int(rng.integers(1, _LONGEST_BOUT + 1)))
+        edges[bout] = rng.integers(-1, 2)
+        radii = np.zeros(_HOLES + 1)
+        holes = int(rng.integers(_HOLES + 1))
+        radii[:holes] = rng.uniform(*_HOLE_PX, holes)
+        if rng.random() < 0.5:
+            radii[-1] = rng.uniform(*_BLOB_PX)
+        points = viewed[bout][:, rng.integers(viewed.shape[1], size=len(radii))]
+        discs[bout, :, :2] = points[..., :2] / points[..., 2:] + (_CANVAS_PX - 1) / 2
+        discs[bout, :, 2] = radii
+        frame = bout.stop
+    return edges, discs
+
+
+def plan_takes(
+    motions: Sequence[Motion], frames: int, mirror: bool, rng: np.random.Generator
+) -> list[Motion]:
+    """Stretches of motion of two to four seconds, 30 frames per second, in random order.
+
+    Args:
+        motions: recorded motion.
+        frames: number of frames wanted; every frame is taken equally often, or once more.
+        mirror: whether every second pass over the motion is mirrored.
+        rng: random numbers.
+    """
+    thinned = [motion.select(slice(None, None, _stride(motion))) for motion in motions]
+    thinned = [motion for motion in thinned if len(motion) >= _SHORTEST]
+    stretches: list[Motion] = []
+    planned, number = 0, 0
+    while thinned and planned < frames:
+        this_pass: list[Motion] = []
+        for motion in thinned:
+            performed = mirrored(motion) if mirror and number % 2 else motion
+            length = int(rng.integers(*_LENGTHS))
+            for start in range(-int(rng.integers(0, length)), len(motion), length):
+                rows = slice(max(start, 0), start + length)
+                if len(motion.root_m[rows]) >= _SHORTEST:
+                    this_pass.append(performed.select(rows))
+        for chosen in rng.permutation(len(this_pass)):
+            if planned < frames:
+                stretches.append(this_pass[chosen])
+                planned += len(this_pass[chosen])
+        number += 1
+    return [stretches[chosen] for chosen in rng.permutation(len(stretches))]
+
+
+def _stride(motion: Motion) -> int:
+    return max(1, round(motion.fps / _FPS))

@@ -1,0 +1,206 @@
+"""Proposals as they are used and stored; what they have learned is tested elsewhere."""
+
+import json
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.library.build import build_library
+from silhouette_core.library.rendering import STATURE_PX, WINDOW_PX, silhouette_levels
+from silhouette_core.library.store import read_library, write_library
+from silhouette_core.proposal.mixture_network import MixtureNetwork
+from silhouette_core.proposal.pose_proposal import PoseProposal
+from silhouette_core.proposal.silhouette_features import (
+    GRID,
+    OFFSETS_S,
+    STATURE_CELLS,
+    FrameFeatures,
+    coverage_grid,
+    encode,
+    fit_basis,
+    nearby_frames,
+    network_inputs,
+)
+from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def features(rng, count=40, fps=30.0):
+    return FrameFeatures(
+        rng.normal(size=(count, 120)).astype(np.float32),
+        rng.uniform(-0.2, 0.5, count),
+        rng.uniform(-3, 3, count),
+        rng.normal(size=(count, 3)),
+        5 + np.arange(count) / fps,
+    )
+
+
+@pytest.fixture
+def proposal(rng):
+    """Untrained."""
+    mean = rng.normal(size=(14, 3)).astype(np.float32)
+    inputs = network_inputs(features(rng, 1), np.arange(1), np.zeros((1, 8), int), np.ones(1, bool))
+    basis = rng.normal(size=(GRID[0] * GRID[1], 120)).astype(np.float32)
+    network = MixtureNetwork.initial(inputs.shape[1], (16, 16), 4, mean, rng)
+    network.weights[-1][:] *= 10
+    return PoseProposal(basis[:, 0] * 0, basis, network)
+
+
+def test_modes_have_the_pelvis_at_the_origin(proposal, rng):
+    modes = proposal.modes(features(rng))
+    assert modes.joints.shape == (40, 4, 15, 3) and modes.sigma.shape == (40, 4, 15, 2)
+    assert modes.offset.shape == modes.offset_sigma.shape == (40, 3) and len(modes) == 40
+    assert not modes.joints[:, :, 0].any() and not modes.sigma[:, :, 0].any()
+    assert (modes.sigma[:, :, 1:] > 0).all() and (modes.offset_sigma > 0).all()
+    np.testing.assert_allclose(modes.probability.sum(axis=1), 1, rtol=1e-5)
+
+
+@pytest.mark.parametrize("causal", [True, False])
+def test_causal_modes_do_not_read_later_frames(proposal, rng, causal):
+    before = features(rng)
+    after = features(rng)
+    late = np.arange(len(before)) > 20
+    mixed = FrameFeatures(
+        *(
+            np.where(late.reshape(-1, *[1] * (getattr(before, name).ndim - 1)), after_, before_)
+            for name in ("codes", "pitch_rad", "heading_rad", "anchor")
+            for before_, after_ in [(getattr(before, name), getattr(after, name))]
+        ),
+        before.time_s + 0.013 * late,
+    )
+    one, other = proposal.modes(before, causal), proposal.modes(mixed, causal)
+    for name in ("probability", "joints", "sigma", "offset", "offset_sigma"):
+        same = (getattr(one, name) == getattr(other, name)).reshape(40, -1).all(axis=1)
+        assert same[:21].all() if causal else same[:9].all() and not same[9:].any()
+
+
+def test_the_causal_ones_differ_from_the_others(proposal, rng):
+    given = features(rng)
+    assert not np.allclose(proposal.modes(given).joints, proposal.modes(given, True).joints)
+
+
+@pytest.mark.parametrize("fps", [30, 60, 120])
+def test_instants_are_the_same_at_any_frame_rate(fps):
+    time = np.arange(2 * fps) / fps
+    nearby = nearby_frames(time)
+    inner = slice(fps // 2, -fps // 2)
+    np.testing.assert_allclose(
+        time[nearby[inner]] - time[inner, None], np.tile(OFFSETS_S, (fps, 1)), atol=1e-9
+    )
+    assert nearby[0, :4].tolist() == [0] * 4 and nearby[-1, 4:].tolist() == [len(time) - 1] * 4
+
+
+@pytest.mark.parametrize("fps", [5, 10, 25, 30, 240])
+def test_instants_lie_on_their_side_of_the_frame_even_if_frames_are_missing(fps, rng):
+    time = np.sort(rng.permutation(np.arange(60))[:40]) / fps
+    nearby, own = nearby_frames(time), np.arange(40)[:, None]
+    assert (nearby[:, :4] <= own).all() and (nearby[:, 4:] >= own).all()
+    wanted = time[:, None] + OFFSETS_S
+    best = np.abs(time - wanted[..., None]).min(axis=-1)
+    np.testing.assert_allclose(np.abs(time[nearby] - wanted), best, atol=1e-12)
+    assert nearby_frames(np.array([3.0])).tolist() == [[0] * 8]
+
+
+def test_turning_the_world_changes_nothing(proposal, rng):
+    given, turn = features(rng), 0.7
+    c, s = np.cos(turn), np.sin(turn)
+    turned = replace(
+        given,
+        heading_rad=given.heading_rad + turn,
+        anchor=given.anchor @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + (1, 2, 0),
+    )
+    np.testing.assert_allclose(
+        proposal.modes(turned).joints, proposal.modes(given).joints, atol=1e-4
+    )
+
+
+def test_wrong_features_are_refused(rng):
+    given = features(rng)
+    with pytest.raises(ValueError, match="time_s must increase"):
+        replace(given, time_s=given.time_s[::-1])
+    with pytest.raises(ValueError, match=r"anchor must be \(40, 3\)"):
+        replace(given, anchor=given.anchor[:5])
+    with pytest.raises(ValueError, match=r"pitch_rad must be \(40,\) finite"):
+        replace(given, pitch_rad=np.full(40, np.nan))
+
+
+def test_the_grid_is_that_of_the_library(rng):
+    masks = rng.random((3, *WINDOW_PX[::-1])) < 0.5
+    middle = silhouette_levels(masks)[1]
+    blocks = middle.reshape(3, GRID[0], 2, GRID[1], 2).sum(axis=(2, 4))
+    assert (coverage_grid(masks) == blocks).all()
+    assert (coverage_grid(masks[0]) == blocks[0]).all()
+    assert STATURE_CELLS * WINDOW_PX[0] / GRID[1] == STATURE_PX
+    with pytest.raises(TypeError, match="masks must be"):
+        coverage_grid(masks.astype(np.uint8))
+
+
+def test_the_basis_is_that_of_a_singular_value_decomposition(rng):
+    few = rng.normal(size=(20, GRID[0] * GRID[1])) * 0.02
+    weights = rng.normal(size=(600, 20)) * np.linspace(5, 1, 20)
+    grids = np.clip(np.round(2 + weights @ few), 0, 4).astype(np.uint8).reshape(-1, *GRID)
+    mean, basis = fit_basis(grids, rng)
+    rows = grids.reshape(len(grids), -1) / 4
+    np.testing.assert_allclose(mean, rows.mean(axis=0), atol=1e-6)
+    _, values, directions = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
+    cosines = directions[:10] @ (basis / np.linalg.norm(basis, axis=0))[:, :10]
+    np.testing.assert_allclose(np.abs(np.diag(cosines)), 1, atol=0.02)
+    spread = encode(grids, mean, basis).std(axis=0)[:10]
+    np.testing.assert_allclose(spread, np.sqrt(values[:10] / values[0]), rtol=0.02)
+
+
+@pytest.fixture(scope="module")
+def library():
+    settings = replace(SETTINGS, poses=24)
+    return build_library(small_bases(settings), swaying().model, settings)
+
+
+def test_a_library_keeps_its_proposal(library, proposal, tmp_path, rng):
+    path = tmp_path / "me.vplib"
+    write_library(replace(library, proposal=proposal), path)
+    read = read_library(path)
+    assert read.proposal is not None
+    arrays = read.proposal.arrays()
+    for name, array in proposal.arrays().items():
+        assert (arrays[name] == array).all() and arrays[name].dtype == array.dtype
+    given = features(rng)
+    assert (read.proposal.modes(given).joints == proposal.modes(given).joints).all()
+
+
+def test_a_library_without_one_has_none(library, tmp_path):
+    write_library(library, tmp_path / "me.vplib")
+    assert read_library(tmp_path / "me.vplib").proposal is None
+
+
+def test_a_library_of_before_has_none(library, tmp_path):
+    path = tmp_path / "old.vplib"
+    write_library(library, path)
+    content = path.read_bytes()
+    length = int.from_bytes(content[:8], "little")
+    header = json.loads(content[8 : 8 + length])
+    about = json.loads(header["__metadata__"]["about"])
+    del about["settings"]["proposal"]
+    text = json.dumps(about)
+    header["__metadata__"] |= {"about": text, "about_checksum": str(zlib.crc32(text.encode()))}
+    text = json.dumps(header)
+    path.write_bytes(len(text).to_bytes(8, "little") + text.encode() + content[8 + length :])
+    read = read_library(path)
+    assert read.proposal is None and read.settings.proposal is False
+
+
+def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path):
+    arrays = proposal.arrays()
+    for name in ("weight1", "bias0", "bias2", "basis", "mean_joints"):
+        with pytest.raises(ValueError, match="do not fit together"):
+            PoseProposal.from_arrays(arrays | {name: arrays[name][:-1]})
+    broken = replace(proposal, basis=proposal.basis[:-1])
+    write_library(replace(library, proposal=broken), tmp_path / "me.vplib")
+    with pytest.raises(InputError, match="do not fit together"):
+        read_library(tmp_path / "me.vplib")

@@ -1,0 +1,114 @@
+"""Virtual takes: what they show is where they say it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation
+
+from silhouette_core.jit import cores, set_threads
+from silhouette_core.motion.motion import Motion
+from silhouette_core.proposal import virtual_takes
+from silhouette_core.proposal.silhouette_features import GRID, STATURE_CELLS
+from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take, plan_takes
+from tests.silhouette_core.library.small_library import swaying
+
+MIDDLE = (np.array(GRID[::-1]) - 1) / 2
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return swaying(frames=40)
+
+
+@pytest.fixture(scope="module")
+def bodies(motion):
+    return VirtualBodies(motion.model)
+
+
+@pytest.fixture(scope="module")
+def takes(motion, bodies):
+    return [film_take(motion, bodies, np.random.default_rng(seed)) for seed in range(12)]
+
+
+def test_joints_lie_on_the_silhouette(takes):
+    """In weak perspective, from the pelvis's place in the window and the poses."""
+    hits = []
+    for take in takes:
+        right, away, up = np.moveaxis(take.joints, -1, 0)
+        cosine, sine = np.cos(take.pitch_rad)[:, None], np.sin(take.pitch_rad)[:, None]
+        nearer = np.exp(take.offset[:, 2:])
+        x = take.offset[:, :1] + right / nearer
+        y = take.offset[:, 1:2] - (sine * away + cosine * up) / nearer
+        for cover, u, v in zip(take.coverage, x, y, strict=True):
+            there = binary_dilation(cover > 0, iterations=2)
+            column, row = np.round(np.stack([u, v]) * STATURE_CELLS + MIDDLE[:, None]).astype(int)
+            inside = (row >= 0) & (row < GRID[0]) & (column >= 0) & (column < GRID[1])
+            hits.append(there[row[inside], column[inside]])
+    assert np.concatenate(hits).mean() > 0.95
+
+
+def test_silhouettes_are_centred(takes):
+    for take in takes:
+        total = take.coverage.sum(axis=(1, 2))
+        x = (take.coverage.sum(axis=1) * np.arange(GRID[1])).sum(axis=1) / total
+        y = (take.coverage.sum(axis=2) * np.arange(GRID[0])).sum(axis=1) / total
+        assert total.min() > 250
+        np.testing.assert_allclose(x, MIDDLE[0], atol=0.6)
+        np.testing.assert_allclose(y, MIDDLE[1], atol=0.6)
+
+
+def test_the_person_stands_on_the_floor(takes):
+    """The anchor is near the body's middle; a wrong distance moves it along the sloping axis."""
+    heights = np.concatenate([take.anchor[:, 2] for take in takes])
+    assert 0.4 < np.median(heights) < 0.6 and heights.min() > 0.1 and heights.max() < 1.0
+    errors = np.array([take.offset[:, 2].mean() for take in takes])
+    assert 0.03 < errors.std() < 0.2
+
+
+def test_bodies_cameras_and_silhouettes_differ(takes):
+    assert np.std([take.pitch_rad.mean() for take in takes]) > 0.05
+    thighs = [np.linalg.norm(take.joints[0, 1] - take.joints[0, 0]) for take in takes]
+    assert 0.2 < np.mean(thighs) < 0.3 and np.std(thighs) > 0.003
+    assert np.std([take.coverage[0].sum() for take in takes]) > 100
+
+
+@pytest.mark.skipif(cores() < 2, reason="one core")
+def test_a_take_depends_on_its_random_numbers_alone(motion, bodies, takes):
+    set_threads(1)
+    try:
+        again = film_take(motion, bodies, np.random.default_rng(3))
+    finally:
+        set_threads()
+    for name in ("coverage", "anchor", "joints", "offset", "pitch_rad", "heading_rad"):
+        assert (getattr(again, name) == getattr(takes[3], name)).all()
+
+
+def test_defects_come_in_a_third_of_the_frames():
+    viewed = np.ones((20_000, 5, 3), np.float32)
+    edges, discs = virtual_takes._defects(viewed, np.random.default_rng(0))
+    spoiled = (edges != 0) | (discs[..., 2] > 0).any(axis=1)
+    assert 0.2 < spoiled.mean() < 0.35
+    changes = np.count_nonzero(np.diff(discs[..., 2].sum(axis=1)))
+    assert changes < 0.5 * spoiled.sum()  # they last
+
+
+def test_frames_are_taken_equally_often(motion):
+    long = replace(motion, root_m=motion.root_m + np.arange(40)[:, None])
+    plan = plan_takes([long, long], 8 * 80, True, np.random.default_rng(0))
+    used = np.concatenate([stretch.frames for stretch in plan])
+    assert 8 * 80 <= len(used) < 8 * 80 + 110
+    counts = np.bincount(used, minlength=40)
+    assert counts.min() > 8 and counts.max() < 24
+    x = np.concatenate([stretch.root_m[:, 0] for stretch in plan])
+    assert 0.3 < (x < 0).mean() < 0.7  # mirrored
+    straight = plan_takes([long], 80, False, np.random.default_rng(0))
+    assert all((stretch.root_m[:, 0] >= 0).all() for stretch in straight)
+
+
+def test_faster_motion_is_thinned_and_too_short_motion_left_out(motion):
+    rng = np.random.default_rng(0)
+    fast = replace(motion, fps=60.0, time_s=motion.time_s / 2)
+    assert all(len(stretch) <= 20 for stretch in plan_takes([fast], 100, False, rng))
+    short: Motion = motion.select(slice(0, 8))
+    assert plan_takes([short], 100, False, rng) == []
