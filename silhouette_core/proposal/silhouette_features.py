@@ -169,19 +169,32 @@ def fit_basis(
         directions = product(rows.T, seen).astype(np.float64)
     directions = _orthonormal(directions)
     seen = product(rows, directions.astype(np.float32)).astype(np.float64)
-    variance, turn = np.linalg.eigh(product(seen.T, seen) / len(rows))
+    variance, turn = np.linalg.eigh(_exact_product(seen.T, seen) / len(rows))
     deviation = np.sqrt(np.maximum(variance[::-1][:count], 1e-12))
-    basis = product(directions, turn[:, ::-1][:, :count]) / np.sqrt(deviation * deviation[0])
+    basis = _exact_product(directions, turn[:, ::-1][:, :count]) / np.sqrt(deviation * deviation[0])
     return mean, basis.astype(np.float32)
 
 
 def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Orthonormal basis of the space of columns (n, k), by Cholesky twice."""
+    """Orthonormal basis (n, k) of the space of columns (n, k), by Cholesky's decomposition of their
+    products, twice for accuracy; no LAPACK, whose rounding depends on the number of threads.
+    """
     for _ in range(2):
-        gram = product(columns.T, columns)
-        gram += 1e-12 * np.trace(gram) / len(gram) * np.eye(len(gram))
-        columns = product(columns, np.linalg.inv(np.linalg.cholesky(gram)).T)
+        gram = _exact_product(columns.T, columns)
+        inverse = np.eye(len(gram))
+        gram += 1e-12 * np.trace(gram) / len(gram) * inverse
+        for k in range(len(gram)):
+            factors = gram[k + 1 :, k : k + 1] / gram[k, k]
+            gram[k + 1 :] -= factors * gram[k]
+            inverse[k + 1 :] -= factors * inverse[k]
+            inverse[k] /= np.sqrt(gram[k, k])
+        columns = _exact_product(columns, inverse.T)
     return columns
+
+
+def _exact_product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix product without BLAS."""
+    return np.einsum("nk,mk->nm", np.ascontiguousarray(left), np.ascontiguousarray(right.T))
 
 
 def encode(
@@ -193,7 +206,7 @@ def encode(
 
 
 def product(left: NDArray, right: NDArray) -> NDArray:
-    """Matrix product (n, m) of (n, k) and (k, m), the same for any number of threads.
+    """Matrix product (n, m) of (n, k) and (k, m) float32, the same for any number of threads.
 
     BLAS divides long inner dimensions otherwise with other threads, so they are divided here.
     """

@@ -37,6 +37,8 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
     first_offset = modes * (count * 5 + 1)
     for n in prange(len(outputs)):
         density, pi, part = np.empty(modes), np.empty(modes), np.empty(modes)
+        # By mode and joint: error, precisions, and squared errors in deviations.
+        terms = np.empty((modes, count, 7))
         nearest, nearest2 = 0, np.inf
         largest = -np.inf
         for m in range(modes):
@@ -48,7 +50,7 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
         best = -np.inf
         for m in range(modes):
             pi[m] /= total
-            sum_log, distance2 = 0.0, 0.0
+            sum_log, distance2 = count * (_LOG_2 + _LOG_1 - 3 * np.log(SIGMA)), 0.0
             for j in range(count):
                 a, b = (m * count + j) * 3, first_sigma + (m * count + j) * 2
                 x = outputs[n, a] + mean[j, 0] - joints[n, j, 0]
@@ -56,12 +58,16 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
                 z = outputs[n, a + 2] + mean[j, 2] - joints[n, j, 2]
                 across = min(max(outputs[n, b], JOINT_LOG_SIGMA[0]), JOINT_LOG_SIGMA[1])
                 along = min(max(outputs[n, b + 1], JOINT_LOG_SIGMA[0]), JOINT_LOG_SIGMA[1])
-                q2 = (x * x + z * z) / (SIGMA * np.exp(across)) ** 2
-                q1 = y * y / (SIGMA * np.exp(along)) ** 2
-                sum_log += _LOG_2 + _LOG_1 - 2 * across - along - 3 * np.log(SIGMA)
+                precision2 = np.exp(-2 * across) / SIGMA**2
+                precision1 = np.exp(-2 * along) / SIGMA**2
+                q2, q1 = (x * x + z * z) * precision2, y * y * precision1
+                sum_log -= 2 * across + along
                 sum_log -= (FREEDOM + 2) / 2 * np.log1p(q2 / FREEDOM)
                 sum_log -= (FREEDOM + 1) / 2 * np.log1p(q1 / FREEDOM)
                 distance2 += x * x + y * y + z * z
+                terms[m, j, 0], terms[m, j, 1], terms[m, j, 2] = x, y, z
+                terms[m, j, 3], terms[m, j, 4] = precision2, precision1
+                terms[m, j, 5], terms[m, j, 6] = q2, q1
             if distance2 < nearest2:
                 nearest, nearest2 = m, distance2
             density[m] = sum_log + np.log(max(pi[m], 1e-300))
@@ -78,18 +84,13 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
             gradients[n, first_logit + m] = pi[m] - part[m]
             for j in range(count):
                 a, b = (m * count + j) * 3, first_sigma + (m * count + j) * 2
-                x = outputs[n, a] + mean[j, 0] - joints[n, j, 0]
-                y = outputs[n, a + 1] + mean[j, 1] - joints[n, j, 1]
-                z = outputs[n, a + 2] + mean[j, 2] - joints[n, j, 2]
-                across = min(max(outputs[n, b], JOINT_LOG_SIGMA[0]), JOINT_LOG_SIGMA[1])
-                along = min(max(outputs[n, b + 1], JOINT_LOG_SIGMA[0]), JOINT_LOG_SIGMA[1])
-                precision2 = 1 / (SIGMA * np.exp(across)) ** 2
-                precision1 = 1 / (SIGMA * np.exp(along)) ** 2
-                q2, q1 = (x * x + z * z) * precision2, y * y * precision1
+                x, y, z = terms[m, j, 0], terms[m, j, 1], terms[m, j, 2]
+                q2, q1 = terms[m, j, 5], terms[m, j, 6]
                 weight2, weight1 = (FREEDOM + 2) / (FREEDOM + q2), (FREEDOM + 1) / (FREEDOM + q1)
-                gradients[n, a] = part[m] * weight2 * precision2 * x
-                gradients[n, a + 1] = part[m] * weight1 * precision1 * y
-                gradients[n, a + 2] = part[m] * weight2 * precision2 * z
+                pull2, pull1 = weight2 * terms[m, j, 3], weight1 * terms[m, j, 4]
+                gradients[n, a] = part[m] * pull2 * x
+                gradients[n, a + 1] = part[m] * pull1 * y
+                gradients[n, a + 2] = part[m] * pull2 * z
                 for k in range(2):
                     slope = 2 - weight2 * q2 if k == 0 else 1 - weight1 * q1
                     raw = outputs[n, b + k]
@@ -102,7 +103,7 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
             raw = outputs[n, first_offset + 3 + k]
             log_sigma = min(max(raw, OFFSET_LOG_SIGMA[0]), OFFSET_LOG_SIGMA[1])
             error = outputs[n, first_offset + k] - offsets[n, k]
-            precision1 = 1 / (SIGMA * np.exp(log_sigma)) ** 2
+            precision1 = np.exp(-2 * log_sigma) / SIGMA**2
             q1 = error * error * precision1
             weight1 = (FREEDOM + 1) / (FREEDOM + q1)
             likelihoods[n] += _LOG_1 - log_sigma - np.log(SIGMA)
