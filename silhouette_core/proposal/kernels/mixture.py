@@ -15,6 +15,7 @@ FREEDOM = 4.0  # degrees of freedom of Student's t
 SIGMA = 0.05  # deviation at a logarithm of 0, statures
 JOINT_LOG_SIGMA = (-1.6, 2.2)  # range of a joint's log deviation
 OFFSET_LOG_SIGMA = (-2.0, 3.0)
+LEAST_PART = 1e-9  # smaller parts of the modes are 0: arithmetic with denormal numbers is slow
 # Logarithms of the densities' constants for one dimension and for two.
 _LOG_1 = lgamma((FREEDOM + 1) / 2) - lgamma(FREEDOM / 2) - 0.5 * np.log(FREEDOM * np.pi)
 _LOG_2 = lgamma((FREEDOM + 2) / 2) - lgamma(FREEDOM / 2) - np.log(FREEDOM * np.pi)
@@ -78,7 +79,7 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
             total += part[m]
         likelihoods[n] = best + np.log(total)
         for m in range(modes):
-            part[m] /= total
+            part[m] = part[m] / total if part[m] > LEAST_PART * total else 0.0
             if share > 0:
                 part[m] = share / modes + (1 - share if m == nearest else 0.0)
             gradients[n, first_logit + m] = pi[m] - part[m]

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_t, t
 from silhouette_core.proposal.kernels.mixture import (
     FREEDOM,
     JOINT_LOG_SIGMA,
+    LEAST_PART,
     OFFSET_LOG_SIGMA,
     SIGMA,
 )
@@ -55,6 +56,7 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
     pi = softmax(logits, axis=1)
     density = logs.sum(-1) + np.log(pi)
     part = softmax(density, axis=1)
+    part = np.where(part > LEAST_PART, part, 0.0)
     if share > 0:
         nearest = (errors**2).sum(axis=(2, 3)).argmin(axis=1)
         part = share / modes + (1 - share) * np.eye(modes)[nearest]
