@@ -1,0 +1,129 @@
+"""The proposal learns poses from rendered motion, the same for any number of threads."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.library.from_motion import make_library
+from silhouette_core.library.store import read_library
+from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.progress import SilentReporter
+from silhouette_core.proposal.network_training import TrainingSettings
+from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
+from silhouette_core.proposal.silhouette_features import FrameFeatures, encode
+from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take
+from tests.silhouette_core.library.small_library import SETTINGS, swaying
+
+MOVEMENTS = ("walk", "wave", "squat", "jumping jack", "reach aside", "kick")
+TINY = LearningSettings(frames=400, training=TrainingSettings(steps=3, modes=2, hidden=(8,)))
+
+
+class Stages(SilentReporter):
+    def __init__(self):
+        self.totals, self.counts = {}, {}
+
+    def stage(self, name, total=None):
+        self.totals[name], self.counts[name], self.now = total, 0, name
+
+    def advance(self, steps=1):
+        self.counts[self.now] += steps
+
+
+@pytest.mark.slow
+def test_held_out_motion_is_told_better_than_by_the_mean_pose():
+    model = swaying().model
+    motions = keypose_motions(model)
+    seen, unseen = ([motions[f"{name} {k}"] for name in MOVEMENTS] for k in (1, 2))
+    training = TrainingSettings(steps=800, batch=256, hidden=(192, 192), modes=3, rate=2e-3)
+    settings = LearningSettings(frames=12_000, takes=30, passes=20, training=training)
+    stages = Stages()
+    proposal = learn_proposal(seen, model, settings, stages)
+    assert stages.totals == stages.counts and stages.totals["learning the proposal"] == 800
+    bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
+    for seed, motion in enumerate(unseen * 3):
+        take = film_take(motion, bodies, np.random.default_rng([1, seed]))
+        codes = encode(take.coverage, proposal.mean_coverage, proposal.basis)
+        geometry = take.pitch_rad, take.heading_rad, take.anchor, take.time_s
+        lengths = np.linalg.norm(take.joints - proposal.network.mean_joints, axis=-1)
+        errors["mean"].append(lengths.mean(axis=-1))
+        for causal in (False, True):
+            found = proposal.modes(FrameFeatures(codes, *geometry), causal)
+            wrong = np.linalg.norm(found.joints[:, :, 1:] - take.joints[:, None], axis=-1).mean(-1)
+            likeliest = found.probability.argmax(axis=1)
+            errors[causal].append(wrong[np.arange(len(wrong)), likeliest])
+        errors["best"].append(wrong.min(axis=1))
+        assert np.abs(found.offset[:, :2] - take.offset[:, :2]).mean() < 0.05
+    error = {name: np.median(np.concatenate(values)) for name, values in errors.items()}
+    # The likeliest mode may be the wrong one of two mirrored in depth, the best one is not.
+    assert error[False] < 0.75 * error["mean"] and error[True] < 0.75 * error["mean"]
+    assert error["best"] < 0.5 * error["mean"]
+
+
+_HASH = """
+import hashlib
+from silhouette_core.proposal.network_training import TrainingSettings
+from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
+from tests.silhouette_core.library.small_library import swaying
+motion = swaying(frames=200)
+settings = LearningSettings(frames=600, training=TrainingSettings(steps=4, batch=320))
+arrays = learn_proposal([motion], motion.model, settings).arrays()
+print(hashlib.sha256(b"".join(array.tobytes() for array in arrays.values())).hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_the_result_does_not_depend_on_the_number_of_threads():
+    found = set()
+    for threads in ("1", "2", "3"):
+        variables = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+        environment = os.environ | dict.fromkeys(variables, threads)
+        done = subprocess.run(
+            [sys.executable, "-c", _HASH], env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        found.add(done.stdout)
+    assert len(found) == 1
+
+
+def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
+    calls = []
+
+    def learn(motions, model, settings, reporter):
+        calls.append(settings)
+        return learn_proposal(motions, model, TINY, reporter)
+
+    monkeypatch.setattr("silhouette_core.library.from_motion.learn_proposal", learn)
+    settings = replace(SETTINGS, poses=24, proposal=True)
+    motions = {"sway": swaying(frames=60)}
+
+    def make(path=tmp_path / "me.vplib"):
+        return make_library(motions, motions["sway"].model, path, settings)
+
+    def fail(*_):
+        raise OSError("no space left")
+
+    with monkeypatch.context() as broken, pytest.raises(OSError, match="no space"):
+        broken.setattr("silhouette_core.library.from_motion.write_library", fail)
+        make()
+    resumed = make()
+    assert len(calls) == 1 and calls[0].mirror is False
+    assert [path.name for path in tmp_path.iterdir()] == ["me.vplib"]
+    again = make(tmp_path / "again.vplib")
+    assert len(calls) == 2 and resumed.proposal is not None and again.proposal is not None
+    arrays = resumed.proposal.arrays()
+    for name, array in again.proposal.arrays().items():
+        assert (arrays[name] == array).all()
+    settings = replace(settings, proposal=False)
+    assert make(tmp_path / "none.vplib").proposal is None and len(calls) == 2
+    assert read_library(tmp_path / "none.vplib").settings.proposal is False
+
+
+def test_too_little_motion_is_refused():
+    motion = swaying(frames=8)
+    with pytest.raises(InputError, match="half a second"):
+        learn_proposal([motion], motion.model, TINY)
