@@ -19,9 +19,9 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.refinement.adaptation import stature_of
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import place_grid, require_foreground
-from voxelpose.matching.adaptation import stature_of
 from voxelpose.matching.body_choice import choose_body, refit
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings

@@ -177,6 +177,28 @@ class ForwardFilter:
         return prior / prior.sum()
 
 
+def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
+    """A frame to be kept: without pictures, and with the `rows` likeliest samples of its posterior
+    and as many that fit best.
+    """
+    posterior, empty = filter_frame.posterior, np.zeros((0, 0), bool)
+    by_fit = np.argsort(posterior.distance, kind="stable")[:rows]
+    kept = np.unique(np.concatenate([np.arange(min(len(posterior.samples), rows)), by_fit]))
+    return replace(
+        filter_frame,
+        person=replace(filter_frame.person, mask=empty),
+        windows=tuple(replace(window, mask=empty, seen=empty) for window in filter_frame.windows),
+        posterior=Posterior(
+            posterior.samples[kept],
+            posterior.probability[kept],
+            posterior.distance[kept],
+            posterior.scale[kept],
+            posterior.shift_px[kept],
+            posterior.scored,
+        ),
+    )
+
+
 def candidates_of(
     tree: TreeFilter, filter_frame: FilterFrame, rows: Sequence[int] | NDArray[np.integer]
 ) -> PoseCandidates:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.forward import FilterFrame, candidates_of
 from silhouette_core.filter.limb_silhouette import SignedWeights
@@ -25,13 +26,16 @@ from silhouette_core.filter.motion_cost import (
     transition_cost,
 )
 from silhouette_core.filter.pose_costs import PoseCosts
+from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import Weighting
+from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.dynamics import (
     FPS,
     POSE_STEP_SIGMA,
+    RELAXED_RAD,
     ROOT_STEP_M,
     ROOT_STEP_RAD,
     STEP_SIGMA_RAD,
@@ -40,17 +44,23 @@ from silhouette_core.motion.dynamics import (
 )
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
 from silhouette_core.refinement.surface import Surface
 
 _FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
+_PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # inverse kinematics: no contour
+_FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
 _POINTS = 500
 _ROWS = 150  # samples of the posterior that are considered
 # Mean distance of the joints within which two seeds explain a silhouette alike, and within which
 # two hypotheses are the same pose.
 _DIFFERENT_M, _SAME_M = 0.07, 0.035
+_TEMPERATURE = 3.0  # costs of many pixels and joints are not independent
+_LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
+_LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,8 @@ class TrackerSettings:
         carried: number of hypotheses of the previous frame that are carried on; a worse one may
             turn out to be right.
         kept: number of hypotheses kept per frame.
+        by_mode: number of hypotheses from the modes of the learned proposal, if there is one; then
+            fewer are taken from the posterior and carried, see `with_modes`.
         sigma: standard deviation of a refined pose's silhouette distance, relative to the
             silhouette's weight.
     """
@@ -77,7 +89,12 @@ class TrackerSettings:
     by_fit: int = 3
     carried: int = 8
     kept: int = 16
-    sigma: float = 0.06
+    by_mode: int = 4
+    sigma: float = 0.04
+
+    def with_modes(self) -> TrackerSettings:
+        """Settings beside a learned proposal, which finds most of the hypotheses itself."""
+        return replace(self, by_probability=2, by_fit=1, carried=1, kept=8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +109,9 @@ class Beam:
         back: (K,) int64, hypothesis of the previous frame in that past; -1 at a start.
         restarted: (K,) bool, whether the step from that hypothesis is a restart and no movement.
         time_s: time of the frame.
+        own: (K,) float64, nats, of the frame alone, without the past.
+        occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
+        priors: K priors of the joints' positions that the poses were refined with, or None.
     """
 
     poses: list[Pose]
@@ -101,6 +121,32 @@ class Beam:
     back: NDArray[np.int64]
     restarted: NDArray[np.bool_]
     time_s: float
+    own: NDArray[np.float64]
+    occluded: NDArray[np.bool_]
+    priors: list[LandmarkPrior | None]
+
+    def only(self, k: int) -> Beam:
+        """This beam with hypothesis k alone, as the certain past of what follows."""
+        return self.chosen([k])
+
+    def chosen(self, rows: Sequence[int]) -> Beam:
+        """Some of the hypotheses."""
+        rows = list(rows)
+        return replace(
+            self,
+            poses=[self.poses[k] for k in rows],
+            priors=[self.priors[k] for k in rows],
+            **{
+                name: getattr(self, name)[rows]
+                for name in ("joints", "distance", "cost", "back", "restarted", "own", "occluded")
+            },
+        )
+
+    def probabilities(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3)."""
+        order = np.argsort(self.cost, kind="stable")
+        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / _TEMPERATURE)
+        return odds / odds.sum(), self.joints[order]
 
     @property
     def best(self) -> int:
@@ -120,10 +166,9 @@ class HypothesisTracker:
     def __init__(self, tree: TreeFilter, camera: Camera, settings: TrackerSettings):
         """Prepares the body's surface and the costs of poses."""
         self.tree, self.camera, self.settings = tree, camera, settings
-        self.model = tree.library.model
         self.views = PinholeViews.from_rig(Rig((camera,)))
-        self.surface = Surface(self.model, _POINTS)
-        self.costs = PoseCosts(tree.library, self.surface)
+        self.costs = PoseCosts(tree.library)
+        self.set_body(tree.library.model)
         self.noise = ProcessNoise(
             STEP_SIGMA_RAD,
             root_rad=ROOT_STEP_RAD,
@@ -134,9 +179,19 @@ class HypothesisTracker:
         self._library_sigma = np.concatenate(
             [[0.06] * 3, [0.15] * 3, np.full(self.model.dof_count, 0.20)]
         )
+        self._usual_areas = usual_areas(tree.library.areas)
+
+    def set_body(self, model: BodyModel) -> None:
+        """Replaces the body, for example by one adapted to the person."""
+        self.model = model
+        self.surface = Surface(model, _POINTS)
 
     def step(
-        self, filter_frame: FilterFrame, previous: Beam | None, before_previous: Beam | None
+        self,
+        filter_frame: FilterFrame,
+        previous: Beam | None,
+        before_previous: Beam | None,
+        modes: FrameModes | None = None,
     ) -> Beam:
         """Hypotheses of a frame.
 
@@ -144,62 +199,102 @@ class HypothesisTracker:
             filter_frame: the frame and its posterior.
             previous: hypotheses of the previous frame.
             before_previous: hypotheses of the frame before that.
+            modes: probable poses of the frame from the learned proposal, if there is one.
         """
-        time_s = filter_frame.time_s
+        time_s, settings = filter_frame.time_s, self._settings(modes)
         window = look_at(
             self.camera,
             filter_frame.person.mask,
-            filter_frame.distance_m,
+            filter_frame.distance_m if modes is None else modes.distance_m,
             STATURE_PX / self.model.sizes.stature_m,
         )
         weights = SignedWeights.from_window(
             window,
-            self.settings.weighting,
+            settings.weighting,
             backend=self.tree.backend,
             bounds_px=self.tree.library.bounds_px,
         )
         predicted = [] if previous is None else _predicted(previous, before_previous)
-        poses = self._seeds(filter_frame)
-        if self.settings.refine:
-            poses = self._refined(filter_frame, poses, previous, predicted)
+        poses: list[Pose] = self._seeds(filter_frame, settings)
+        priors: list[LandmarkPrior | None] = [None] * len(poses)
+        if settings.refine:
+            poses, priors = self._refined(filter_frame, poses, previous, predicted, modes, settings)
         distance = weights.distances(self.model, poses)
         joints = np.concatenate([_joints(self.model, pose) for pose in poses])
-        cost = (
-            0.5 * (distance / self.settings.sigma) ** 2
-            + self.costs.novelty(poses, joints)
-            + self.costs.off_floor(poses)
-        )
-        cost += self.costs.walking_backward(poses, time_s)
+        own = 0.5 * (distance / settings.sigma) ** 2 + self.costs.off_floor(poses, self.surface)
+        own += (
+            self.costs.novelty(poses, joints) if modes is None else modes.cost(joints)
+        ) + self.costs.walking_backward(poses, time_s)
         if previous is None:
             back, restarted = np.full(len(poses), -1), np.ones(len(poses), bool)
-            if self.settings.facing:
+            if settings.facing and modes is None:
                 toward = -filter_frame.windows[0].world_from_virtual[:, 2]
-                cost = cost + self.costs.facing_away(poses, toward)
+                own = own + self.costs.facing_away(poses, toward)
+            cost = own
         else:
-            # At a lower frame rate every step is cheaper; a restart has to remain dearer.
-            restart_cost = self.noise.restart_cost * max((time_s - previous.time_s) * FPS, 1.0)
-            moving = transition_cost(
-                _packed(predicted, previous.time_s),
-                _packed(poses, time_s),
-                replace(self.noise, restart_cost=restart_cost),
-            )
-            total = (
-                previous.cost[:, None]
-                + moving
-                + self.costs.slip(previous.joints, joints, elapsed_steps(previous.time_s, time_s))
-            )
+            # Costs of a frame are those of 1 / FPS; a longer one counts for as much more.
+            own = own * float(np.clip((time_s - previous.time_s) * FPS, 0.0, _LONGEST_FRAME))
+            moving, restarted = self.moving(previous, predicted, poses, joints, time_s)
+            total = previous.cost[:, None] + moving
             back = total.argmin(0)
-            restarted = moving[back, np.arange(len(poses))] >= restart_cost
-            cost = cost + total.min(0)
-        kept = self._pruned(
-            Beam(poses, joints, distance, cost - cost.min(), back, restarted, time_s)
+            restarted = restarted[back, np.arange(len(poses))]
+            cost = own + total.min(0)
+        beam = Beam(
+            poses,
+            joints,
+            distance,
+            cost - cost.min(),
+            back,
+            restarted,
+            time_s,
+            own,
+            np.zeros((len(poses), len(self.model.names)), bool),
+            priors,
         )
+        kept = self._pruned(beam, settings)
+        for row, pose in enumerate(kept.poses):
+            areas = weights.part_areas(self.model, pose)
+            kept.occluded[row] = occluded_parts(areas, self._usual_areas)
         self.costs.add_position(time_s, kept.poses[kept.best].root_m)
         return kept
 
-    def _seeds(self, filter_frame: FilterFrame) -> list[Pose]:
+    def moving(
+        self,
+        previous: Beam,
+        predicted: list[Pose],
+        poses: list[Pose],
+        joints: NDArray[np.float64],
+        time_s: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Costs of the steps from the hypotheses of the previous frame.
+
+        Args:
+            previous: K hypotheses of the previous frame.
+            predicted: where each is expected in this frame.
+            poses: K' poses of this frame.
+            joints: (K', 15, 3), their joints.
+            time_s: time of this frame.
+
+        Returns:
+            Costs (K, K') float64, nats, and whether each is that of a restart (K, K') bool.
+        """
+        # At a lower frame rate every step is cheaper; a restart has to remain dearer.
+        restart_cost = self.noise.restart_cost * max((time_s - previous.time_s) * FPS, 1.0)
+        moving = transition_cost(
+            _packed(predicted, previous.time_s, previous.occluded[:, self.model.dof_part]),
+            _packed(poses, time_s),
+            replace(self.noise, restart_cost=restart_cost),
+        )
+        steps = elapsed_steps(previous.time_s, time_s)
+        slip = self.costs.slip(previous.joints, joints, steps)
+        return moving + slip, moving >= restart_cost
+
+    def _settings(self, modes: FrameModes | None) -> TrackerSettings:
+        return self.settings if modes is None else self.settings.with_modes()
+
+    def _seeds(self, filter_frame: FilterFrame, settings: TrackerSettings) -> list[Pose]:
         """Samples of the posterior and of the best leaves that differ from each other."""
-        posterior, settings = filter_frame.posterior, self.settings
+        posterior = filter_frame.posterior
         by_fit = np.argsort(posterior.distance, kind="stable")[:_ROWS]
         rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), _ROWS)), by_fit]))
         samples = candidates_of(self.tree, filter_frame, rows)
@@ -226,35 +321,59 @@ class HypothesisTracker:
         seeds: list[Pose],
         previous: Beam | None,
         predicted: list[Pose],
-    ) -> list[Pose]:
-        """Seeds, then predictions of the best hypotheses, refined on the frame's silhouette."""
-        observation = Observation.from_masks(
-            self.views, [filter_frame.person.mask], filter_frame.distance_m
-        )
+        modes: FrameModes | None,
+        settings: TrackerSettings,
+    ) -> tuple[list[Pose], list[LandmarkPrior | None]]:
+        """Modes, seeds, then predictions of the best hypotheses, refined on the silhouette."""
+        distance = filter_frame.distance_m if modes is None else modes.distance_m
+        observation = Observation.from_masks(self.views, [filter_frame.person.mask], distance)
+        poses: list[Pose] = []
+        priors: list[LandmarkPrior | None] = []
+        if modes is not None:
+            for mode in modes.probable(settings.by_mode, _LEAST_PROBABILITY):
+                prior = modes.priors[mode]
+                start = place_body(self.surface, observation, prior)
+                poses.append(refine(self.surface, observation, start, None, _FROM_MODE, prior).pose)
+                priors.append(prior)
         starts = [(pose, self._library_sigma, _FROM_LIBRARY) for pose in seeds]
         if previous is not None:
             sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, filter_frame.time_s)
             order = np.argsort(previous.cost, kind="stable")
-            carried = select_different(previous.joints, order, self.settings.carried, _DIFFERENT_M)
+            carried = select_different(previous.joints, order, settings.carried, _DIFFERENT_M)
             starts += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
-        return [
-            refine(self.surface, observation, pose, PosePrior(pose, sigma), settings).pose
-            for pose, sigma, settings in starts
-        ]
+        for pose, sigma, how in starts:
+            prior = None if modes is None else modes.nearest(_joints(self.model, pose)[0])
+            poses.append(
+                refine(self.surface, observation, pose, PosePrior(pose, sigma), how, prior).pose
+            )
+            priors.append(prior)
+        return poses, priors
 
-    def _pruned(self, beam: Beam) -> Beam:
+    def _pruned(self, beam: Beam, settings: TrackerSettings) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""
         order = np.argsort(beam.cost, kind="stable")
-        chosen = select_different(beam.joints, order, self.settings.kept, _SAME_M)
-        return Beam(
-            [beam.poses[k] for k in chosen],
-            beam.joints[chosen],
-            beam.distance[chosen],
-            beam.cost[chosen],
-            beam.back[chosen],
-            beam.restarted[chosen],
-            beam.time_s,
-        )
+        return beam.chosen(select_different(beam.joints, order, settings.kept, _SAME_M))
+
+
+def place_body(surface: Surface, observation: Observation, prior: LandmarkPrior) -> Pose:
+    """Pose whose joints are where a prior expects them: inverse kinematics.
+
+    Args:
+        surface: the body's.
+        observation: the frame; its contour is not used.
+        prior: of the joints.
+    """
+    joints = prior.landmarks_m
+    name = LANDMARK_NAMES.index
+    across = (joints[name("left_hip")] - joints[name("right_hip")]) + (
+        joints[name("left_shoulder")] - joints[name("right_shoulder")]
+    )
+    up = joints[name("neck")] - joints[name("pelvis")]
+    up = up / np.linalg.norm(up)
+    right = across - up * (across @ up)
+    right /= max(float(np.linalg.norm(right)), 1e-9)
+    start = Pose(prior.pelvis_m, np.stack([right, np.cross(up, right), up], 1), RELAXED_RAD.copy())
+    return refine(surface, observation, start, None, _PLACING, prior).pose
 
 
 def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
@@ -265,8 +384,10 @@ def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
         last: hypothesis of the last frame to start from; None: its cheapest.
     """
     chosen = [beams[-1].best if last is None else last]
-    for beam in beams[:0:-1]:
-        chosen.append(int(beam.back[chosen[-1]]))
+    for before, beam in zip(beams[-2::-1], beams[:0:-1], strict=True):
+        back = int(beam.back[chosen[-1]])
+        # Where a track begins anew, what came before ends with its own cheapest hypothesis.
+        chosen.append(back if back >= 0 else before.best)
     return chosen[::-1]
 
 
@@ -310,12 +431,18 @@ def _predicted(previous: Beam, before_previous: Beam | None) -> list[Pose]:
     ]
 
 
-def _packed(poses: list[Pose], time_s: float) -> PoseCandidates:
+def _packed(
+    poses: list[Pose], time_s: float, occluded: NDArray[np.bool_] | None = None
+) -> PoseCandidates:
     return PoseCandidates(
         np.stack([pose.root_m for pose in poses]),
         np.stack([pose.root_rotation for pose in poses]),
         np.stack([pose.angles_rad for pose in poses]),
-        np.zeros((len(poses), len(poses[0].angles_rad)), bool),
+        (
+            np.zeros((len(poses), len(poses[0].angles_rad)), bool)
+            if occluded is None
+            else occluded & ~BodyModel.dof_fixed
+        ),
         np.zeros(len(poses)),
         time_s,
     )

@@ -15,7 +15,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.filter.forward import FilterFrame, ForwardFilter
-from silhouette_core.filter.hypothesis_store import HypothesisStore, top_hypotheses
+from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.hypothesis_tracker import TrackerSettings
 from silhouette_core.filter.person import find_person
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
@@ -136,14 +136,15 @@ class MonocularEstimator:
             tree, lens.pinhole, facing, options.weighting, interval_s=1 / source.fps
         )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
-        trajectory = PoseTrajectory(tree, lens.pinhole, tracking, settings.smooth, clock)
+        trajectory = PoseTrajectory(
+            tree, lens.pinhole, tracking, settings.smooth, clock, _sexes(settings)
+        )
 
         def estimates() -> Iterator[FrameEstimate]:
             for filter_frame in _filter_frames(
                 source, settings, lens, forward, clock, reporter, counts
             ):
                 counts.add(filter_frame)
-                hypotheses.put(filter_frame.number, *top_hypotheses(tree, filter_frame))
                 decided = trajectory.add(filter_frame)
                 if options.refine:
                     forward.correct(trajectory.distance_m)
@@ -151,7 +152,7 @@ class MonocularEstimator:
             reporter.stage("last frames")
             yield from trajectory.finish()
 
-        motion = _motion(estimates(), library, source.fps, settings.smooth)
+        motion = _motion(estimates(), trajectory, hypotheses, source.fps, settings.smooth)
         if motion is None:
             raise InputError(
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
@@ -190,6 +191,11 @@ def _library(options: _Options, settings: Settings, reporter: Reporter) -> PoseL
     if abs(sizes.stature_m - stature) > 0.01:
         reporter.note(f"the library's body of {sizes.stature_m:.2f} m is scaled to {stature:.2f} m")
     return _scaled(library, stature)
+
+
+def _sexes(settings: Settings) -> tuple[str, ...]:
+    """Templates that are tried for the person's body."""
+    return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
 
 
 def _chest(settings: Settings, stature_m: float) -> float | None:
@@ -241,11 +247,18 @@ def _filter_frames(
 
 
 def _motion(
-    estimates: Iterable[FrameEstimate], library: PoseLibrary, fps: float, smoothed: bool
+    estimates: Iterable[FrameEstimate],
+    trajectory: PoseTrajectory,
+    hypotheses: HypothesisStore,
+    fps: float,
+    smoothed: bool,
 ) -> Motion | None:
-    """Motion of all frames, or None if there are none."""
+    """Motion of all frames, or None if there are none; their hypotheses are stored."""
     frames, blocks = iter(estimates), []
     while block := list(islice(frames, _BLOCK)):
+        for frame in block:
+            count = min(COUNT, len(frame.probability))
+            hypotheses.put(frame.number, frame.probability[:count], frame.joints[:count])
         blocks.append(_stacked(block))
     if not blocks:
         return None
@@ -259,13 +272,13 @@ def _motion(
     quality = {
         "confidence": confidence,
         "landmark_confidence": (
-            confidence[:, None] * np.where(occluded[:, library.model.landmark_part], 0.3, 1.0)
+            confidence[:, None] * np.where(occluded[:, trajectory.model.landmark_part], 0.3, 1.0)
         ),
         "occluded": occluded,
         "cut": whole["cut"],
         "lost": whole["lost"],
     }
-    return Motion(fps, library.model, root, rotation, angles, numbers, whole["time_s"], quality)
+    return Motion(fps, trajectory.model, root, rotation, angles, numbers, whole["time_s"], quality)
 
 
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:

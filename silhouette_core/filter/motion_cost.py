@@ -64,6 +64,7 @@ def transition_cost(
     The random walk of :eq:`okada-4` and :eq:`okada-5` over joint angles, orientation and position;
     the source pose decides which parts are occluded. Beyond the paper, the spacing of the library
     is added to the variances, and the cost is bounded.
+    The normaliser of the Gaussian counts, since :eq:`okada-5` makes it differ between sources.
 
     Args:
         before: M candidates of a frame.
@@ -71,7 +72,7 @@ def transition_cost(
         noise: standard deviations of a step.
 
     Returns:
-        (M, M') float64, nats, up to a constant for each source.
+        (M, M') float64, nats, up to a constant that is the same for all.
 
     Source: Okada and Stenger, eq. (4), (5); spacing and bound are ours.
     """
@@ -92,7 +93,10 @@ def transition_cost(
     cost += turn**2 / ((noise.root_rad * steps) ** 2 + noise.spacing_rad**2)
     gap = before.root_m[:, None] - after.root_m[None]
     cost += (gap**2).sum(-1) / ((noise.root_m * steps) ** 2 + 0.05**2)
-    return np.minimum(0.5 * np.maximum(cost, 0.0), noise.restart_cost)
+    # A wider Gaussian is lower: without its normaliser every occluded part would be a bonus.
+    usual = np.sqrt((noise.sigma_rad * steps) ** 2 + noise.spacing_rad**2)
+    widened = np.log(sigma / usual).sum(1)[:, None]
+    return np.minimum(0.5 * np.maximum(cost, 0.0) + widened, noise.restart_cost)
 
 
 def viterbi(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ from silhouette_core.refinement.surface import Surface
 
 _NOVELTY_M, _FAR = 0.06, 4.0
 _NEAR_FLOOR_M, _SUNK_M, _HOVERING_M = 0.20, 0.03, 0.06
+_FLOOR_FRAMES = 90
 _VELOCITY_WINDOW_S, _WALKING_M_S = 0.7, 0.4
 _BACKWARD = 1.0  # nats a frame against walking sideways, half of those against walking backward
 _FACING = 10.0  # nats against standing in profile in the first frame
@@ -27,10 +30,9 @@ class PoseCosts:
 
     Args:
         library: recorded poses.
-        surface: the body's surface.
     """
 
-    def __init__(self, library: PoseLibrary, surface: Surface):
+    def __init__(self, library: PoseLibrary):
         """Places the joints of the recorded poses."""
         recorded = forward(
             library.model,
@@ -40,8 +42,7 @@ class PoseCosts:
         )
         joints = landmarks(library.model, *recorded)
         self._recorded = joints - joints[:, :1]
-        self._surface = surface
-        self._on_floor: bool | None = None
+        self._lowest: deque[float] = deque(maxlen=_FLOOR_FRAMES)
         self._positions: list[tuple[float, NDArray[np.float64]]] = []
 
     def add_position(self, time_s: float, root_m: NDArray[np.float64]) -> None:
@@ -67,18 +68,26 @@ class PoseCosts:
         # Far away, the cost is linear (Huber).
         return np.where(off < _FAR, 0.5 * off**2, _FAR * (off - 0.5 * _FAR))
 
-    def off_floor(self, poses: list[Pose]) -> NDArray[np.float64]:
+    def off_floor(self, poses: list[Pose], surface: Surface) -> NDArray[np.float64]:
         """Cost (K,) of hovering above the floor or sinking into it, as a leg at a wrong depth does.
 
-        The world's z = 0 counts as the floor if the person stands near it in the first frame.
+        The world's z = 0 counts as the floor as long as the person has mostly stood near it.
+
+        Args:
+            poses: K poses, the first hypotheses of this frame.
+            surface: the body's surface.
         """
-        lowest = np.array([self._surface.posed(pose).points[:, 2].min() for pose in poses])
-        if self._on_floor is None:
-            self._on_floor = bool(np.median(np.abs(lowest)) < _NEAR_FLOOR_M)
-        if not self._on_floor:
+        lowest = np.array([surface.posed(pose).points[:, 2].min() for pose in poses])
+        self._lowest.append(float(np.median(lowest)))
+        if not self.on_floor:
             return np.zeros(len(poses))
         off = np.where(lowest < 0, -lowest / _SUNK_M, lowest / _HOVERING_M)
         return 0.5 * np.minimum(off, 3.0) ** 2
+
+    @property
+    def on_floor(self) -> bool:
+        """Whether the person of the latest frames stands on z = 0."""
+        return bool(self._lowest) and float(np.median(np.abs(self._lowest))) < _NEAR_FLOOR_M
 
     def walking_backward(self, poses: list[Pose], time_s: float) -> NDArray[np.float64]:
         """Cost (K,) of facing away from the direction in which the person has been walking.

@@ -5,13 +5,16 @@ Frames are decided in blocks, so that memory does not grow with the length of a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.filter.forward import FilterFrame
+from silhouette_core.body.model import BodyModel
+from silhouette_core.filter.body_adaptation import adapted_body
+from silhouette_core.filter.forward import FilterFrame, slim
 from silhouette_core.filter.hypothesis_tracker import (
     Beam,
     HypothesisTracker,
@@ -20,6 +23,7 @@ from silhouette_core.filter.hypothesis_tracker import (
 )
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
 from silhouette_core.filter.limb_silhouette import SignedWeights
+from silhouette_core.filter.pose_modes import FrameModes, ModeFinder, ModeView
 from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import look_at
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
@@ -27,10 +31,13 @@ from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.trajectory_fit import fit_trajectory
 from silhouette_core.scoring.silhouette_error import silhouette_error
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
 _LONGEST_GAP_S = 1.0
+_ROWS = 150  # samples kept of a frame's posterior
+_MEMORY_S = 0.5  # of frames that the proposal reads without later ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +52,8 @@ class FrameEstimate:
         occluded: (27,) bool, occlusion flags of the parts in this pose, eq. (3).
         cut: the border of the image cuts the person.
         lost: the filter had lost the person.
+        probability: (n,) float64, of the hypotheses of the frame, likeliest first.
+        joints: (n, 15, 3) float64, their joints in the world, m.
     """
 
     number: int
@@ -54,6 +63,8 @@ class FrameEstimate:
     occluded: NDArray[np.bool_]
     cut: bool
     lost: bool
+    probability: NDArray[np.float64]
+    joints: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,20 +72,14 @@ class _PendingFrame:
     """A frame that is not decided yet.
 
     Attributes:
-        number: number of the frame in the recording.
-        time_s: time of the frame.
+        filter_frame: the frame with its posterior, without its pictures.
         bits: (h, w / 8) uint8, the silhouette, packed.
-        cut: the border of the image cuts the person.
-        lost: the filter had lost the person.
-        beam: the frame's pose hypotheses.
+        view: what the proposal reads of it, if there is one.
     """
 
-    number: int
-    time_s: float
+    filter_frame: FilterFrame
     bits: NDArray[np.uint8]
-    cut: bool
-    lost: bool
-    beam: Beam
+    view: ModeView | None
 
 
 class PoseTrajectory:
@@ -86,9 +91,10 @@ class PoseTrajectory:
         settings: how hypotheses are tracked.
         smooth: decide frames with knowledge of later ones; otherwise at once, from the past.
         clock: times the stages.
+        sexes: templates tried when the body is adapted to the person; none: it stays as it is.
 
     Attributes:
-        distance_m: distance of the person in the latest frame, from its cheapest hypothesis.
+        distance_m: distance of the person in the latest frame, as far as known without later ones.
     """
 
     def __init__(
@@ -98,48 +104,39 @@ class PoseTrajectory:
         settings: TrackerSettings,
         smooth: bool,
         clock: StageClock,
+        sexes: Sequence[str] = (),
     ):
         """Prepares tracker and resampler."""
         self.camera, self.settings, self.smooth, self.clock = camera, settings, smooth, clock
-        self.model = tree.library.model
+        self.tree, self.sexes = tree, tuple(sexes)
         self.tracker = HypothesisTracker(tree, camera, settings)
-        self.resampler = (
-            LimbResampler(self.model, self.tracker.views, tree.library.base_angles.astype(float))
-            if settings.refine
-            else None
+        proposal = tree.library.proposal if settings.refine else None
+        self.finder = (
+            None
+            if proposal is None
+            else ModeFinder(proposal, camera, tree.library.model.sizes.stature_m)
         )
         self._usual_areas = usual_areas(tree.library.areas)
         self.distance_m = np.nan
         self._pending: list[_PendingFrame] = []
-        self._decided: _PendingFrame | None = None
-        self._decided_pose: PoseFrame | None = None
+        self._views: list[ModeView] = []
+        self._past: list[Beam] = []  # of the last two decided frames, the chosen hypothesis alone
+        self._decided: list[PoseFrame] = []
+
+    @property
+    def model(self) -> BodyModel:
+        """The body, adapted to the person once there are frames enough."""
+        return self.tracker.model
 
     def add(self, filter_frame: FilterFrame) -> list[FrameEstimate]:
         """Adds a frame; returns the frames that are decided by it, oldest first."""
-        past = [
-            frame.beam for frame in ([self._decided] if self._decided else []) + self._pending[-2:]
-        ][-2:]
-        if filter_frame.lost and past and filter_frame.time_s - past[-1].time_s > _LONGEST_GAP_S:
-            past = []
-        with self.clock("several poses"):
-            beam = self.tracker.step(
-                filter_frame, past[-1] if past else None, past[0] if len(past) > 1 else None
-            )
-        best = beam.poses[beam.best]
-        self.distance_m = float(
-            (best.root_m - self.camera.center_m) @ filter_frame.windows[0].world_from_virtual[:, 2]
-        )
+        self.distance_m = filter_frame.distance_m
+        view = None
+        if self.finder is not None:
+            with self.clock("proposal"):
+                view = self._view(filter_frame)
         bits = np.packbits(filter_frame.person.mask, axis=1)
-        self._pending.append(
-            _PendingFrame(
-                filter_frame.number,
-                filter_frame.time_s,
-                bits,
-                filter_frame.person.cut,
-                filter_frame.lost,
-                beam,
-            )
-        )
+        self._pending.append(_PendingFrame(slim(filter_frame, _ROWS), bits, view))
         if not self.smooth:
             return self._decide(1)
         return self._decide(_BLOCK) if len(self._pending) >= _BLOCK + _AHEAD else []
@@ -148,28 +145,111 @@ class PoseTrajectory:
         """Returns the frames still undecided."""
         return self._decide(len(self._pending)) if self._pending else []
 
+    def _view(self, filter_frame: FilterFrame) -> ModeView:
+        """What the proposal reads of a frame; corrects the distance from it and its past."""
+        assert self.finder is not None
+        gap = [abs(np.log(w.distance_m / filter_frame.distance_m)) for w in filter_frame.windows]
+        window = filter_frame.windows[int(np.argmin(gap))]
+        view = self.finder.view(window, filter_frame.time_s)
+        self._views = [one for one in self._views if view.time_s - one.time_s <= _MEMORY_S] + [view]
+        self.distance_m = self.finder.find(self._views, causal=True)[-1].distance_m
+        return view
+
+    def _mask(self, frame: _PendingFrame) -> NDArray[np.bool_]:
+        return np.unpackbits(frame.bits, axis=1, count=self.camera.size[0]).view(bool)
+
     def _decide(self, count: int) -> list[FrameEstimate]:
-        chosen = backtrack([frame.beam for frame in self._pending])
+        masks = [self._mask(frame) for frame in self._pending]
+        modes = self._modes(masks)
+        with self.clock("several poses"):
+            beams = self._beams(masks, modes)
+        chosen = backtrack(beams)
         pose_frames = [
-            self._pose_frame(frame, frame.beam.poses[k])
-            for frame, k in zip(self._pending, chosen, strict=True)
+            self._pose_frame(frame, mask, beam.poses[k])
+            for frame, mask, beam, k in zip(self._pending, masks, beams, chosen, strict=True)
         ]
-        if self.resampler is not None:
-            with self.clock("limbs"):
-                pose_frames = self.resampler.resample(pose_frames, self._decided_pose)
+        if self.settings.refine:
             with self.clock("refinement"):
-                pose_frames = self.resampler.refine(pose_frames, self._decided_pose)
+                pose_frames = self._refined(pose_frames, beams, chosen)
         decided = [
-            self._estimate(frame, pose_frame)
-            for frame, pose_frame in zip(self._pending[:count], pose_frames, strict=False)
+            self._estimate(frame, pose_frame, beam)
+            for frame, pose_frame, beam in zip(
+                self._pending[:count], pose_frames, beams, strict=False
+            )
         ]
-        self._decided, self._decided_pose = self._pending[count - 1], pose_frames[count - 1]
+        ends = range(max(count - 2, 0), count)
+        self._past = [*self._past, *(beams[k].only(chosen[k]) for k in ends)][-2:]
+        self._decided = [*self._decided, *(pose_frames[k] for k in ends)][-2:]
         del self._pending[:count]
         return decided
 
-    def _pose_frame(self, frame: _PendingFrame, pose: Pose) -> PoseFrame:
+    def _modes(self, masks: list[NDArray[np.bool_]]) -> list[FrameModes] | list[None]:
+        """Modes of all pending frames; the first time, the body is adapted to them."""
+        if self.finder is None:
+            return [None] * len(masks)
+        with self.clock("proposal"):
+            if self.smooth:
+                views = [frame.view for frame in self._pending if frame.view is not None]
+                modes = self.finder.find(self.finder.corrected(views, masks))
+            else:
+                modes = self.finder.find(self._views, causal=True)[-1:]
+        if self.sexes and self.smooth:
+            with self.clock("body"):
+                self.tracker.set_body(
+                    adapted_body(self.model, self.sexes, self.tracker.views, masks, modes)
+                )
+            self.sexes = ()
+        return modes
+
+    def _beams(
+        self, masks: list[NDArray[np.bool_]], modes: list[FrameModes] | list[None]
+    ) -> list[Beam]:
+        """Hypotheses of all pending frames."""
+        beams: list[Beam] = []
+        for frame, mask, own in zip(self._pending, masks, modes, strict=True):
+            filter_frame = frame.filter_frame
+            past = [*self._past, *beams[-2:]][-2:]
+            if (
+                filter_frame.lost
+                and past
+                and filter_frame.time_s - past[-1].time_s > _LONGEST_GAP_S
+            ):
+                past = []
+            whole = replace(filter_frame, person=replace(filter_frame.person, mask=mask))
+            beams.append(
+                self.tracker.step(
+                    whole, past[-1] if past else None, past[0] if len(past) > 1 else None, own
+                )
+            )
+        return beams
+
+    def _refined(
+        self, pose_frames: list[PoseFrame], beams: list[Beam], chosen: list[int]
+    ) -> list[PoseFrame]:
+        """Poses refined together; without a proposal the limbs are resampled first."""
+        if self.finder is None:
+            resampler = LimbResampler(
+                self.model, self.tracker.views, self.tree.library.base_angles.astype(float)
+            )
+            before = self._decided[-1] if self._decided else None
+            return resampler.refine(resampler.resample(pose_frames, before), before)
+        observations = [
+            Observation.from_masks(self.tracker.views, [frame.mask], frame.distance_m)
+            for frame in pose_frames
+        ]
+        poses = fit_trajectory(
+            self.tracker.surface,
+            observations,
+            [frame.pose for frame in pose_frames],
+            np.array([frame.time_s for frame in pose_frames]),
+            [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
+            self.tracker.costs.on_floor,
+            before=[frame.pose for frame in self._decided],
+        )
+        return [replace(frame, pose=pose) for frame, pose in zip(pose_frames, poses, strict=True)]
+
+    def _pose_frame(self, frame: _PendingFrame, mask: NDArray[np.bool_], pose: Pose) -> PoseFrame:
         distance = float(np.linalg.norm(pose.root_m - self.camera.center_m))
-        mask = np.unpackbits(frame.bits, axis=1, count=self.camera.size[0]).view(bool)
         window = look_at(self.camera, mask, distance, STATURE_PX / self.model.sizes.stature_m)
         return PoseFrame(
             pose,
@@ -177,22 +257,32 @@ class PoseTrajectory:
             SignedWeights.from_window(
                 window,
                 self.settings.weighting,
-                backend=self.tracker.tree.backend,
-                bounds_px=self.tracker.tree.library.bounds_px,
+                backend=self.tree.backend,
+                bounds_px=self.tree.library.bounds_px,
             ),
             distance,
-            frame.time_s,
+            frame.filter_frame.time_s,
         )
 
-    def _estimate(self, frame: _PendingFrame, pose_frame: PoseFrame) -> FrameEstimate:
+    def _estimate(self, frame: _PendingFrame, pose_frame: PoseFrame, beam: Beam) -> FrameEstimate:
         error = silhouette_error(
             self.model,
             pose_frame.pose,
             Observation.from_masks(self.tracker.views, [pose_frame.mask], pose_frame.distance_m),
-            self.tracker.tree.backend,
+            self.tree.backend,
         )
         areas = pose_frame.weights.part_areas(self.model, pose_frame.pose)
         occluded = occluded_parts(areas, self._usual_areas)
+        filter_frame = frame.filter_frame
+        probability, joints = beam.probabilities()
         return FrameEstimate(
-            frame.number, frame.time_s, pose_frame.pose, error, occluded, frame.cut, frame.lost
+            filter_frame.number,
+            filter_frame.time_s,
+            pose_frame.pose,
+            error,
+            occluded,
+            filter_frame.person.cut,
+            filter_frame.lost,
+            probability,
+            joints,
         )

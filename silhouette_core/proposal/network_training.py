@@ -35,7 +35,7 @@ class TrainingSettings:
         decay: decay of the weights per unit of rate.
     """
 
-    steps: int = 3000
+    steps: int = 5000
     batch: int = 320
     rate: float = 1.5e-3
     hidden: tuple[int, ...] = (512, 512)

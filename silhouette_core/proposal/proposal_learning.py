@@ -22,6 +22,7 @@ from silhouette_core.proposal.silhouette_features import (
     nearby_frames,
     network_inputs,
 )
+from silhouette_core.proposal.varied_motion import vary_motion
 from silhouette_core.proposal.virtual_takes import VirtualBodies, VirtualTake, film_take, plan_takes
 
 _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
@@ -45,7 +46,7 @@ class LearningSettings:
         seed: seed of everything random.
     """
 
-    frames: int = 100_000
+    frames: int = 160_000
     takes: int = 8
     mirror: bool = True
     passes: float = 10.0
@@ -119,7 +120,7 @@ def _film(
     for number, (motion, rng) in enumerate(
         zip(stretches, film.spawn(len(stretches)), strict=True), start=1
     ):
-        takes.append(film_take(motion, bodies, rng))
+        takes.append(film_take(vary_motion(motion, stretches, rng), bodies, rng))
         if number == min(_FIRST_TAKES, len(stretches)):
             grids = np.concatenate([take.coverage for take in takes])
             mean, basis = fit_basis(grids[fit.permutation(len(grids))[:_BASIS_GRIDS]], fit)

@@ -22,6 +22,7 @@ from silhouette_core.refinement.kernels.refine import (
     match_contours,
     measure_outside,
 )
+from silhouette_core.refinement.landmark_prior import LandmarkPrior, add_landmark_prior
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.surface import PosedSurface, Surface
 
@@ -109,6 +110,7 @@ def refine(
     start: Pose,
     prior: PosePrior | None = None,
     settings: RefineSettings | None = None,
+    landmark_prior: LandmarkPrior | None = None,
 ) -> RefinedPose:
     r"""Fits the pose of a body to one frame's silhouettes.
 
@@ -125,7 +127,8 @@ def refine(
         observation: the frame.
         start: initial pose, right to within about 0.3 m at every joint.
         prior: prior of the pose, for example from the previous frame.
-        settings: weights and reaches.
+        settings: weights and reaches. A reach of 0 leaves the contour out.
+        landmark_prior: prior of the joints' positions, for example from a proposal.
 
     Source: textbook Gauss-Newton with iteratively reweighted least squares; own correspondences.
     """
@@ -137,11 +140,14 @@ def refine(
     matrix = np.eye(6 + model.dof_count)
     for reach in settings.reaches_m:
         posed = surface.posed(pose)
-        rows = residuals(surface, posed, observation, reach, settings)
-        jacobian = surface.jacobian(posed, rows.index, rows.direction)
         matrix, gradient = np.zeros_like(matrix), np.zeros(len(matrix))
-        add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
+        if reach:
+            rows = residuals(surface, posed, observation, reach, settings)
+            jacobian = surface.jacobian(posed, rows.index, rows.direction)
+            add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
         add_pose_priors(matrix, gradient, pose, model, prior, settings.usual)
+        if landmark_prior is not None:
+            add_landmark_prior(matrix, gradient, model, posed, landmark_prior)
         pose = pose.moved(bounded_step(matrix, gradient, free, pose.angles_rad, model)).clipped()
     contour = np.average(rows.gap_m**2, weights=rows.weight) if len(rows.gap_m) else np.inf
     return RefinedPose(pose, float(np.sqrt(contour)), rows.explained, matrix)

@@ -12,10 +12,10 @@ from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
+from silhouette_core.refinement.adaptation import Stature, adapt_shape
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
-from voxelpose.matching.adaptation import Stature, adapt_shape
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import FrameObservation

@@ -8,6 +8,7 @@ import pytest
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA
 from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, bounded_step, refine
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
@@ -21,7 +22,6 @@ from tests.voxelpose.matching.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.matching.adaptation import Stature, adapt_shape, stature_of
 
 POSTURES = (
     {

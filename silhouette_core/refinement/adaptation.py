@@ -8,15 +8,17 @@ Beyond both papers, which choose among ready-made bodies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_SIGMA
+from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.kernels.refine import add_normal_equations
+from silhouette_core.refinement.landmark_prior import LandmarkPrior, add_landmark_prior
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
     RefineSettings,
@@ -28,8 +30,10 @@ from silhouette_core.refinement.refine import (
 from silhouette_core.refinement.surface import Surface
 
 _REACHES_M = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
+# Of the prior with one camera: factors on SHAPE_SIGMA, and the deviation common to all girths.
+_GIRTH_SPREAD, _LENGTH_SPREAD, _BUILD_SIGMA = 1.7, 0.6, 0.20
 _LARGEST = 3.0  # largest deviation of a person's shape, in standard deviations
-_SETTLE = RefineSettings(reaches_m=(0.08, 0.06, 0.05))
+_SETTLE_M = (0.08, 0.06, 0.05)
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,9 @@ def adapt_shape(
     poses: list[Pose],
     stature: Stature,
     expected: np.ndarray,
+    covariance: np.ndarray | None = None,
+    settings: RefineSettings | None = None,
+    landmark_priors: Sequence[LandmarkPrior] | None = None,
 ) -> tuple[Surface, list[Pose]]:
     """Adapts a body's proportions to the silhouettes of several frames.
 
@@ -60,20 +67,27 @@ def adapt_shape(
         poses: F poses, right to within about 0.1 m.
         stature: the person's height.
         expected: (K,) mean of the prior of the shape.
+        covariance: (K, K) of that prior; None: `SHAPE_SIGMA`, independent.
+        settings: weights of the residuals.
+        landmark_priors: priors of the joints' positions in the F frames, which decide the depth
+            where there is one camera.
 
     Returns:
         The surface of the adapted body, and the F poses refined on it.
     """
     model = surface.model
-    settings = RefineSettings()
+    settings = settings or RefineSettings()
+    covariance = np.diag(SHAPE_SIGMA**2) if covariance is None else covariance
+    precision, largest = np.linalg.inv(covariance), _LARGEST * np.sqrt(np.diag(covariance))
+    priors = [None] * len(poses) if landmark_priors is None else landmark_priors
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
     for reach in _REACHES_M:
-        matrix = np.diag(1 / SHAPE_SIGMA**2)
-        gradient = (surface.model.shape - expected) / SHAPE_SIGMA**2
+        matrix = precision.copy()
+        gradient = precision @ (surface.model.shape - expected)
         _add_stature(matrix, gradient, surface.model, stature)
         systems = []
-        for observation, pose in zip(observations, poses, strict=True):
-            system = _FrameSystem(surface, observation, pose, reach, settings)
+        for observation, pose, prior in zip(observations, poses, priors, strict=True):
+            system = _FrameSystem(surface, observation, pose, reach, settings, prior)
             systems.append(system)
             eliminated = np.linalg.solve(
                 system.pose[np.ix_(free, free)] + 1e-6 * np.eye(len(free)), system.cross[free]
@@ -81,11 +95,7 @@ def adapt_shape(
             matrix += system.shape - system.cross[free].T @ eliminated
             gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
         step = -np.linalg.solve(matrix, gradient)
-        shape = np.clip(
-            surface.model.shape + step,
-            expected - _LARGEST * SHAPE_SIGMA,
-            expected + _LARGEST * SHAPE_SIGMA,
-        )
+        shape = np.clip(surface.model.shape + step, expected - largest, expected + largest)
         change = shape - surface.model.shape
         steps = [
             bounded_step(
@@ -99,9 +109,10 @@ def adapt_shape(
         ]
         poses = [pose.moved(step).clipped() for pose, step in zip(poses, steps, strict=True)]
         surface = surface.reshaped(shape)
+    settle = replace(settings, reaches_m=_SETTLE_M)
     poses = [
-        refine(surface, observation, pose, settings=_SETTLE).pose
-        for observation, pose in zip(observations, poses, strict=True)
+        refine(surface, observation, pose, settings=settle, landmark_prior=prior).pose
+        for observation, pose, prior in zip(observations, poses, priors, strict=True)
     ]
     return surface, poses
 
@@ -111,6 +122,17 @@ def stature_of(model: BodyModel) -> float:
     return float(
         model.landmarks_m[LANDMARK_NAMES.index("head_top"), 2] - model.vertices_m[:, 2].min()
     )
+
+
+def clothed_covariance() -> np.ndarray:
+    """Prior covariance (K, K) of the shape of a clothed person of unknown build.
+
+    Girths vary together from slim to heavy, and loose clothes add to all of them; the lengths of
+    the limbs, which a single view confounds with depth, vary less than over all adults.
+    """
+    girth = np.array([axis.flesh and not axis.joints for axis in SHAPE_AXES], float)
+    sigma = SHAPE_SIGMA * np.where(girth > 0, _GIRTH_SPREAD, _LENGTH_SPREAD)
+    return np.diag(sigma**2) + _BUILD_SIGMA**2 * np.outer(girth, girth)
 
 
 class _FrameSystem:
@@ -123,6 +145,7 @@ class _FrameSystem:
         pose: Pose,
         reach: float,
         settings: RefineSettings,
+        prior: LandmarkPrior | None,
     ):
         """Linearises the residuals of one frame; `reach` in metres."""
         posed = surface.posed(pose)
@@ -140,6 +163,8 @@ class _FrameSystem:
         self.pose, self.cross, self.shape = matrix[:n, :n].copy(), matrix[:n, n:], matrix[n:, n:]
         self.pose_gradient, self.shape_gradient = gradient[:n].copy(), gradient[n:]
         add_pose_priors(self.pose, self.pose_gradient, pose, surface.model, None, settings.usual)
+        if prior is not None:
+            add_landmark_prior(self.pose, self.pose_gradient, surface.model, posed, prior)
 
 
 def _add_stature(

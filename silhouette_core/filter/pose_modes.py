@@ -1,0 +1,334 @@
+"""Modes of the learned proposal in the world, frame by frame, and the evidence that they are.
+
+Beyond paper A. The proposal reads half a second of silhouettes about a frame; how the whole body is
+headed is then decided over time, by a hidden Markov model whose states are headings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.filter.window import Window, look_at
+from silhouette_core.library.rendering import STATURE_PX
+from silhouette_core.motion.dynamics import FPS
+from silhouette_core.proposal.pose_proposal import PoseModes, PoseProposal
+from silhouette_core.proposal.silhouette_features import FrameFeatures, level_axes
+from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
+
+_LEAST_SIGMA_M = 0.012
+_PELVIS_SIGMA_M = 0.15
+# The frames' mixtures read the same silhouettes: each counts as this fraction of an observation.
+_INDEPENDENCE = 0.5
+_HEADINGS = 72
+_HEADING_SIGMA_RAD, _TURN_RAD = np.radians(18.0), np.radians(9.0)
+_UNKNOWN = 0.02  # probability that no mode has the right heading
+_JUMP = 1e-5  # weight of any turn, relative to none
+_EVIDENCE = 0.1  # weight of a deviation from a mode: its 42 coordinates are not independent
+_DISTANCE_WINDOW_S = 0.17
+_ALIKE_M = 0.08  # mean distance of the joints of modes that are averaged
+_EXCHANGED = [
+    LANDMARK_NAMES.index(
+        name.replace("left", "right") if name.startswith("left") else name.replace("right", "left")
+    )
+    for name in LANDMARK_NAMES
+]
+_LEFT, _RIGHT = (
+    [LANDMARK_NAMES.index(f"{side}_{name}") for name in ("hip", "shoulder")]
+    for side in ("left", "right")
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameModes:
+    """M probable poses of one frame.
+
+    Attributes:
+        probability: (M,) float64, summing to 1.
+        priors: M priors of the joints' positions.
+        distance_m: of the pelvis along the optical axis of the window.
+    """
+
+    probability: NDArray[np.float64]
+    priors: list[LandmarkPrior]
+    distance_m: float
+
+    @property
+    def landmarks_m(self) -> NDArray[np.float64]:
+        """Joints (M, 15, 3) of the modes in the world."""
+        return np.stack([prior.landmarks_m for prior in self.priors])
+
+    def probable(self, count: int, least: float) -> list[int]:
+        """At most `count` modes of at least a probability, likeliest first; one at any rate."""
+        order = np.argsort(-self.probability, kind="stable")[:count]
+        return [int(k) for n, k in enumerate(order) if n == 0 or self.probability[k] >= least]
+
+    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
+        """The mode nearest to a pose's joints (15, 3), relative to the pelvis."""
+        relative = landmarks_m - landmarks_m[0]
+        gaps = [np.linalg.norm(prior.relative_m - relative) for prior in self.priors]
+        return self.priors[int(np.argmin(gaps))]
+
+    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (K,), nats, of poses: the negative logarithm of the mixture at their joints.
+
+        Args:
+            landmarks_m: (K, 15, 3), joints in the world.
+        """
+        relative = landmarks_m - landmarks_m[:, :1]
+        logs = np.empty((len(relative), len(self.priors)))
+        for mode, prior in enumerate(self.priors):
+            error = (relative - prior.relative_m)[:, 1:]
+            square = np.einsum("kli,lij,klj->kl", error, prior.precision[1:], error)
+            scale = 0.5 * (DEGREES_OF_FREEDOM + 3)
+            logs[:, mode] = np.log(max(self.probability[mode], 1e-6)) - _EVIDENCE * (
+                scale * np.log1p(square / DEGREES_OF_FREEDOM)
+            ).sum(axis=1)
+        most = logs.max(axis=1, keepdims=True)
+        return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class ModeView:
+    """What the proposal reads of one frame.
+
+    Attributes:
+        window: of the silhouette at an assumed distance.
+        code: (K,) float32, of the window's silhouette.
+        mirrored_code: (K,) float32, of its mirror image.
+        time_s: time of the frame.
+    """
+
+    window: Window
+    code: NDArray[np.float32]
+    mirrored_code: NDArray[np.float32]
+    time_s: float
+
+
+class ModeFinder:
+    """Finds the modes of consecutive frames of one camera.
+
+    Args:
+        proposal: the learned proposal.
+        camera: pinhole camera without distortion.
+        stature_m: of the person.
+    """
+
+    def __init__(self, proposal: PoseProposal, camera: Camera, stature_m: float):
+        """Keeps what it is given."""
+        self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
+
+    def view(self, window: Window, time_s: float) -> ModeView:
+        """What the proposal reads of a frame, seen through a window about the silhouette."""
+        # Of the windows only the geometry is kept: their pictures would fill the memory.
+        empty = np.zeros((0, 0), bool)
+        codes = self.proposal.codes(np.stack([window.mask, window.mask[:, ::-1]]))
+        return ModeView(replace(window, mask=empty, seen=empty), codes[0], codes[1], time_s)
+
+    def corrected(
+        self, views: Sequence[ModeView], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[ModeView]:
+        """Views at the distances that the proposal finds itself.
+
+        Args:
+            views: T consecutive frames at assumed distances.
+            masks: T silhouettes (h, w) bool.
+        """
+        times = np.array([view.time_s for view in views])
+        offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
+        distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
+        scale = STATURE_PX / self.stature_m
+        return [
+            self.view(look_at(self.camera, mask, own, scale), view.time_s)
+            for mask, own, view in zip(masks, _smoothed(distance, times), views, strict=True)
+        ]
+
+    def find(self, views: Sequence[ModeView], causal: bool = False) -> list[FrameModes]:
+        """Modes of consecutive frames.
+
+        Args:
+            views: T frames.
+            causal: whether no frame's modes depend on later frames.
+        """
+        features = _features(views, self.stature_m)
+        modes = self._modes(views, features, causal)
+        axes = level_axes(features.heading_rad)
+        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        probability = smooth_headings(
+            body_headings(joints),
+            np.asarray(modes.probability, float),
+            np.asarray(features.time_s, float),
+            causal,
+        )
+        return [
+            self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
+            for t, view in enumerate(views)
+        ]
+
+    def _modes(self, views: Sequence[ModeView], features: FrameFeatures, causal: bool) -> PoseModes:
+        """Modes of the frames and of their mirror images, each half as probable."""
+        mirrored = replace(
+            features,
+            codes=np.stack([view.mirrored_code for view in views]),
+            heading_rad=np.pi - features.heading_rad,
+            anchor=features.anchor * [-1.0, 1.0, 1.0],
+        )
+        one, other = (self.proposal.modes(seen, causal) for seen in (features, mirrored))
+        joints = other.joints[:, :, _EXCHANGED] * np.array([-1, 1, 1], np.float32)
+        offset = other.offset * np.array([-1, 1, 1], np.float32)
+        return PoseModes(
+            0.5 * np.concatenate([one.probability, other.probability], axis=1),
+            np.concatenate([one.joints, joints], axis=1),
+            np.concatenate([one.sigma, other.sigma[:, :, _EXCHANGED]], axis=1),
+            (0.5 * (one.offset + offset)).astype(np.float32),
+            (0.5 * (one.offset_sigma + other.offset_sigma)).astype(np.float32),
+        )
+
+    def _in_world(
+        self,
+        window: Window,
+        modes: PoseModes,
+        t: int,
+        joints: NDArray[np.float64],
+        axes: NDArray[np.float64],
+        probability: NDArray[np.float64],
+    ) -> FrameModes:
+        """Frame t of the modes; `joints` (M, 15, 3) relative to the pelvis, in the world."""
+        joints, probability, nearby = merge_modes(joints, probability)
+        depth = window.distance_m * float(np.exp(modes.offset[t, 2]))
+        pixel = window.axis_px + modes.offset[t, :2] * STATURE_PX
+        pelvis = window.unproject(pixel, depth)[0]
+        along = np.outer(axes[1], axes[1])
+        sigma = np.einsum("nm,mlk->nlk", nearby, modes.sigma[t].astype(float))
+        sigma = np.maximum(sigma * self.stature_m, _LEAST_SIGMA_M)
+        precision = (
+            along / sigma[..., 1, None, None] ** 2
+            + (np.eye(3) - along) / sigma[..., 0, None, None] ** 2
+        )
+        pelvis_precision = np.eye(3) / _PELVIS_SIGMA_M**2
+        priors = [
+            LandmarkPrior(joints[mode], precision[mode], pelvis, pelvis_precision)
+            for mode in range(len(joints))
+        ]
+        return FrameModes(probability, priors, depth)
+
+
+def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
+    windows = [view.window for view in views]
+    axes = np.stack([window.world_from_virtual[:, 2] for window in windows])
+    anchors = [
+        window.center_m + window.distance_m * axis
+        for window, axis in zip(windows, axes, strict=True)
+    ]
+    return FrameFeatures(
+        np.stack([view.code for view in views]),
+        np.array([window.pitch_rad for window in windows]),
+        np.arctan2(axes[:, 1], axes[:, 0]),
+        np.stack(anchors) / stature_m,
+        np.array([view.time_s for view in views]),
+    )
+
+
+def merge_modes(
+    joints: NDArray[np.float64], probability: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Modes averaged with those like them: one step of mean shift, and no pose twice.
+
+    Args:
+        joints: (M, 15, 3) relative to the pelvis, m.
+        probability: (M,).
+
+    Returns:
+        Joints (N, 15, 3) of N <= M modes, likeliest first, their probabilities (N,), and the
+        weights (N, M) of the averages.
+
+    Source: Comaniciu and Meer, Mean shift (2002).
+    """
+    apart = np.linalg.norm(joints[:, None] - joints, axis=-1).mean(axis=-1)
+    kernel = np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
+    weights = kernel * probability
+    density = weights.sum(axis=1)
+    chosen: list[int] = []
+    for mode in np.argsort(-density, kind="stable"):
+        if all(apart[mode, other] > _ALIKE_M for other in chosen):
+            chosen.append(int(mode))
+    owner = np.array(chosen)[apart[chosen].argmin(axis=0)]
+    mass = np.array([probability[owner == mode].sum() for mode in chosen])
+    order = np.argsort(-mass, kind="stable")
+    kept = np.array(chosen)[order]
+    weights = weights[kept] / density[kept, None]
+    return np.einsum("nm,mli->nli", weights, joints), mass[order], weights
+
+
+def body_headings(joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Headings (…,), radians, of the axis from right to left hip and shoulder of joints
+    (…, 15, 3).
+    """
+    across = (joints[..., _LEFT, :] - joints[..., _RIGHT, :]).sum(axis=-2)
+    return np.arctan2(across[..., 1], across[..., 0])
+
+
+def smooth_headings(
+    heading_rad: NDArray[np.float64],
+    probability: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    causal: bool = False,
+) -> NDArray[np.float64]:
+    r"""Probabilities of modes, given the headings of all frames.
+
+    The heading :math:`\phi_t` is the state of a hidden Markov model on a circle of 72 states, that
+    turns by a normally distributed angle from frame to frame; it is observed through the mixture
+
+    .. math:: p(z_t|\phi_t) \propto \Bigl(\sum_m \pi_{tm}\, N(\phi_t;\, \phi_{tm}, \sigma^2)\Bigr)^a
+
+    Args:
+        heading_rad: (T, M), headings of the modes, :math:`\phi_{tm}`.
+        probability: (T, M), :math:`\pi_{tm}`.
+        time_s: (T,), increasing.
+        causal: whether later frames are left out: the forward pass alone.
+
+    Returns:
+        (T, M), :math:`\pi_{tm}` times the smoothed probability of the mode's heading, normalised.
+
+    Source: the forward-backward algorithm, textbook.
+    """
+    states = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
+    apart = np.abs((states - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
+    kernel = np.exp(-0.5 * (apart / _HEADING_SIGMA_RAD) ** 2)
+    kernel /= kernel.sum(axis=-1, keepdims=True)
+    seen = (1 - _UNKNOWN) * np.einsum("tm,tms->ts", probability, kernel) + _UNKNOWN / _HEADINGS
+    seen **= _INDEPENDENCE
+    turn = (states + np.pi) % (2 * np.pi) - np.pi
+    forward, backward = seen.copy(), np.ones_like(seen)
+    forward[0] /= forward[0].sum()
+    spectra = []
+    for steps in np.maximum(np.diff(time_s) * FPS, 0.1):
+        moved = np.exp(-0.5 * (turn / _TURN_RAD) ** 2 / steps) + _JUMP * steps
+        spectra.append(np.fft.rfft(moved / moved.sum()))
+    for t, spectrum in enumerate(spectra, 1):
+        forward[t] *= _convolved(forward[t - 1], spectrum)
+        forward[t] /= forward[t].sum()
+    for t in range(len(seen) - 2, -1, -1):
+        backward[t] = _convolved(backward[t + 1] * seen[t + 1], spectra[t])
+        backward[t] /= backward[t].sum()
+    smoothed = forward if causal else forward * backward
+    smoothed /= smoothed.sum(axis=1, keepdims=True)
+    weighted = probability * np.einsum("ts,tms->tm", smoothed, kernel)
+    return weighted / weighted.sum(axis=1, keepdims=True)
+
+
+def _convolved(
+    density: NDArray[np.float64], spectrum: NDArray[np.complexfloating]
+) -> NDArray[np.float64]:
+    return np.maximum(np.fft.irfft(np.fft.rfft(density) * spectrum, _HEADINGS), 1e-300)
+
+
+def _smoothed(distance_m: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (T,) averaged, as logarithms, over the frames near each in time."""
+    near = np.abs(time_s[:, None] - time_s) <= _DISTANCE_WINDOW_S
+    return np.exp(near @ np.log(distance_m) / near.sum(axis=1))

@@ -1,0 +1,269 @@
+"""Joint refinement of consecutive poses: contours, priors and the motion between frames at once.
+
+Beyond paper A. What one silhouette leaves open, mostly depth, is decided by the frames around it:
+accelerations are small, and a foot that stands does not move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import FPS, STEP_SIGMA_RAD
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.kernels.refine import add_normal_equations
+from silhouette_core.refinement.landmark_prior import (
+    LandmarkPrior,
+    add_landmark_prior,
+    landmark_jacobian,
+    posed_landmarks,
+)
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import RefineSettings, add_pose_priors, residuals
+from silhouette_core.refinement.surface import PosedSurface, Surface
+
+_ANKLES = [LANDMARK_NAMES.index(f"{side}_ankle") for side in ("left", "right")]
+_TRUST_M, _TRUST_RAD = 0.10, 0.35
+_STILL = 0.3  # standard deviation of a standing foot's movement, as a fraction of slip_m
+_CONTOUR = RefineSettings(reaches_m=(0.15, 0.10, 0.08), contour_m=0.015, independence=0.3)
+
+
+@dataclass(frozen=True)
+class TrajectorySettings:
+    """Weights of the joint refinement.
+
+    Attributes:
+        contour: reaches and weights of the contour residuals, one round for each reach.
+        acceleration: standard deviation of the second difference of the joint angles within
+            1 / `dynamics.FPS`, as a fraction of `dynamics.STEP_SIGMA_RAD`.
+        root_m: the same of the pelvis's position, m.
+        root_rad: the same of its orientation.
+        slip_m: scale of the robust weight of a standing foot's movement, m.
+        stand_m: height of the ankle above the floor up to which a foot may stand, m.
+        floor_m: standard deviation of the lowest point's height above the floor, m.
+        hover_m: scale of its robust weight: somebody may jump, m.
+    """
+
+    contour: RefineSettings = _CONTOUR
+    acceleration: float = 0.35
+    root_m: float = 0.02
+    root_rad: float = 0.05
+    slip_m: float = 0.02
+    stand_m: float = 0.16
+    floor_m: float = 0.02
+    hover_m: float = 0.08
+
+
+def fit_trajectory(
+    surface: Surface,
+    observations: Sequence[Observation],
+    poses: Sequence[Pose],
+    time_s: NDArray[np.float64],
+    landmark_priors: Sequence[LandmarkPrior | None],
+    floor: bool,
+    settings: TrajectorySettings | None = None,
+    before: Sequence[Pose] = (),
+) -> list[Pose]:
+    r"""Refines the poses of T consecutive frames together.
+
+    Gauss-Newton steps on the sum of every frame's own terms (`refine.residuals` and the priors) and
+
+    .. math:: \sum_t \sum_i \frac{(x_{t+1,i} - 2 x_{t,i} + x_{t-1,i})^2}{2 \sigma_i^2}
+
+    over all coordinates :math:`i` of the pose, with standing feet and the floor beside it. The
+    normal equations are block-banded, two frames to either side, and solved by one banded Cholesky
+    factorisation.
+
+    Args:
+        surface: the body's sampled surface.
+        observations: T frames.
+        poses: T poses to start from.
+        time_s: (T,), increasing.
+        landmark_priors: T priors of the joints' positions, or None where there is none.
+        floor: whether z = 0 is the floor.
+        settings: weights.
+        before: up to two poses of the frames before the first, which stay as they are.
+
+    Returns:
+        T poses.
+
+    Source: textbook sparse Gauss-Newton (bundle adjustment over time).
+    """
+    settings = settings or TrajectorySettings()
+    model = surface.model
+    poses, fixed = list(poses), list(before)
+    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
+    size, count = len(free), len(poses)
+    sigma = np.concatenate(
+        [
+            [settings.root_m] * 3,
+            [settings.root_rad] * 3,
+            settings.acceleration * STEP_SIGMA_RAD,
+        ]
+    )
+    for reach in settings.contour.reaches_m:
+        posed = [surface.posed(pose) for pose in poses]
+        banded = _Banded(count, size)
+        for t, observation in enumerate(observations):
+            matrix, gradient = _own_terms(
+                surface, posed[t], observation, poses[t], landmark_priors[t], floor, reach, settings
+            )
+            banded.add(t, t, matrix[np.ix_(free, free)])
+            banded.gradient[t] += gradient[free]
+        _add_accelerations(banded, [*fixed, *poses], len(fixed), time_s, sigma[free], free)
+        if floor:
+            _add_standing(banded, model, posed, free, settings)
+        steps = banded.solve()
+        poses = [_moved(pose, step, free, model) for pose, step in zip(poses, steps, strict=True)]
+    return poses
+
+
+class _Banded:
+    """Normal equations of T frames of n unknowns, each coupled with the next two."""
+
+    def __init__(self, count: int, size: int):
+        """All zeros."""
+        self.count, self.size = count, size
+        self.bands = np.zeros((min(3, count) * size, count * size))  # lower form
+        self.gradient = np.zeros((count, size))
+
+    def add(self, row: int, column: int, block: NDArray[np.float64]) -> None:
+        """Adds a block (n, n) at frames row >= column."""
+        size, below = self.size, (row - column) * self.size
+        for k in range(size):
+            first = 0 if row > column else k
+            offset = below + first - k
+            self.bands[offset : offset + size - first, column * size + k] += block[first:, k]
+
+    def add_diagonal(self, row: int, column: int, values: NDArray[np.float64]) -> None:
+        """Adds a diagonal block, given by its diagonal (n,), at frames row >= column."""
+        below, start = (row - column) * self.size, column * self.size
+        self.bands[below, start : start + self.size] += values
+
+    def solve(self) -> NDArray[np.float64]:
+        """Steps (T, n)."""
+        self.bands[0] += 1e-6
+        return -solveh_banded(self.bands, self.gradient.ravel(), lower=True).reshape(
+            self.count, self.size
+        )
+
+
+def _own_terms(
+    surface: Surface,
+    posed: PosedSurface,
+    observation: Observation,
+    pose: Pose,
+    prior: LandmarkPrior | None,
+    floor: bool,
+    reach: float,
+    settings: TrajectorySettings,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Normal equations of one frame alone."""
+    model = surface.model
+    matrix, gradient = np.zeros((6 + model.dof_count,) * 2), np.zeros(6 + model.dof_count)
+    rows = residuals(surface, posed, observation, reach, settings.contour)
+    jacobian = surface.jacobian(posed, rows.index, rows.direction)
+    add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
+    if floor:
+        _add_floor(matrix, gradient, surface, posed, settings)
+    add_pose_priors(matrix, gradient, pose, model, None, settings.contour.usual)
+    if prior is not None:
+        add_landmark_prior(matrix, gradient, model, posed, prior)
+    return matrix, gradient
+
+
+def _add_floor(
+    matrix: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    surface: Surface,
+    posed: PosedSurface,
+    settings: TrajectorySettings,
+) -> None:
+    """Adds the height of what is below the floor, and of the lowest point if it is a little above:
+    with the outline, it decides the distance.
+    """
+    height = posed.points[:, 2]
+    touching = np.flatnonzero(height < 0)
+    if not len(touching):
+        touching = np.array([height.argmin()])
+    up = np.tile([0.0, 0.0, 1.0], (len(touching), 1))
+    # All points together count as one: they are of one foot.
+    weight = 1.0 / (settings.floor_m**2 * len(touching))
+    above = np.maximum(height[touching], 0.0) / settings.hover_m
+    add_normal_equations(
+        surface.jacobian(posed, touching, up),
+        weight / (1 + above**2) ** 2,
+        height[touching],
+        matrix,
+        gradient,
+    )
+
+
+def _add_accelerations(
+    banded: _Banded,
+    poses: list[Pose],
+    fixed: int,
+    time_s: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    free: NDArray[np.int64],
+) -> None:
+    """Adds the second differences; the first `fixed` poses are not unknowns."""
+    interval = np.median(np.diff(time_s)) if len(time_s) > 1 else 1 / FPS
+    # A second difference grows with the square of the interval.
+    precision = 1 / (sigma * max(interval * FPS, 0.25) ** 2) ** 2
+    for middle in range(1, len(poses) - 1):
+        first = middle - 1 - fixed
+        if first >= -fixed and first + 2 < len(time_s) and first >= 0:
+            steps = np.diff(time_s[first : first + 3])
+            if steps.max() > 1.5 * interval:
+                continue  # frames are missing
+        change = poses[middle + 1].minus(poses[middle]) - poses[middle].minus(poses[middle - 1])
+        change = change[free]
+        for a, factor_a in enumerate((1.0, -2.0, 1.0)):
+            if first + a < 0:
+                continue
+            banded.gradient[first + a] += factor_a * precision * change
+            for b, factor_b in enumerate((1.0, -2.0, 1.0)):
+                if 0 <= first + b <= first + a:
+                    banded.add_diagonal(first + a, first + b, factor_a * factor_b * precision)
+
+
+def _add_standing(
+    banded: _Banded,
+    model: BodyModel,
+    posed: list[PosedSurface],
+    free: NDArray[np.int64],
+    settings: TrajectorySettings,
+) -> None:
+    """Adds the movement of feet near the floor: robust, so that a swinging foot is free."""
+    ankles = np.stack([posed_landmarks(model, one)[_ANKLES] for one in posed])
+    jacobians = [landmark_jacobian(model, one)[_ANKLES][..., free] for one in posed]
+    for t in range(len(posed) - 1):
+        moved = ankles[t + 1] - ankles[t]
+        for foot in range(len(_ANKLES)):
+            if max(ankles[t, foot, 2], ankles[t + 1, foot, 2]) > settings.stand_m:
+                continue
+            speed = float(moved[foot] @ moved[foot]) / settings.slip_m**2
+            weight = 1.0 / ((_STILL * settings.slip_m) ** 2 * (1 + speed) ** 2)
+            here, there = -jacobians[t][foot], jacobians[t + 1][foot]
+            banded.add(t, t, weight * here.T @ here)
+            banded.add(t + 1, t, weight * there.T @ here)
+            banded.add(t + 1, t + 1, weight * there.T @ there)
+            banded.gradient[t] += weight * here.T @ moved[foot]
+            banded.gradient[t + 1] += weight * there.T @ moved[foot]
+
+
+def _moved(
+    pose: Pose, step: NDArray[np.float64], free: NDArray[np.int64], model: BodyModel
+) -> Pose:
+    whole = np.zeros(6 + model.dof_count)
+    whole[free] = step
+    whole[:3] = np.clip(whole[:3], -_TRUST_M, _TRUST_M)
+    whole[3:] = np.clip(whole[3:], -_TRUST_RAD, _TRUST_RAD)
+    return pose.moved(whole).clipped()

@@ -1,0 +1,139 @@
+"""Poses of consecutive frames, refined together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.landmark_prior import LandmarkPrior, posed_landmarks
+from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.surface import Surface
+from silhouette_core.refinement.trajectory_fit import TrajectorySettings, _Banded, fit_trajectory
+from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
+
+CAMERA = camera_at((0.8, -3.6, 2.6))
+VIEWS = PinholeViews.from_rig(Rig((CAMERA,)))
+SURFACE = Surface(body(), 400)
+MODEL = SURFACE.model
+NOISE_M = 0.06
+
+
+@pytest.fixture(scope="module")
+def walk():
+    """Observations, true poses, and priors that are wrong by 6 cm, each by itself."""
+    poses = poses_of(performed("walk"))[5:20]
+    rng = np.random.default_rng(0)
+    observations = [
+        Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)]) for pose in poses
+    ]
+    precision = np.tile(np.eye(3) / NOISE_M**2, (15, 1, 1))
+    priors = []
+    for pose in poses:
+        joints = posed_landmarks(MODEL, SURFACE.posed(pose))
+        joints = joints + rng.normal(0, NOISE_M, joints.shape)
+        priors.append(LandmarkPrior(joints - joints[0], precision, joints[0], precision[0]))
+    return observations, poses, priors
+
+
+def joints_of(poses: list[Pose]) -> np.ndarray:
+    return np.stack([posed_landmarks(MODEL, SURFACE.posed(pose)) for pose in poses])
+
+
+def fitted(walk, **settings) -> np.ndarray:
+    observations, poses, priors = walk
+    rng = np.random.default_rng(1)
+    size = 6 + MODEL.dof_count
+    starts = [pose.moved(0.03 * rng.standard_normal(size)).clipped() for pose in poses]
+    chosen = replace(TrajectorySettings(), **settings)
+    times = np.arange(len(poses)) / 30
+    return joints_of(fit_trajectory(SURFACE, observations, starts, times, priors, True, chosen))
+
+
+def error_m(walk, joints: np.ndarray) -> float:
+    return float(np.linalg.norm(joints - joints_of(walk[1]), axis=-1).mean())
+
+
+def jitter_m(joints: np.ndarray) -> float:
+    return float(np.linalg.norm(np.diff(joints, 2, axis=0), axis=-1).mean())
+
+
+def test_frames_decide_together_what_one_leaves_open(walk):
+    alone = fitted(walk, acceleration=1e3, root_m=1e3, root_rad=1e3, slip_m=1e3)
+    together = fitted(walk)
+    assert error_m(walk, together) < 0.8 * error_m(walk, alone)
+    assert jitter_m(together) < 0.4 * jitter_m(alone)
+
+
+def test_a_standing_foot_stands(walk):
+    truth, ankles = joints_of(walk[1]), [3, 6]
+    still = np.linalg.norm(np.diff(truth[:, ankles], axis=0), axis=-1) < 0.01
+    assert still.sum() > 5
+
+    def slip(joints):
+        return np.linalg.norm(np.diff(joints[:, ankles], axis=0), axis=-1)[still].mean()
+
+    assert slip(fitted(walk)) < 0.8 * slip(fitted(walk, slip_m=1e3))
+
+
+def test_the_floor_decides_the_distance(walk):
+    observations, poses, priors = walk
+    away = joints_of(poses)[:, 0] - CAMERA.center_m
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    # Everything is expected 15 cm too far away, and the contour hardly counts.
+    wrong = [
+        replace(prior, pelvis_m=prior.pelvis_m + 0.15 * own, pelvis_precision=np.eye(3) / 0.15**2)
+        for prior, own in zip(priors, away, strict=True)
+    ]
+    far = [
+        pose.moved(np.r_[0.15 * own, np.zeros(57)]) for pose, own in zip(poses, away, strict=True)
+    ]
+
+    def distance_error(floor):
+        faint = replace(TrajectorySettings().contour, independence=0.01)
+        settings = TrajectorySettings(contour=faint)
+        times = np.arange(len(poses)) / 30
+        found = fit_trajectory(SURFACE, observations, far, times, wrong, floor, settings)
+        gap = joints_of(found)[:, 0] - joints_of(poses)[:, 0]
+        return abs(float((gap * away).sum(axis=1).mean()))
+
+    assert distance_error(True) < 0.85 * distance_error(False)
+
+
+def test_banded_equations_are_solved_as_dense_ones():
+    rng = np.random.default_rng(3)
+    count, size = 5, 4
+    banded, dense = _Banded(count, size), np.zeros((count * size,) * 2)
+    for row in range(count):
+        for column in range(max(row - 2, 0), row + 1):
+            block = rng.normal(size=(size, size))
+            if row == column:
+                block = block @ block.T + 20 * np.eye(size)
+            banded.add(row, column, block)
+            rows, columns = (slice(k * size, (k + 1) * size) for k in (row, column))
+            dense[rows, columns] += block
+            if row != column:
+                dense[columns, rows] += block.T
+        values = rng.uniform(1, 2, size)
+        banded.add_diagonal(row, row, values)
+        dense[range(row * size, (row + 1) * size), range(row * size, (row + 1) * size)] += values
+    banded.gradient[:] = rng.normal(size=(count, size))
+    expected = -np.linalg.solve(dense + 1e-6 * np.eye(len(dense)), banded.gradient.ravel())
+    assert banded.solve().ravel() == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_single_frame_and_a_pair_are_fitted_as_well(walk):
+    observations, poses, priors = walk
+    for count in (1, 2):
+        found = fit_trajectory(
+            SURFACE,
+            observations[:count],
+            poses[:count],
+            np.arange(count) / 30,
+            priors[:count],
+            True,
+        )
+        assert len(found) == count
+        gap = np.linalg.norm(joints_of(found) - joints_of(poses[:count]), axis=-1)
+        assert gap.mean() < 0.75 * NOISE_M * np.sqrt(8 / np.pi)
