@@ -122,6 +122,7 @@ class PoseTrajectory:
         self._views: list[ModeView] = []
         self._past: list[Beam] = []  # of the last two decided frames, the chosen hypothesis alone
         self._decided: list[PoseFrame] = []
+        self._resampler: LimbResampler | None = None
 
     @property
     def model(self) -> BodyModel:
@@ -228,10 +229,8 @@ class PoseTrajectory:
     ) -> list[PoseFrame]:
         """Poses refined together; without a proposal the limbs are resampled first."""
         if self.finder is None:
-            resampler = LimbResampler(
-                self.model, self.tracker.views, self.tree.library.base_angles.astype(float)
-            )
             before = self._decided[-1] if self._decided else None
+            resampler = self._limb_resampler()
             return resampler.refine(resampler.resample(pose_frames, before), before)
         observations = [
             Observation.from_masks(self.tracker.views, [frame.mask], frame.distance_m)
@@ -247,6 +246,12 @@ class PoseTrajectory:
             before=[frame.pose for frame in self._decided],
         )
         return [replace(frame, pose=pose) for frame, pose in zip(pose_frames, poses, strict=True)]
+
+    def _limb_resampler(self) -> LimbResampler:
+        if self._resampler is None:
+            angles = self.tree.library.base_angles.astype(float)
+            self._resampler = LimbResampler(self.model, self.tracker.views, angles)
+        return self._resampler
 
     def _pose_frame(self, frame: _PendingFrame, mask: NDArray[np.bool_], pose: Pose) -> PoseFrame:
         distance = float(np.linalg.norm(pose.root_m - self.camera.center_m))

@@ -53,7 +53,7 @@ def default_library(
         raise InputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
     reporter.note(
         "first use with this body: a pose library is made from the program's own motions and kept"
-        " (two or three minutes, once); voxelpose library build makes one from recorded motion"
+        " (a few minutes, once); voxelpose library build makes one from recorded motion"
     )
     from silhouette_core.motion.keyposes import keypose_motions
 

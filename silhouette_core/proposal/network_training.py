@@ -35,9 +35,9 @@ class TrainingSettings:
         decay: decay of the weights per unit of rate.
     """
 
-    steps: int = 5000
+    steps: int = 8000
     batch: int = 320
-    rate: float = 1.5e-3
+    rate: float = 1e-3
     hidden: tuple[int, ...] = (512, 512)
     modes: int = 8
     dropout: float = 0.1

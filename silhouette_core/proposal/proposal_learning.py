@@ -47,9 +47,9 @@ class LearningSettings:
     """
 
     frames: int = 160_000
-    takes: int = 8
+    takes: int = 12
     mirror: bool = True
-    passes: float = 10.0
+    passes: float = 16.0
     training: TrainingSettings = field(default_factory=TrainingSettings)
     seed: int = 0
 
@@ -120,7 +120,9 @@ def _film(
     for number, (motion, rng) in enumerate(
         zip(stretches, film.spawn(len(stretches)), strict=True), start=1
     ):
-        takes.append(film_take(vary_motion(motion, stretches, rng), bodies, rng))
+        if number % 2:  # the other half as it was recorded
+            motion = vary_motion(motion, stretches, rng)
+        takes.append(film_take(motion, bodies, rng))
         if number == min(_FIRST_TAKES, len(stretches)):
             grids = np.concatenate([take.coverage for take in takes])
             mean, basis = fit_basis(grids[fit.permutation(len(grids))[:_BASIS_GRIDS]], fit)

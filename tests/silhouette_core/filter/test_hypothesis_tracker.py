@@ -1,5 +1,7 @@
 """Refined poses per frame, and the past that leads to them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,9 @@ from silhouette_core.filter.hypothesis_tracker import (
     backtrack,
 )
 from silhouette_core.filter.person import Person
+from silhouette_core.filter.pose_costs import PoseCosts
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.refinement.surface import Surface
 from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
 
 CAMERA = camera_at((-0.8, -3.9, 1.3))
@@ -107,3 +111,78 @@ def test_unrefined_poses_are_the_librarys(tree, library):
     )
     for own in states.poses:
         assert np.abs(library.base_angles - own.angles_rad).max(1).min() < 1e-6
+
+
+def test_a_course_across_a_new_beginning_keeps_the_best_of_what_was_before(followed):
+    _, states, _ = followed
+    anew = replace(states[4], back=np.full(len(states[4].poses), -1))
+    course = backtrack([*states[:4], anew])
+    assert course[3] == states[3].best == 0
+    assert course[:4] == backtrack(states[:4])
+
+
+def test_frames_at_half_the_rate_count_double(tree):
+    pose = poses_of(performed("walk"))[12]
+    person = Person(silhouette(body(), pose, CAMERA), False)
+
+    def own(interval_s):
+        tracker = HypothesisTracker(tree, CAMERA, TrackerSettings(refine=False))
+        first = ForwardFilter(tree, CAMERA).step(0, 0.0, person)
+        before = tracker.step(first, None, None)
+        after = tracker.step(replace(first, time_s=interval_s), before, None)
+        rows = [
+            int(np.abs(after.joints - joints).mean((1, 2)).argmin()) for joints in before.joints
+        ]
+        return after.own[rows]
+
+    assert own(2 / 30) == pytest.approx(2 * own(1 / 30), rel=0.02)
+
+
+def test_what_the_source_hides_moves_farther(tree, followed):
+    """DM2 reaches the estimate: (5) widens the step of occluded parts."""
+    _, states, _ = followed
+    tracker = HypothesisTracker(tree, CAMERA, TrackerSettings())
+    seen = states[3].only(0)
+    hidden = replace(seen, occluded=seen.occluded.copy())
+    arm = [tracker.model.names.index(f"left_{part}") for part in ("upper_arm", "forearm")]
+    seen.occluded[:], hidden.occluded[:] = False, False
+    hidden.occluded[0, arm] = True
+    angles = seen.poses[0].angles_rad.copy()
+    angles[np.isin(tracker.model.dof_part, arm)] += 0.8
+    moved = [replace(seen.poses[0], angles_rad=angles)]
+    costs = [
+        tracker.moving(beam, beam.poses, moved, beam.joints, beam.time_s + 1 / 30)[0][0, 0]
+        for beam in (seen, hidden)
+    ]
+    assert costs[1] < 0.8 * costs[0]
+    # It is not cheaper to be hidden as such.
+    still = [
+        tracker.moving(beam, beam.poses, beam.poses, beam.joints, beam.time_s + 1 / 30)[0][0, 0]
+        for beam in (seen, hidden)
+    ]
+    assert still[1] > still[0]
+
+
+def test_kept_hypotheses_know_what_they_hide(followed):
+    """In profile one arm or leg is behind the body in some frame."""
+    _, states, _ = followed
+    assert any(frame.occluded.any() for frame in states)
+    assert all(frame.occluded.shape == (len(frame.poses), 27) for frame in states)
+
+
+def test_probabilities_follow_the_costs(followed):
+    _, states, _ = followed
+    probability, joints = states[-1].probabilities()
+    assert probability.sum() == pytest.approx(1) and (np.diff(probability) <= 0).all()
+    assert joints[0] == pytest.approx(states[-1].joints[states[-1].best])
+
+
+def test_the_floor_is_decided_over_time(library):
+    costs, surface = PoseCosts(library), Surface(body(), 200)
+    standing = poses_of(performed("walk"))[12]
+    jumping = standing.moved(np.r_[0, 0, 0.4, np.zeros(57)])
+    assert costs.off_floor([jumping], surface) == pytest.approx(0)  # is there a floor at all?
+    for _ in range(3):
+        costs.off_floor([standing], surface)
+    assert costs.on_floor
+    assert costs.off_floor([jumping], surface)[0] > costs.off_floor([standing], surface)[0] + 2

@@ -17,9 +17,9 @@ from silhouette_core.proposal.network_training import TrainingSettings
 from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
 from silhouette_core.proposal.silhouette_features import FrameFeatures, encode
 from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take
+from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import SETTINGS, swaying
 
-MOVEMENTS = ("walk", "wave", "squat", "jumping jack", "reach aside", "kick")
 TINY = LearningSettings(frames=400, training=TrainingSettings(steps=3, modes=2, hidden=(8,)))
 
 
@@ -35,15 +35,10 @@ class Stages(SilentReporter):
 
 
 @pytest.mark.slow
-def test_held_out_motion_is_told_better_than_by_the_mean_pose():
-    model = swaying().model
+def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
+    proposal, model = learned_proposal, body()
     motions = keypose_motions(model)
-    seen, unseen = ([motions[f"{name} {k}"] for name in MOVEMENTS] for k in (1, 2))
-    training = TrainingSettings(steps=800, batch=256, hidden=(192, 192), modes=3, rate=2e-3)
-    settings = LearningSettings(frames=12_000, takes=30, passes=20, training=training)
-    stages = Stages()
-    proposal = learn_proposal(seen, model, settings, stages)
-    assert stages.totals == stages.counts and stages.totals["learning the proposal"] == 800
+    unseen = [motions[f"{name} 2"] for name in MOVEMENTS]
     bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
     for seed, motion in enumerate(unseen * 3):
         take = film_take(motion, bodies, np.random.default_rng([1, seed]))
@@ -64,10 +59,17 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose():
     assert error["best"] < 0.5 * error["mean"]
 
 
+def test_every_step_is_reported():
+    motion, stages = swaying(frames=200), Stages()
+    learn_proposal([motion], motion.model, TINY, stages)
+    assert stages.totals == stages.counts and stages.totals["learning the proposal"] == 3
+
+
 _HASH = """
 import hashlib
 from silhouette_core.proposal.network_training import TrainingSettings
 from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
+from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import swaying
 motion = swaying(frames=200)
 settings = LearningSettings(frames=600, training=TrainingSettings(steps=4, batch=320))

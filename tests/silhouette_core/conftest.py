@@ -1,0 +1,16 @@
+"""A proposal that has learned one performance of every movement, made once."""
+
+import pytest
+
+from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.proposal.network_training import TrainingSettings
+from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
+from tests.silhouette_core.filter.filming import MOVEMENTS, body
+
+
+@pytest.fixture(scope="session")
+def learned_proposal():
+    motions = keypose_motions(body())
+    training = TrainingSettings(steps=800, batch=256, hidden=(192, 192), modes=4, rate=2e-3)
+    settings = LearningSettings(frames=12_000, takes=30, passes=20, training=training)
+    return learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)

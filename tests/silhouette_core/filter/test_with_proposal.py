@@ -1,0 +1,112 @@
+"""One camera with a learned proposal: each part of the estimate is worth something, on motion and a
+body that the library does not hold.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.silhouette_source import SilhouetteSource
+from silhouette_core.body.sizes import SHAPE_AXES
+from silhouette_core.estimator import Settings
+from silhouette_core.filter import trajectory
+from silhouette_core.filter.monocular import MonocularEstimator
+from silhouette_core.library.store import write_library
+from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.progress import SilentReporter
+from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at, films
+
+pytestmark = pytest.mark.slow
+
+CAMERA = camera_at((1.2, -3.8, 1.9))
+FPS = 30.0
+STOUT = {"trunk_width": 0.2, "trunk_depth": 0.15, "thigh_girth": 0.2, "upper_arm_girth": 0.15}
+
+
+@pytest.fixture(scope="module")
+def library_with_proposal(library, learned_proposal, tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "learned.vplib"
+    write_library(replace(library, proposal=learned_proposal), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    """A stout person's other performance of a movement."""
+    stout = body([STOUT.get(axis.name, 0.0) for axis in SHAPE_AXES])
+    motion = keypose_motions(stout)["reach aside 2"]
+    step = max(1, round(motion.fps / FPS))
+    rows = range(0, min(len(motion), 30 * step), step)
+    return motion.landmarks()[list(rows)], films(motion, CAMERA, rows)
+
+
+def track(masks, library, smooth=True, sex="unknown"):
+    settings = Settings(
+        STATURE_M,
+        sex=sex,
+        smooth=smooth,
+        threads=2,
+        options={"library": str(library), "start": "any"},
+    )
+    source = SilhouetteSource(CAMERA, masks, FPS)
+    return MonocularEstimator().estimate(source, settings, SilentReporter())
+
+
+@pytest.fixture(scope="module")
+def tracked(filmed, library_with_proposal):
+    return track(filmed[1], library_with_proposal)
+
+
+def root_mm(estimate, truth):
+    found = estimate.motion.landmarks()
+    return 1000 * np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1).mean()
+
+
+def test_the_proposal_helps(tracked, filmed, library_file):
+    truth, masks = filmed
+    without = track(masks, library_file)
+    assert root_mm(tracked, truth) < 0.9 * root_mm(without, truth)
+    assert root_mm(tracked, truth) < 110
+
+
+def test_the_distance_is_found(tracked, filmed):
+    truth, _ = filmed
+    apart = np.linalg.norm(tracked.motion.landmarks()[:, 0] - truth[:, 0], axis=-1)
+    assert np.median(apart) < 0.04 * np.linalg.norm(truth[0, 0] - CAMERA.center_m)
+
+
+def test_the_body_is_adapted(tracked, filmed, library_with_proposal, monkeypatch):
+    stouter = [axis.name in ("trunk_width", "thigh_girth") for axis in SHAPE_AXES]
+    assert tracked.motion.model.shape[stouter].mean() > 0.04
+    monkeypatch.setattr(trajectory, "adapted_body", lambda model, *_: model)
+    usual = track(filmed[1], library_with_proposal)
+    assert np.median(tracked.motion.quality["confidence"]) > 0.01 + np.median(
+        usual.motion.quality["confidence"]
+    )
+
+
+def test_frames_are_refined_together(tracked, filmed, library_with_proposal, monkeypatch):
+    def jitter(estimate):
+        return np.linalg.norm(np.diff(estimate.motion.landmarks(), 2, axis=0), axis=-1).mean()
+
+    monkeypatch.setattr(
+        trajectory, "fit_trajectory", lambda surface, frames, poses, *_, **__: poses
+    )
+    assert jitter(tracked) < 0.8 * jitter(track(filmed[1], library_with_proposal))
+
+
+def test_hypotheses_are_those_that_decide(tracked):
+    """Before frames are refined together, the likeliest hypothesis is the one that was chosen."""
+    joints = tracked.motion.landmarks()
+    near = [
+        np.linalg.norm(poses - joints[frame], axis=-1).mean(axis=-1).min()
+        for frame, _, poses in tracked.hypotheses
+    ]
+    assert np.median(near) < 0.05
+
+
+def test_nothing_later_is_read_without_smoothing(filmed, library_with_proposal):
+    masks = filmed[1][:14]
+    whole, part = (track(some, library_with_proposal, smooth=False) for some in (masks, masks[:8]))
+    np.testing.assert_array_equal(whole.motion.angles_rad[:8], part.motion.angles_rad)
