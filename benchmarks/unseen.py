@@ -1,0 +1,98 @@
+"""One camera on recordings that nobody tuned on: python -m benchmarks.unseen LIB RECORDING ...
+
+Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, the
+true stature and no assumption about the start, and prints a row each, the median and the 90th
+percentile, and how often hypotheses of a probability are right: within 100 mm of the truth,
+relative to the pelvis. Results are kept in out/unseen, by the library's and the recording's name,
+and are not made again.
+"""
+
+import csv
+import json
+import sys
+from collections import defaultdict
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.estimator import Settings
+from voxelpose.evaluation import score_motion
+from voxelpose.export.joints import read_joints
+from voxelpose.fitting import Output, fit
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
+
+OUT = Path(__file__).resolve().parents[1] / "out" / "unseen"
+COLUMNS = ("mpjpe_mm", "root_mm", "pa_mm", "flips", "lost")
+EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0001)
+RIGHT_M = 0.10
+
+
+def track(library: Path, folder: Path) -> Path:
+    """Result of a recording, made if it is not there."""
+    result = OUT / library.stem / folder.name
+    if not (result / "joints.csv").exists():
+        stature_m = json.loads((folder / "truth.json").read_text())["stature"]
+        options: dict[str, bool | int | float | str] = {"library": str(library), "start": "any"}
+        fit(
+            Recording.open(folder),
+            Output(result, overwrite=True),
+            Settings(stature_m=stature_m, threads=1, options=options),
+            "monocular",
+        )
+    return result
+
+
+def hypotheses(result: Path, truth: np.ndarray) -> list[tuple[float, bool]]:
+    """Probability of every hypothesis, and whether it is right."""
+    poses: dict[tuple[int, int], dict[str, list[float]]] = defaultdict(dict)
+    probability: dict[tuple[int, int], float] = {}
+    with (result / "hypotheses.csv").open(newline="") as lines:
+        for row in csv.DictReader(lines):
+            key = int(row["frame"]), int(row["rank"])
+            probability[key] = float(row["probability"])
+            poses[key][row["joint"]] = [float(row[f"{axis}_m"]) for axis in "xyz"]
+    found = []
+    for (frame, number), joints in poses.items():
+        pose = np.array([joints[name] for name in LANDMARK_NAMES])
+        error = (pose - pose[0]) - (truth[frame] - truth[frame, 0])
+        right = bool(np.linalg.norm(error, axis=-1).mean() < RIGHT_M)
+        found.append((probability[frame, number], right))
+    return found
+
+
+def main(arguments: list[str]) -> int:
+    """Tracks and scores the recordings."""
+    if len(arguments) < 2:
+        print(__doc__, file=sys.stderr)
+        return 2
+    library, folders = Path(arguments[0]), [Path(name) for name in arguments[1:]]
+    print(f"{'recording':<14}" + "".join(f"{column:>10}" for column in COLUMNS) + "    |XOR|/|OR|")
+    rows: list[list[float]] = []
+    answers: list[tuple[float, bool]] = []
+    for folder in folders:
+        result, truth = track(library, folder), read_truth(folder / "truth.json")
+        score = score_motion(truth, read_joints(result / "joints.csv", len(truth)))
+        quality = json.loads((result / "summary.json").read_text())["quality"]
+        error = 1 - quality["confidence"]["median"]
+        rows.append([*(getattr(score, column) for column in COLUMNS), error])
+        answers += hypotheses(result, truth)
+        print(f"{folder.name:<14}" + "".join(f"{value:>10.2f}" for value in rows[-1]), flush=True)
+    for name, share in (("median", 50), ("90 %", 90)):
+        values = np.percentile(np.array(rows), share, axis=0)
+        print(f"{name:<14}" + "".join(f"{value:>10.2f}" for value in values))
+    print("means         " + "".join(f"{value:>10.2f}" for value in np.mean(rows, axis=0)))
+    said, right = np.array(answers).T
+    print("probability from .. to, its mean, share right, hypotheses")
+    for low, high in pairwise(EDGES):
+        own = (said >= low) & (said < high)
+        if own.any():
+            span = f"{low:.1f} to {min(high, 1):.1f}"
+            print(f"{span}  {said[own].mean():.2f}  {right[own].mean():.2f}  {own.sum()}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
