@@ -28,6 +28,7 @@ _INDEPENDENCE = 0.5
 _HEADINGS = 72
 _HEADING_SIGMA_RAD, _TURN_RAD = np.radians(18.0), np.radians(9.0)
 _UNKNOWN = 0.02  # probability that no mode has the right heading
+_EXPECTED = 2.0  # concentration of the heading expected in the first frame
 _JUMP = 1e-5  # weight of any turn, relative to none
 _EVIDENCE = 0.1  # weight of a deviation from a mode: its 42 coordinates are not independent
 _DISTANCE_WINDOW_S = 0.17
@@ -148,12 +149,15 @@ class ModeFinder:
             for mask, own, view in zip(masks, _smoothed(distance, times), views, strict=True)
         ]
 
-    def find(self, views: Sequence[ModeView], causal: bool = False) -> list[FrameModes]:
+    def find(
+        self, views: Sequence[ModeView], causal: bool = False, facing: bool = False
+    ) -> list[FrameModes]:
         """Modes of consecutive frames.
 
         Args:
             views: T frames.
             causal: whether no frame's modes depend on later frames.
+            facing: whether the person is expected to face the camera in the first frame.
         """
         features = _features(views, self.stature_m)
         modes = self._modes(views, features, causal)
@@ -164,6 +168,7 @@ class ModeFinder:
             np.asarray(modes.probability, float),
             np.asarray(features.time_s, float),
             causal,
+            features.heading_rad[0] - np.pi / 2 if facing else None,
         )
         return [
             self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
@@ -278,6 +283,7 @@ def smooth_headings(
     probability: NDArray[np.float64],
     time_s: NDArray[np.float64],
     causal: bool = False,
+    first_rad: float | None = None,
 ) -> NDArray[np.float64]:
     r"""Probabilities of modes, given the headings of all frames.
 
@@ -291,6 +297,7 @@ def smooth_headings(
         probability: (T, M), :math:`\pi_{tm}`.
         time_s: (T,), increasing.
         causal: whether later frames are left out: the forward pass alone.
+        first_rad: heading expected in the first frame, loosely; None: any.
 
     Returns:
         (T, M), :math:`\pi_{tm}` times the smoothed probability of the mode's heading, normalised.
@@ -303,6 +310,8 @@ def smooth_headings(
     kernel /= kernel.sum(axis=-1, keepdims=True)
     seen = (1 - _UNKNOWN) * np.einsum("tm,tms->ts", probability, kernel) + _UNKNOWN / _HEADINGS
     seen **= _INDEPENDENCE
+    if first_rad is not None:
+        seen[0] *= np.exp(_EXPECTED * (np.cos(states - first_rad) - 1))
     turn = (states + np.pi) % (2 * np.pi) - np.pi
     forward, backward = seen.copy(), np.ones_like(seen)
     forward[0] /= forward[0].sum()

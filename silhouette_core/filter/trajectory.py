@@ -191,7 +191,8 @@ class PoseTrajectory:
         with self.clock("proposal"):
             if self.smooth:
                 views = [frame.view for frame in self._pending if frame.view is not None]
-                modes = self.finder.find(self.finder.corrected(views, masks))
+                facing = self.settings.facing and not self._decided
+                modes = self.finder.find(self.finder.corrected(views, masks), facing=facing)
             else:
                 modes = self.finder.find(self._views, causal=True)[-1:]
         if self.sexes and self.smooth:

@@ -38,6 +38,15 @@ def test_sure_frames_decide_the_heading_of_ambiguous_ones():
     assert found.sum(axis=1) == pytest.approx(np.ones(len(TIMES)))
 
 
+def test_the_heading_expected_at_first_decides_where_nothing_else_does():
+    heading, probability = two_headings({})
+    for mode in (0, 1):
+        found = smooth_headings(heading, probability, TIMES, first_rad=heading[0, mode])
+        assert (found[:, mode] > 0.9).all()
+    sure = two_headings({frame: 0 for frame in range(20)})
+    assert (smooth_headings(*sure, TIMES, first_rad=heading[0, 1])[1:, 0] > 0.9).all()
+
+
 def test_a_turn_is_followed():
     heading = np.linspace(0, np.pi, len(TIMES))[:, None] + [0.0, np.pi]
     probability = np.full(heading.shape, 0.5)
