@@ -58,7 +58,7 @@ _ROWS = 150  # samples of the posterior that are considered
 # Mean distance of the joints within which two seeds explain a silhouette alike, and within which
 # two hypotheses are the same pose.
 _DIFFERENT_M, _SAME_M = 0.07, 0.035
-_TEMPERATURE = 3.0  # costs of many pixels and joints are not independent
+_TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
 
