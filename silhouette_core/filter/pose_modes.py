@@ -32,6 +32,8 @@ _EXPECTED = 2.0  # concentration of the heading expected in the first frame
 _JUMP = 1e-5  # weight of any turn, relative to none
 _EVIDENCE = 0.1  # weight of a deviation from a mode: its 42 coordinates are not independent
 _DISTANCE_WINDOW_S = 0.17
+# Height of a person's middle, in statures: usual, and the range in which z = 0 may be the floor.
+_USUAL_HEIGHT, _HEIGHTS = 0.53, (0.15, 1.1)
 _ALIKE_M = 0.08  # mean distance of the joints of modes that are averaged
 _EXCHANGED = [
     LANDMARK_NAMES.index(
@@ -230,11 +232,16 @@ def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
         window.center_m + window.distance_m * axis
         for window, axis in zip(windows, axes, strict=True)
     ]
+    places = np.stack(anchors) / stature_m
+    middle = float(np.median(places[:, 2]))
+    if not _HEIGHTS[0] < middle < _HEIGHTS[1]:
+        # The world's z = 0 is not the floor, which the proposal takes for granted.
+        places[:, 2] += _USUAL_HEIGHT - middle
     return FrameFeatures(
         np.stack([view.code for view in views]),
         np.array([window.pitch_rad for window in windows]),
         np.arctan2(axes[:, 1], axes[:, 0]),
-        np.stack(anchors) / stature_m,
+        places,
         np.array([view.time_s for view in views]),
     )
 

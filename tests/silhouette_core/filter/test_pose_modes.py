@@ -5,10 +5,13 @@ import pytest
 
 from silhouette_core.filter.pose_modes import (
     FrameModes,
+    ModeView,
+    _features,
     body_headings,
     merge_modes,
     smooth_headings,
 )
+from silhouette_core.filter.window import Window
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from tests.silhouette_core.filter.filming import performed
 
@@ -87,3 +90,17 @@ def test_poses_at_a_probable_mode_cost_least():
     assert costs[1] - costs[0] == pytest.approx(np.log(9), abs=0.7)
     assert modes.probable(4, 0.2) == [0] and modes.probable(4, 0.05) == [0, 1]
     assert modes.nearest(other + 0.01) is modes.priors[1]
+
+
+def test_without_a_floor_the_person_stands_at_the_usual_height():
+    def features(height_m):
+        window = Window(
+            np.zeros((0, 0), bool), np.zeros((0, 0), bool), np.eye(3)[:, [0, 2, 1]] * [1, -1, 1],
+            np.array([0.0, -4.0, height_m]), 360.0, np.array([159.5, 119.5]), 4.0,
+        )  # fmt: skip
+        code = np.zeros(3, np.float32)
+        return _features([ModeView(window, code, code, 0.1 * k) for k in range(3)], 1.75)
+
+    assert features(0.9).anchor[:, 2] == pytest.approx(0.9 / 1.75)
+    assert features(-3.0).anchor[:, 2] == pytest.approx(features(5.0).anchor[:, 2])
+    assert 0.4 < features(-3.0).anchor[0, 2] < 0.7
