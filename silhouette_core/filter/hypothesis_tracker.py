@@ -126,8 +126,12 @@ class Beam:
     priors: list[LandmarkPrior | None]
 
     def only(self, k: int) -> Beam:
-        """This beam with hypothesis k alone, as the certain past of what follows."""
-        return self.chosen([k])
+        """This beam with hypothesis k alone, as the certain past of what follows.
+
+        The frame before is taken to hold one hypothesis alone, too.
+        """
+        alone = self.chosen([k])
+        return replace(alone, back=np.minimum(alone.back, 0))
 
     def chosen(self, rows: Sequence[int]) -> Beam:
         """Some of the hypotheses."""

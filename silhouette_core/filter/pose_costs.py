@@ -96,7 +96,7 @@ class PoseCosts:
         tells them apart.
         """
         self._positions = [
-            (t, position) for t, position in self._positions if time_s - t <= _VELOCITY_WINDOW_S
+            (t, position) for t, position in self._positions if 0 < time_s - t <= _VELOCITY_WINDOW_S
         ]
         if (
             len(self._positions) < 3

@@ -121,6 +121,18 @@ def test_a_course_across_a_new_beginning_keeps_the_best_of_what_was_before(follo
     assert course[:4] == backtrack(states[:4])
 
 
+def test_a_chosen_past_needs_no_other_hypotheses(tree, followed):
+    """At the end of a block each frame keeps one hypothesis, whichever of several it came from."""
+    _, states, _ = followed
+    before, last = states[3].only(0), replace(states[4], back=np.full(len(states[4].poses), 2))
+    kept = last.only(len(last.poses) - 1)
+    assert kept.back.tolist() == [0] and len(kept.poses) == 1
+    person = Person(silhouette(body(), poses_of(performed("walk"))[12], CAMERA), False)
+    frame = replace(ForwardFilter(tree, CAMERA).step(0, 0.0, person), time_s=5 * STEP_S)
+    found = HypothesisTracker(tree, CAMERA, TrackerSettings(refine=False)).step(frame, kept, before)
+    assert (found.back == 0).all()
+
+
 def test_frames_at_half_the_rate_count_double(tree):
     pose = poses_of(performed("walk"))[12]
     person = Person(silhouette(body(), pose, CAMERA), False)

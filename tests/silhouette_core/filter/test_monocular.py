@@ -10,6 +10,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.estimator import Settings
+from silhouette_core.filter import trajectory
 from silhouette_core.filter.monocular import MonocularEstimator
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at, films, performed
@@ -63,6 +64,16 @@ def test_the_motion_is_found(tracked, filmed):
     assert np.linalg.norm(joints[:, 0] - truth[:, 0], axis=-1).mean() < 0.25
     assert tracked.motion.quality["confidence"].min() > 0.8
     assert tracked.facts["library"]["samples"] > 1000 and tracked.facts["frames_absent"] == []
+
+
+def test_blocks_of_frames_are_joined(track, tracked, filmed, monkeypatch):
+    """What follows a block starts from the hypotheses that were chosen at its end."""
+    monkeypatch.setattr(trajectory, "_BLOCK", 3)
+    monkeypatch.setattr(trajectory, "_AHEAD", 2)
+    truth, masks = filmed
+    joints = track(masks).motion.landmarks()
+    assert len(joints) == len(truth)
+    assert root_mm(joints, truth) < 1.3 * root_mm(tracked.motion.landmarks(), truth)
 
 
 @pytest.mark.slow
