@@ -9,11 +9,12 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.estimator import Estimate, Frame, FrameSource, Settings, read_options
 from silhouette_core.filter.forward import FilterFrame, ForwardFilter
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.hypothesis_tracker import TrackerSettings
@@ -21,6 +22,7 @@ from silhouette_core.filter.person import find_person
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
 from silhouette_core.filter.tree_filter import SIGMA_SCALE, TreeFilter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting
+from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.library.default import default_library
@@ -48,6 +50,7 @@ class _Options:
         refine: whether limbs are resampled and poses refined.
         weighting: pixel weights of the silhouette distance.
         motion_model: "DM2" with the occlusion-aware eq. (5), "DM1" without.
+        outline_only: whether what lies inside the outline is left out.
     """
 
     library: str = ""
@@ -55,13 +58,16 @@ class _Options:
     refine: bool = True
     weighting: Weighting = "balanced"
     motion_model: str = "DM2"
+    outline_only: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.refine, bool) or not isinstance(self.library, str):
-            raise InputError(
-                f"refine {self.refine!r} must be true or false, and library {self.library!r} the"
-                " path of a file"
-            )
+        for name, kind, what in (
+            ("refine", bool, "true or false"),
+            ("outline_only", bool, "true or false"),
+            ("library", str, "the path of a file"),
+        ):
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
         for name, allowed in (
             ("start", ("facing", "any")),
             ("weighting", WEIGHTINGS),
@@ -132,6 +138,7 @@ class MonocularEstimator:
         )
         clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()
         facing = options.start == "facing"
+        coloured = not (options.outline_only or source.silhouettes_given)
         forward = ForwardFilter(
             tree, lens.pinhole, facing, options.weighting, interval_s=1 / source.fps
         )
@@ -142,7 +149,7 @@ class MonocularEstimator:
 
         def estimates() -> Iterator[FrameEstimate]:
             for filter_frame in _filter_frames(
-                source, settings, lens, forward, clock, reporter, counts
+                source, settings, lens, forward, clock, reporter, counts, coloured
             ):
                 counts.add(filter_frame)
                 decided = trajectory.add(filter_frame)
@@ -158,7 +165,7 @@ class MonocularEstimator:
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
                 " that somebody moves before it"
             )
-        facts = _facts(library, options, settings, counts)
+        facts = _facts(library, options, settings, counts, coloured)
         return Estimate(
             motion,
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
@@ -220,6 +227,7 @@ def _filter_frames(
     clock: StageClock,
     reporter: Reporter,
     counts: _Counts,
+    coloured: bool,
 ) -> Iterator[FilterFrame]:
     """Posteriors of the frames that show a person."""
     reporter.stage("background")
@@ -234,6 +242,8 @@ def _filter_frames(
     for number, seconds, frames in source:
         with clock("silhouettes"):
             person = find_person(lens.undistort(silhouettes.of(frames)[name]), near_px, usual_px)
+            if coloured and person is not None:
+                person = replace(person, colours=_colours(lens, frames[name], person.mask))
         reporter.advance()
         if person is None:
             counts.absent.append(number)
@@ -244,6 +254,17 @@ def _filter_frames(
         with clock("estimation"):
             filter_frame = forward.step(number, seconds, person)
         yield filter_frame
+
+
+def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:
+    """Colours in the rectangle that holds a silhouette."""
+    (top, bottom), (left, right) = (
+        (int(found[0]), int(found[-1]) + 1)
+        for found in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    )
+    return ColourCrop.of(
+        lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)
+    )
 
 
 def _motion(
@@ -298,10 +319,15 @@ def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
 
 
 def _facts(
-    library: PoseLibrary, options: _Options, settings: Settings, counts: _Counts
+    library: PoseLibrary,
+    options: _Options,
+    settings: Settings,
+    counts: _Counts,
+    coloured: bool,
 ) -> dict[str, object]:
     return {
         "stature_given": settings.stature_m is not None,
+        "colours": coloured,
         "library": {
             "file": options.library or "default",
             "samples": len(library),

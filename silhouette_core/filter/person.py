@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from calib.components import label_components
+from silhouette_core.image.head_colours import ColourCrop
 
 # Smaller components, as a fraction of the person's area, are noise; a hand behind a gap is larger.
 _LEAST_FRACTION = 0.02
@@ -29,10 +30,12 @@ class Person:
     Attributes:
         mask: (h, w) bool, the silhouette.
         cut: whether the border of the image cuts the person.
+        colours: of the picture about the person; None: they are not known, or not to be used.
     """
 
     mask: NDArray[np.bool_]
     cut: bool
+    colours: ColourCrop | None = None
 
 
 def find_person(

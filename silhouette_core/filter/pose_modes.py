@@ -18,7 +18,11 @@ from silhouette_core.filter.window import Window, look_at
 from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.proposal.pose_proposal import PoseModes, PoseProposal
-from silhouette_core.proposal.silhouette_features import FrameFeatures, level_axes
+from silhouette_core.proposal.silhouette_features import (
+    FrameFeatures,
+    SilhouetteCodes,
+    level_axes,
+)
 from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
 
 _LEAST_SIGMA_M = 0.012
@@ -66,6 +70,11 @@ class FrameModes:
         """Joints (M, 15, 3) of the modes in the world."""
         return np.stack([prior.landmarks_m for prior in self.priors])
 
+    @property
+    def likeliest(self) -> NDArray[np.float64]:
+        """Joints (15, 3) of the likeliest mode in the world."""
+        return self.priors[int(self.probability.argmax())].landmarks_m
+
     def probable(self, count: int, least: float) -> list[int]:
         """At most `count` modes of at least a probability, likeliest first; one at any rate."""
         order = np.argsort(-self.probability, kind="stable")[:count]
@@ -102,14 +111,12 @@ class ModeView:
 
     Attributes:
         window: of the silhouette at an assumed distance.
-        code: (K,) float32, of the window's silhouette.
-        mirrored_code: (K,) float32, of its mirror image.
+        codes: of the window's silhouette and of its mirror image.
         time_s: time of the frame.
     """
 
     window: Window
-    code: NDArray[np.float32]
-    mirrored_code: NDArray[np.float32]
+    codes: SilhouetteCodes
     time_s: float
 
 
@@ -131,7 +138,17 @@ class ModeFinder:
         # Of the windows only the geometry is kept: their pictures would fill the memory.
         empty = np.zeros((0, 0), bool)
         codes = self.proposal.codes(np.stack([window.mask, window.mask[:, ::-1]]))
-        return ModeView(replace(window, mask=empty, seen=empty), codes[0], codes[1], time_s)
+        return ModeView(replace(window, mask=empty, seen=empty), codes, time_s)
+
+    def with_skin(self, view: ModeView, skin: NDArray[np.uint8] | None) -> ModeView:
+        """View of a frame with a grid (60, 80) uint8, 0 to 4, of what has the colours of the head
+        in its window; None: that is not known.
+        """
+        if skin is None:
+            return view
+        return replace(
+            view, codes=self.proposal.with_skin(view.codes, np.stack([skin, skin[:, ::-1]]))
+        )
 
     def corrected(
         self, views: Sequence[ModeView], masks: Sequence[NDArray[np.bool_]]
@@ -181,7 +198,7 @@ class ModeFinder:
         """Modes of the frames and of their mirror images, each half as probable."""
         mirrored = replace(
             features,
-            codes=np.stack([view.mirrored_code for view in views]),
+            codes=SilhouetteCodes.joined([view.codes[1:] for view in views]),
             heading_rad=np.pi - features.heading_rad,
             anchor=features.anchor * [-1.0, 1.0, 1.0],
         )
@@ -238,7 +255,7 @@ def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
         # The world's z = 0 is not the floor, which the proposal takes for granted.
         places[:, 2] += _USUAL_HEIGHT - middle
     return FrameFeatures(
-        np.stack([view.code for view in views]),
+        SilhouetteCodes.joined([view.codes[:1] for view in views]),
         np.array([window.pitch_rad for window in windows]),
         np.arctan2(axes[:, 1], axes[:, 0]),
         places,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.body_adaptation import adapted_body
+from silhouette_core.filter.colour_evidence import ColourEvidence
 from silhouette_core.filter.forward import FilterFrame, slim
 from silhouette_core.filter.hypothesis_tracker import (
     Beam,
@@ -23,6 +24,7 @@ from silhouette_core.filter.hypothesis_tracker import (
 )
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
 from silhouette_core.filter.limb_silhouette import SignedWeights
+from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_modes import FrameModes, ModeFinder, ModeView
 from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import look_at
@@ -38,6 +40,7 @@ _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow
 _LONGEST_GAP_S = 1.0
 _ROWS = 150  # samples kept of a frame's posterior
 _MEMORY_S = 0.5  # of frames that the proposal reads without later ones
+_BLOCKS_KEPT, _FRAMES_KEPT = 0.5, 0.98  # weights of earlier pictures in the head's colours
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +119,7 @@ class PoseTrajectory:
             if proposal is None
             else ModeFinder(proposal, camera, tree.library.model.sizes.stature_m)
         )
+        self._colours = ColourEvidence(camera)
         self._usual_areas = usual_areas(tree.library.areas)
         self.distance_m = np.nan
         self._pending: list[_PendingFrame] = []
@@ -152,6 +156,8 @@ class PoseTrajectory:
         gap = [abs(np.log(w.distance_m / filter_frame.distance_m)) for w in filter_frame.windows]
         window = filter_frame.windows[int(np.argmin(gap))]
         view = self.finder.view(window, filter_frame.time_s)
+        if not self.smooth:
+            view = self._coloured(view, filter_frame.person)
         self._views = [one for one in self._views if view.time_s - one.time_s <= _MEMORY_S] + [view]
         self.distance_m = self.finder.find(self._views, causal=True)[-1].distance_m
         return view
@@ -172,6 +178,10 @@ class PoseTrajectory:
         if self.settings.refine:
             with self.clock("refinement"):
                 pose_frames = self._refined(pose_frames, beams, chosen)
+        if not self.smooth:
+            joints = [beam.joints[k] for beam, k in zip(beams, chosen, strict=True)]
+            person = replace(self._pending[0].filter_frame.person, mask=masks[0])
+            self._colours.learn([person], joints, _FRAMES_KEPT)
         decided = [
             self._estimate(frame, pose_frame, beam)
             for frame, pose_frame, beam in zip(
@@ -190,9 +200,7 @@ class PoseTrajectory:
             return [None] * len(masks)
         with self.clock("proposal"):
             if self.smooth:
-                views = [frame.view for frame in self._pending if frame.view is not None]
-                facing = self.settings.facing and not self._decided
-                modes = self.finder.find(self.finder.corrected(views, masks), facing=facing)
+                modes = self._modes_over_time(masks)
             else:
                 modes = self.finder.find(self._views, causal=True)[-1:]
         if self.sexes and self.smooth:
@@ -202,6 +210,27 @@ class PoseTrajectory:
                 )
             self.sexes = ()
         return modes
+
+    def _modes_over_time(self, masks: list[NDArray[np.bool_]]) -> list[FrameModes]:
+        """Modes of all pending frames, with the colours of the head as soon as that is found."""
+        assert self.finder is not None
+        facing = self.settings.facing and not self._decided
+        views = [frame.view for frame in self._pending if frame.view is not None]
+        views = self.finder.corrected(views, masks)
+        modes = self.finder.find(views, facing=facing)
+        people = [
+            replace(frame.filter_frame.person, mask=mask)
+            for frame, mask in zip(self._pending, masks, strict=True)
+        ]
+        if not self._colours.learn(people, [one.likeliest for one in modes], _BLOCKS_KEPT):
+            return modes
+        views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
+        return self.finder.find(views, facing=facing)
+
+    def _coloured(self, view: ModeView, person: Person) -> ModeView:
+        """View of a frame with what has the colours of the head, if they are known."""
+        assert self.finder is not None
+        return self.finder.with_skin(view, self._colours.skin(view.window, person))
 
     def _beams(
         self, masks: list[NDArray[np.bool_]], modes: list[FrameModes] | list[None]

@@ -136,3 +136,29 @@ class UndistortedView:
         if self.maps is None:
             return mask
         return cv2.remap(mask.astype(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
+
+    def undistort_part(
+        self, picture: NDArray[np.uint8], corner: tuple[int, int], size: tuple[int, int]
+    ) -> NDArray[np.uint8]:
+        """Part of a picture as the pinhole camera sees it.
+
+        Args:
+            picture: (H, W, 3) uint8, as recorded.
+            corner: first column and row of the part in the pinhole camera's image.
+            size: width and height of the part.
+
+        Returns:
+            (height, width, 3) uint8.
+        """
+        (left, top), (width, height) = corner, size
+        if self.maps is None:
+            x, y = np.meshgrid(
+                np.arange(left, left + width, dtype=np.float32),
+                np.arange(top, top + height, dtype=np.float32),
+            )
+        else:
+            x, y = (m[top : top + height, left : left + width] for m in self.maps)
+        scale = picture.shape[1] / self.pinhole.size[0]
+        if scale != 1:
+            x, y = ((m + np.float32(0.5)) * np.float32(scale) - np.float32(0.5) for m in (x, y))
+        return cv2.remap(picture, x, y, cv2.INTER_LINEAR)  # type: ignore[return-value]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.silhouette_features import (
     FrameFeatures,
+    SilhouetteBasis,
+    SilhouetteCodes,
     coverage_grid,
-    encode,
+    feet_grid,
+    halved,
     nearby_frames,
     network_inputs,
 )
@@ -51,17 +54,19 @@ class PoseProposal:
     """Trained network and the basis of its silhouettes, see `proposal_learning.learn_proposal`.
 
     Attributes:
-        mean_coverage: (4800,) float32, see `silhouette_features.fit_basis`.
-        basis: (4800, K) float32, likewise.
+        coverage: basis of the grids of coverage.
+        feet: basis of the grids of the lowest parts.
+        skin: basis of the grids of what has the colours of the head.
         network: the network, float32.
     """
 
-    mean_coverage: NDArray[np.float32]
-    basis: NDArray[np.float32]
+    coverage: SilhouetteBasis
+    feet: SilhouetteBasis
+    skin: SilhouetteBasis
     network: MixtureNetwork
 
-    def codes(self, masks: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Codes (T, K) float32 of silhouettes (T, 240, 320) bool in the window of the library.
+    def codes(self, masks: NDArray[np.bool_]) -> SilhouetteCodes:
+        """Codes of T silhouettes (T, 240, 320) bool in the window of the library, without colours.
 
         The window is that of `silhouette_core.filter.window.look_at`: the silhouette's centroid in
         its middle, 158 pixels per stature at the assumed distance.
@@ -69,7 +74,18 @@ class PoseProposal:
         Raises:
             ValueError: the masks have another shape.
         """
-        return encode(coverage_grid(masks), self.mean_coverage, self.basis)
+        return SilhouetteCodes(
+            self.coverage.encode(coverage_grid(masks)),
+            self.feet.encode(feet_grid(halved(masks))),
+            np.zeros((len(masks), self.skin.components.shape[1]), np.float32),
+            np.zeros(len(masks), bool),
+        )
+
+    def with_skin(self, codes: SilhouetteCodes, skin: NDArray[np.uint8]) -> SilhouetteCodes:
+        """Codes of T silhouettes with grids (T, 60, 80) uint8, 0 to 4, of what has the colours of
+        the head.
+        """
+        return replace(codes, skin=self.skin.encode(skin), coloured=np.ones(len(codes), bool))
 
     def modes(self, features: FrameFeatures, causal: bool = False) -> PoseModes:
         """Probable poses in every frame.
@@ -97,8 +113,12 @@ class PoseProposal:
         """All arrays by name, for a file; `from_arrays` is the inverse."""
         network = self.network
         return {
-            "mean_coverage": self.mean_coverage,
-            "basis": self.basis,
+            "mean_coverage": self.coverage.mean,
+            "coverage_basis": self.coverage.components,
+            "mean_feet": self.feet.mean,
+            "feet_basis": self.feet.components,
+            "mean_skin": self.skin.mean,
+            "skin_basis": self.skin.components,
             "mean_joints": network.mean_joints,
             "modes": np.array([network.modes], np.int32),
             **{f"weight{number}": array for number, array in enumerate(network.weights)},
@@ -111,8 +131,16 @@ class PoseProposal:
 
         Raises:
             KeyError: an array is missing.
-            ValueError: the arrays do not fit together.
+            ValueError: the arrays do not fit together, or are those of an earlier version.
         """
+        if "mean_skin" not in arrays:
+            raise ValueError(
+                "its proposal was learned by an earlier version"
+            )
+        bases = {
+            name: SilhouetteBasis(arrays[f"mean_{name}"], arrays[f"{name}_basis"])
+            for name in ("coverage", "feet", "skin")
+        }
         layers = range(sum(name.startswith("weight") for name in arrays))
         network = MixtureNetwork(
             tuple(arrays[f"weight{number}"] for number in layers),
@@ -127,7 +155,7 @@ class PoseProposal:
             or any(a[1] != b[0] for a, b in pairwise(sizes))
             or any(bias.shape != size[1:] for bias, size in zip(network.biases, sizes, strict=True))
             or sizes[-1][1] != ends
-            or len(arrays["mean_coverage"]) != len(arrays["basis"])
+            or any(len(basis.mean) != len(basis.components) for basis in bases.values())
         ):
             raise ValueError("the arrays of the proposal do not fit together")
-        return cls(arrays["mean_coverage"], arrays["basis"], network)
+        return cls(**bases, network=network)

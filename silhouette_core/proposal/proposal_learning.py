@@ -16,8 +16,12 @@ from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.network_training import Batch, TrainingSettings, train_network
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.silhouette_features import (
+    COMPONENTS,
+    FEET_COMPONENTS,
+    SKIN_COMPONENTS,
     FrameFeatures,
-    encode,
+    SilhouetteBasis,
+    SilhouetteCodes,
     fit_basis,
     nearby_frames,
     network_inputs,
@@ -28,7 +32,8 @@ from silhouette_core.proposal.virtual_takes import VirtualBodies, VirtualTake, f
 _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
 _FIRST_TAKES = 120  # takes in random order, from which the basis is made
 _BASIS_GRIDS = 4000
-_CAUSAL = 1 / 3  # of the samples
+_CAUSAL, _COLOURLESS = 1 / 3, 1 / 3  # of the samples
+_GRIDS = {"coverage": COMPONENTS, "feet": FEET_COMPONENTS, "skin": SKIN_COMPONENTS}
 _LEAST_STEPS = 200
 
 
@@ -101,8 +106,8 @@ def learn_proposal(
             "the proposal needs motion of at least half a second: give more, or --no-proposal"
         )
     reporter.stage("filming the motion", sum(map(len, stretches)))
-    filmed, mean, basis = _film(stretches, VirtualBodies(model), film, fit, reporter)
-    return _trained(filmed, mean, basis, settings, train, reporter)
+    filmed, bases = _film(stretches, VirtualBodies(model), film, fit, reporter)
+    return PoseProposal(**bases, network=_trained(filmed, settings, train, reporter))
 
 
 def _film(
@@ -111,11 +116,11 @@ def _film(
     film: np.random.Generator,
     fit: np.random.Generator,
     reporter: Reporter,
-) -> tuple[FilmedFrames, NDArray[np.float32], NDArray[np.float32]]:
-    """Frames of all stretches, and the mean and basis of their silhouettes."""
+) -> tuple[FilmedFrames, dict[str, SilhouetteBasis]]:
+    """Frames of all stretches, and the bases of their grids."""
     takes: list[VirtualTake] = []
-    codes: list[NDArray[np.float32]] = []
-    mean = basis = np.zeros(0, np.float32)
+    codes: list[SilhouetteCodes] = []
+    bases: dict[str, SilhouetteBasis] = {}
     # Each take has random numbers of its own.
     for number, (motion, rng) in enumerate(
         zip(stretches, film.spawn(len(stretches)), strict=True), start=1
@@ -124,20 +129,25 @@ def _film(
             motion = vary_motion(motion, stretches, rng)
         takes.append(film_take(motion, bodies, rng))
         if number == min(_FIRST_TAKES, len(stretches)):
-            grids = np.concatenate([take.coverage for take in takes])
-            mean, basis = fit_basis(grids[fit.permutation(len(grids))[:_BASIS_GRIDS]], fit)
-        if len(basis):
-            for late in range(len(codes), number):
-                codes.append(encode(takes[late].coverage, mean, basis))
-                # Grids would fill the memory.
-                takes[late] = replace(takes[late], coverage=takes[late].coverage[:0])
+            chosen = fit.permutation(sum(map(len, takes)))[:_BASIS_GRIDS]
+            for name, components in _GRIDS.items():
+                grids = np.concatenate([getattr(take, name) for take in takes])
+                bases[name] = fit_basis(grids[chosen], components, fit)
+        for late in range(len(codes), number if bases else 0):
+            grids = {name: getattr(takes[late], name) for name in _GRIDS}
+            encoded = {name: bases[name].encode(grid) for name, grid in grids.items()}
+            codes.append(SilhouetteCodes(**encoded, coloured=np.ones(len(takes[late]), bool)))
+            # Grids would fill the memory.
+            takes[late] = replace(
+                takes[late], **{name: grid[:0].copy() for name, grid in grids.items()}
+            )
         reporter.advance(len(motion))
     starts = [0.0, *np.cumsum([take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes])]
     time_s = [
         take.time_s - take.time_s[0] + start for take, start in zip(takes, starts[:-1], strict=True)
     ]
     features = FrameFeatures(
-        np.concatenate(codes),
+        SilhouetteCodes.joined(codes),
         np.concatenate([take.pitch_rad for take in takes]),
         np.concatenate([take.heading_rad for take in takes]),
         np.concatenate([take.anchor for take in takes]),
@@ -146,18 +156,16 @@ def _film(
     joints, offset = (
         np.concatenate([getattr(take, name) for take in takes]) for name in ("joints", "offset")
     )
-    return FilmedFrames(features, joints, offset), mean, basis
+    return FilmedFrames(features, joints, offset), bases
 
 
 def _trained(
     filmed: FilmedFrames,
-    mean: NDArray[np.float32],
-    basis: NDArray[np.float32],
     settings: LearningSettings,
     rng: np.random.Generator,
     reporter: Reporter,
-) -> PoseProposal:
-    """Proposal whose network is trained on frames."""
+) -> MixtureNetwork:
+    """Network trained on frames."""
     training, count = settings.training, len(filmed.features)
     steps = round(settings.passes * count / training.batch)
     training = replace(training, steps=min(training.steps, max(steps, _LEAST_STEPS)))
@@ -166,8 +174,9 @@ def _trained(
     def draw(rng: np.random.Generator) -> Batch:
         frames = rng.integers(0, count, training.batch)
         causal = rng.random(training.batch) < _CAUSAL
+        coloured = rng.random(training.batch) >= _COLOURLESS
         return Batch(
-            network_inputs(filmed.features, frames, nearby[frames], causal),
+            network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
             filmed.joints[frames],
             filmed.offset[frames],
         )
@@ -181,4 +190,4 @@ def _trained(
     )
     reporter.stage("learning the proposal", training.steps)
     train_network(network, draw, training, rng, reporter)
-    return PoseProposal(mean, basis, network)
+    return network

@@ -1,11 +1,15 @@
 """From silhouettes over time to what the network of the proposal reads.
 
-A silhouette becomes a grid of coverage, the grid a few principal components, and these are read
-at several instants within 0.4 s, stated in seconds so that any frame rate will do.
+A silhouette becomes a grid of coverage and a finer one of its lowest part, the grids a few
+principal components, and these are read at several instants within 0.4 s, stated in seconds so that
+any frame rate will do. The feet tell whether a person is seen from the front or from behind. Where
+colours are known, a third grid holds what has the colours of the head: mostly the hands and arms,
+which a silhouette does not show before the trunk.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,17 +19,58 @@ from calib.checks import check_array
 
 GRID = (60, 80)
 """Rows and columns of the grid of coverage."""
+FEET_GRID = (28, 48)
+"""Rows and columns of the grid of the lowest part, whose cells are half as large."""
 STATURE_CELLS = 39.5
 """Cells of a stature at the assumed distance: 158 pixels of the library's window."""
 FULL = 4
 """Coverage of a cell inside the silhouette."""
 OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
 """Instants that are read beside a frame's own, s."""
+COMPONENTS, FEET_COMPONENTS, SKIN_COMPONENTS = 120, 48, 64
+"""Principal components of the three grids."""
 _FUTURE = OFFSETS_S > 0
 _WINDOW_PX = (240, 320)
-_COMPONENTS, _COMPONENTS_BESIDE = 120, 40
+_COMPONENTS_BESIDE, _SKIN_BESIDE = 40, 16  # that are read of the instants beside a frame's own
 _SPARE, _ROUNDS = 20, 3  # of the randomised decomposition
 _BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with other threads
+
+
+@dataclass(frozen=True, eq=False)
+class SilhouetteCodes:
+    """Principal components of the grids of T silhouettes, from `PoseProposal.codes`.
+
+    Attributes:
+        coverage: (T, K) float32, of the whole silhouette.
+        feet: (T, K') float32, of its lowest part.
+        skin: (T, K'') float32, of what has the colours of the head; 0 where they are not known.
+        coloured: (T,) bool, where they are known.
+    """
+
+    coverage: NDArray[np.float32]
+    feet: NDArray[np.float32]
+    skin: NDArray[np.float32]
+    coloured: NDArray[np.bool_]
+
+    @classmethod
+    def joined(cls, parts: Sequence[SilhouetteCodes]) -> SilhouetteCodes:
+        """Codes of several sequences of silhouettes, one after the other."""
+        return cls(
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in ("coverage", "feet", "skin", "coloured")
+            )
+        )
+
+    def __getitem__(self, rows: NDArray[np.integer] | slice) -> SilhouetteCodes:
+        """Codes of some of the silhouettes."""
+        return SilhouetteCodes(
+            self.coverage[rows], self.feet[rows], self.skin[rows], self.coloured[rows]
+        )
+
+    def __len__(self) -> int:
+        """Number of silhouettes."""
+        return len(self.coverage)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +78,16 @@ class FrameFeatures:
     """Silhouettes of one person in T frames, as seen by a camera turned toward each.
 
     Attributes:
-        codes: (T, K) float32, of the silhouettes, from `PoseProposal.codes`.
+        codes: of the silhouettes.
         pitch_rad: (T,) float32, angle of the optical axis below the horizontal.
         heading_rad: (T,) float32, direction of the optical axis from above, atan2(y, x); not the
-            heading of a body that faces the camera.
+            person's.
         anchor: (T, 3) float32, the point of the optical axis at the assumed distance, in the world
             in statures, the floor at height 0.
         time_s: (T,) float64, increasing.
     """
 
-    codes: NDArray[np.float32]
+    codes: SilhouetteCodes
     pitch_rad: NDArray[np.floating]
     heading_rad: NDArray[np.floating]
     anchor: NDArray[np.floating]
@@ -55,7 +100,7 @@ class FrameFeatures:
             ValueError: an array has another shape than stated, or holds NaN.
         """
         count = len(self.codes)
-        check_array("codes", self.codes, ("T", "K"), finite=True)
+        check_array("coverage", self.codes.coverage, ("T", "K"), finite=True)
         check_array("anchor", self.anchor, (count, 3), finite=True)
         for name in ("pitch_rad", "heading_rad", "time_s"):
             check_array(name, getattr(self, name), (count,), finite=True)
@@ -67,14 +112,59 @@ class FrameFeatures:
         return len(self.codes)
 
 
+@dataclass(frozen=True, eq=False)
+class SilhouetteBasis:
+    """Mean and principal components of P cells, see `fit_basis`.
+
+    Attributes:
+        mean: (P,) float32, of grids divided by 4.
+        components: (P, K) float32.
+    """
+
+    mean: NDArray[np.float32]
+    components: NDArray[np.float32]
+
+    def encode(self, grids: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Codes (N, K) float32, (grid / 4 - mean) @ components, of grids (N, h, w)."""
+        rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
+        return product(rows - self.mean, self.components)
+
+
 def coverage_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Coverage (…, 60, 80) uint8, 0 to 4, of silhouettes (…, 240, 320) bool in the library's
     window: of 2 x 2 pixels two must be set, of these 2 x 2 are counted.
     """
     check_array("masks", masks.reshape(-1, *masks.shape[-2:]), ("N", *_WINDOW_PX), np.bool_)
     rows, columns = GRID
-    halves = masks.reshape(*masks.shape[:-2], rows, 2, 2, columns, 2, 2)
-    return (halves.sum(axis=(-4, -1), dtype=np.uint8) >= 2).sum(axis=(-3, -1), dtype=np.uint8)
+    halves = halved(masks).reshape(*masks.shape[:-2], rows, 2, columns, 2)
+    return halves.sum(axis=(-3, -1), dtype=np.uint8)
+
+
+def halved(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Silhouettes (…, h / 2, w / 2) of masks (…, h, w): of 2 x 2 pixels two must be set."""
+    *more, height, width = masks.shape
+    cells = masks.reshape(*more, height // 2, 2, width // 2, 2)
+    return cells.sum(axis=(-3, -1), dtype=np.uint8) >= 2
+
+
+def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Lowest parts (N, 28, 48) uint8, 0 or 4, of silhouettes (N, h, w) bool at half the window's
+    resolution: the rows that end with the lowest pixel, about their middle column.
+    """
+    rows, columns = FEET_GRID
+    grids = np.zeros((len(masks), rows, columns), np.uint8)
+    for mask, grid in zip(masks, grids, strict=True):
+        occupied = np.flatnonzero(mask.any(axis=1))
+        if not len(occupied):
+            continue
+        part = mask[max(occupied[-1] + 1 - rows, 0) : occupied[-1] + 1]
+        count = part.sum(axis=0)
+        middle = int(np.round(count @ np.arange(len(count)) / count.sum()))
+        left = middle - columns // 2
+        part = part[:, max(left, 0) : left + columns]
+        start = max(-left, 0)
+        grid[rows - len(part) :, start : start + part.shape[1]] = part * np.uint8(FULL)
+    return grids
 
 
 def level_axes(heading_rad: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -116,6 +206,7 @@ def network_inputs(
     frames: NDArray[np.integer],
     nearby: NDArray[np.int64],
     causal: NDArray[np.bool_],
+    coloured: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float32]:
     """Inputs (n, I) of the network.
 
@@ -124,14 +215,23 @@ def network_inputs(
         frames: (n,), frames whose poses are asked for.
         nearby: (n, 8), frames at `OFFSETS_S` about each.
         causal: (n,), whether only the earlier of those are read.
+        coloured: (n,), whether the colours are read, where they are known; None: they are.
     """
+    codes = features.codes
+    if coloured is None:
+        coloured = np.ones(len(frames), bool)
+    known = (coloured & codes.coloured[frames])[:, None]
     nearby = np.where(causal[:, None], past_only(nearby, frames), nearby)
     axes = level_axes(features.heading_rad[frames])
     moved = features.anchor[nearby] - features.anchor[frames][:, None]
     return np.concatenate(
         [
-            features.codes[frames],
-            features.codes[nearby, :_COMPONENTS_BESIDE].reshape(len(frames), -1),
+            codes.coverage[frames],
+            codes.coverage[nearby, :_COMPONENTS_BESIDE].reshape(len(frames), -1),
+            codes.feet[frames],
+            codes.skin[frames] * known,
+            codes.skin[nearby, :_SKIN_BESIDE].reshape(len(frames), -1) * known,
+            known,
             3 * np.matmul(moved, axes.transpose(0, 2, 1)).reshape(len(frames), -1),
             2 * features.pitch_rad[frames][:, None],
             features.anchor[frames, 2:],
@@ -144,25 +244,25 @@ def network_inputs(
 
 
 def fit_basis(
-    grids: NDArray[np.uint8], rng: np.random.Generator
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Mean and principal components of grids of coverage.
+    grids: NDArray[np.uint8], components: int, rng: np.random.Generator
+) -> SilhouetteBasis:
+    """Mean and principal components of grids.
 
     Args:
-        grids: (N, 60, 80) uint8, 0 to 4.
+        grids: (N, h, w) uint8, 0 to 4.
+        components: largest number of components.
         rng: random numbers, for the start.
 
     Returns:
-        Mean (4800,) and basis (4800, K) float32, K <= 120, of grids divided by 4: codes are
-        (grid / 4 - mean) @ basis. The components are scaled by the square root of their deviation,
-        so that the first ones count most, but less than in the picture.
+        The basis. Its components are scaled by the square root of their deviation, so that the
+        first ones count most, but less than in the picture.
 
     Source: Halko, Martinsson and Tropp, Finding structure with randomness (2011), 4.5.
     """
     rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
     mean = rows.mean(axis=0)
     rows -= mean
-    count = min(_COMPONENTS, max(1, len(rows) - 1))
+    count = min(components, max(1, len(rows) - 1))
     directions = rng.normal(size=(rows.shape[1], min(count + _SPARE, len(rows))))
     for _ in range(_ROUNDS):
         seen = product(rows, _orthonormal(directions).astype(np.float32))
@@ -172,7 +272,7 @@ def fit_basis(
     variance, turn = np.linalg.eigh(_exact_product(seen.T, seen) / len(rows))
     deviation = np.sqrt(np.maximum(variance[::-1][:count], 1e-12))
     basis = _exact_product(directions, turn[:, ::-1][:, :count]) / np.sqrt(deviation * deviation[0])
-    return mean, basis.astype(np.float32)
+    return SilhouetteBasis(mean, basis.astype(np.float32))
 
 
 def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -195,14 +295,6 @@ def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 def _exact_product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Matrix product without BLAS."""
     return np.einsum("nk,mk->nm", np.ascontiguousarray(left), np.ascontiguousarray(right.T))
-
-
-def encode(
-    grids: NDArray[np.uint8], mean: NDArray[np.float32], basis: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Codes (N, K) float32 of grids of coverage (N, 60, 80), see `fit_basis`."""
-    rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
-    return product(rows - mean, basis)
 
 
 def product(left: NDArray, right: NDArray) -> NDArray:

@@ -2,7 +2,7 @@
 
 A proposal that knows few poses recognises them instead of reading the silhouette. Arms of one
 recording on the body of another, and slow deviations of all joints, make poses that nobody recorded
-but that a body can take.
+but that a body can take; so do bodies that lean, lie or turn over.
 """
 
 from __future__ import annotations
@@ -12,14 +12,22 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from scipy.special import ndtr
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 
 _OTHER_ARMS, _BOTH_ARMS, _REVERSED = 0.6, 0.5, 0.3  # probabilities
+_OTHER_UPPER_BODY = 0.25
 _DEVIATING = 0.7
 _DEVIATION_RAD = (np.radians(2.0), np.radians(12.0))
 _FRAMES_PER_KNOT = 12
+_ANY_LIMB, _ANY_LIMB_KNOTS, _ALIKE = 0.25, 24, 0.5  # both legs, or both arms, take any pose
+_LEANING, _LEANING_RAD = 0.4, np.radians(30.0)
+_TUMBLING, _TUMBLING_RAD = 0.15, np.radians(6.0)  # chance, and deviation of the turn in a frame
+_LEG_PARTS = ("thigh", "shin", "foot", "toes")
 _ARM_PARTS = ("clavicle", "upper_arm", "forearm", "hand")
 _ARMS = tuple(
     np.array(
@@ -30,10 +38,21 @@ _ARMS = tuple(
     )
     for side in ("left", "right")
 )
+_LEGS = tuple(
+    np.array(
+        [
+            name.startswith(f"{side}_") and any(part in name for part in _LEG_PARTS)
+            for name in BodyModel.dof_names
+        ]
+    )
+    for side in ("left", "right")
+)
+_UPPER_BODY = ~(_LEGS[0] | _LEGS[1])
 
 
 def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generator) -> Motion:
-    """Motion with other arms, or with slow deviations of the joints, or both, or as it is.
+    """Motion with another upper body or other arms, arms or legs anywhere within their limits, slow
+    deviations of the joints, leaning or tumbling, each by chance.
 
     Args:
         motion: T frames.
@@ -41,16 +60,32 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
         rng: random numbers.
 
     Returns:
-        T frames within the joint limits.
+        T frames within the joint limits; the pelvis keeps its place.
     """
-    angles = motion.angles_rad.copy()
+    angles, count = motion.angles_rad.copy(), len(motion)
+    if rng.random() < _OTHER_UPPER_BODY:
+        angles[:, _UPPER_BODY] = _stretch(others, count, rng)[:, _UPPER_BODY]
     if rng.random() < _OTHER_ARMS:
         together = rng.random() < _BOTH_ARMS
         for arms in [_ARMS[0] | _ARMS[1]] if together else _ARMS:
-            angles[:, arms] = _stretch(others, len(motion), rng)[:, arms]
+            angles[:, arms] = _stretch(others, count, rng)[:, arms]
+    for limbs in (_ARMS, _LEGS):
+        if rng.random() < _ANY_LIMB:
+            _put_anywhere(angles, limbs, rng)
     if rng.random() < _DEVIATING:
-        angles += _deviations(len(motion), rng)
-    return replace(motion, angles_rad=np.clip(angles, *BodyModel.dof_limits_rad.T))
+        angles += _deviations(count, rng)
+    rotation = rotation_matrices(motion.root_quaternion)
+    if rng.random() < _LEANING:
+        sigma = rng.uniform(0, _LEANING_RAD)
+        lean = _curves(count, 3, sigma, rng) * [1.0, 1.0, 0.0]
+        rotation = Rotation.from_rotvec(lean).as_matrix() @ rotation
+    if rng.random() < _TUMBLING:
+        rotation = _tumbling(count, rng) @ rotation
+    return replace(
+        motion,
+        angles_rad=np.clip(angles, *BodyModel.dof_limits_rad.T),
+        root_quaternion=quaternions(rotation),
+    )
 
 
 def _stretch(others: Sequence[Motion], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -61,12 +96,47 @@ def _stretch(others: Sequence[Motion], count: int, rng: np.random.Generator) -> 
     return other.angles_rad[frames[::-1] if rng.random() < _REVERSED else frames]
 
 
+def _put_anywhere(
+    angles_rad: NDArray[np.float64], limbs: Sequence[NDArray[np.bool_]], rng: np.random.Generator
+) -> None:
+    """Replaces the angles (count, D) of a left and a right limb by slow movements from pose to
+    pose, anywhere within their limits; often both limbs do much the same.
+    """
+    low, high = BodyModel.dof_limits_rad.T
+    spread = _curves(len(angles_rad), len(low), 1.0, rng, _ANY_LIMB_KNOTS)
+    if rng.random() < _ALIKE:
+        spread[:, limbs[1]] = spread[:, limbs[0]] + 0.3 * spread[:, limbs[1]]
+    anywhere = low + (high - low) * ndtr(spread)
+    either = limbs[0] | limbs[1]
+    angles_rad[:, either] = anywhere[:, either]
+
+
 def _deviations(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Smooth curves (count, D), radians, through random knots; zero where an angle is fixed."""
-    knots = max(2, count // _FRAMES_PER_KNOT + 2)
-    values = rng.normal(0, rng.uniform(*_DEVIATION_RAD), (knots, len(BodyModel.dof_fixed)))
+    """Smooth curves (count, D), radians; zero where an angle is fixed."""
+    sigma = rng.uniform(*_DEVIATION_RAD)
+    return _curves(count, len(BodyModel.dof_fixed), sigma, rng) * ~BodyModel.dof_fixed
+
+
+def _curves(
+    count: int,
+    columns: int,
+    sigma: float,
+    rng: np.random.Generator,
+    frames_per_knot: int = _FRAMES_PER_KNOT,
+) -> NDArray[np.float64]:
+    """Smooth curves (count, columns) through random knots."""
+    knots = max(2, count // frames_per_knot + 2)
+    values = rng.normal(0, sigma, (knots, columns))
     place = np.linspace(0, knots - 1, count)
     left = np.minimum(place.astype(int), knots - 2)
     part = (place - left)[:, None]
     part = part * part * (3 - 2 * part)
-    return (values[left] * (1 - part) + values[left + 1] * part) * ~BodyModel.dof_fixed
+    return values[left] * (1 - part) + values[left + 1] * part
+
+
+def _tumbling(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Rotations (count, 3, 3) about a horizontal axis, from any angle on, at a steady rate."""
+    azimuth, first = rng.uniform(0, 2 * np.pi, 2)
+    angle = first + rng.normal(0, _TUMBLING_RAD) * np.arange(count)
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    return Rotation.from_rotvec(angle[:, None] * axis).as_matrix()

@@ -19,7 +19,13 @@ from silhouette_core.motion import kinematics
 from silhouette_core.motion.heading import mirrored
 from silhouette_core.motion.motion import Motion
 from silhouette_core.proposal.kernels import virtual_views as kernels
-from silhouette_core.proposal.silhouette_features import GRID, STATURE_CELLS, level_axes
+from silhouette_core.proposal.silhouette_features import (
+    FULL,
+    GRID,
+    STATURE_CELLS,
+    feet_grid,
+    level_axes,
+)
 
 _FPS = 30.0
 _LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
@@ -40,9 +46,27 @@ _GIRTHS = np.array(
 _LOOSE = ("pelvis", "lumbar", "abdomen", "thorax", "thigh", "shin", "upper_arm", "clavicle")
 _CLOTHED = np.array([any(name in part for name in _LOOSE) for part in PART_NAMES])
 _CLOTHES = (0.005 * _METRE, 0.035 * _METRE)  # distance of wide clothes from the skin
+# What has the colours of the head, each with its chance if all before have: sleeves differ.
+_BARE = 2  # its label; the rest has 1
+_BARE_PARTS = (
+    (("hand", "thumb", "fingers"), 0.96),
+    (("forearm",), 0.6),
+    (("upper_arm",), 0.25),
+)
+_BARE_LEGS, _BARE_FEET = 0.12, 0.12
+_SKIN_LIKE, _SKIN_LIKE_PARTS = (
+    0.08,
+    (
+        ("upper_thorax", "thorax", "abdomen", "clavicle", "upper_arm"),
+        ("thigh", "shin", "pelvis"),
+        ("foot", "toes"),
+    ),
+)
+_SURE, _WRONGLY, _OFTEN, _SKIN_NOISE = (0.6, 1.0), (0.0, 0.3), 0.4, 0.2
 # Cameras: distances and heights, and the room that the person leaves before them.
 _DISTANCE, _HEIGHT = (2.7 * _METRE, 7.5 * _METRE), (0.4 * _METRE, 3.2 * _METRE)
 _NEAREST = 1.8 * _METRE
+_RAISED, _HIGHEST = 0.08, 0.6  # chance that the person hangs or climbs, and how high
 _AWAY = 0.35 * _METRE  # deviation of the place from the middle of the room
 # Logarithm of the error of the assumed distance: constant, and how it wanders.
 _WRONG, _STEADY, _WANDER = 0.09, 0.95, 0.008
@@ -57,6 +81,8 @@ class VirtualTake:
 
     Attributes:
         coverage: (T, 60, 80) uint8, 0 to 4, the silhouettes, see `coverage_grid`.
+        feet: (T, 28, 48) uint8, 0 or 4, their lowest parts, see `feet_grid`.
+        skin: (T, 60, 80) uint8, 0 to 4, what has the colours of the head.
         pitch_rad: (T,) float32, as in `FrameFeatures`.
         heading_rad: (T,) float32, as in `FrameFeatures`.
         anchor: (T, 3) float32, as in `FrameFeatures`.
@@ -67,12 +93,18 @@ class VirtualTake:
     """
 
     coverage: NDArray[np.uint8]
+    feet: NDArray[np.uint8]
+    skin: NDArray[np.uint8]
     pitch_rad: NDArray[np.float32]
     heading_rad: NDArray[np.float32]
     anchor: NDArray[np.float32]
     time_s: NDArray[np.float64]
     joints: NDArray[np.float32]
     offset: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.time_s)
 
 
 class VirtualBodies:
@@ -117,7 +149,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     Returns:
         The take.
     """
-    joints, surface, faces = _performed(motion, bodies, rng)
+    joints, surface, model = _performed(motion, bodies, rng)
     count = len(joints)
     centre = _camera_place(joints[:, 0, :2], rng)
     toward = surface.mean(axis=1, dtype=np.float64) - centre
@@ -131,9 +163,12 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     assumed = pelvis[:, 2] * np.exp(_distance_error(count, rng))
     focal = _STATURE_PX * assumed
     viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
-    one_label = np.zeros(len(faces), np.int32)
-    masks = render_many(viewed, faces, one_label, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
+    bare = _bare_parts(rng)[model.face_part].astype(np.int32)
+    labels = render_many(viewed, model.faces, bare, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
+    masks, bare = (labels > 0).astype(np.uint8), (labels == _BARE).astype(np.uint8)
     kernels.spoil_silhouettes(masks, *_defects(viewed, rng))
+    edges, discs = _defects(viewed, rng)
+    kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
     coverage = np.empty((count, *GRID), np.uint8)
     corners = np.empty((count, 2), np.int32)
     kernels.centre_coverage(masks, coverage, corners)
@@ -144,6 +179,8 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
     return VirtualTake(
         coverage,
+        feet_grid(masks.astype(bool)),
+        _skin_grids(bare & masks, masks, corners, rng),
         pitch.astype(np.float32),
         heading.astype(np.float32),
         (centre + assumed[:, None] * np.einsum("tji,tj->ti", camera_from_world, ray)).astype(
@@ -157,9 +194,9 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
 
 def _performed(
     motion: Motion, bodies: VirtualBodies, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.int32]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float32], BodyModel]:
     """Joints (T, 15, 3) and surfaces (T, V, 3) of a random body in statures, on the floor near the
-    middle of the room, and the surface's triangles.
+    middle of the room, and the body.
     """
     model, vertices, stature = bodies.draw(rng)
     rotation, origin = kinematics.forward(
@@ -173,8 +210,59 @@ def _performed(
     surface /= stature
     root = joints[:, 0, :2]
     floor = np.quantile(surface[..., 2].min(axis=1), 0.1)
+    if rng.random() < _RAISED:
+        floor -= rng.uniform(0, _HIGHEST)
     moved = np.array([*(root.max(axis=0) + root.min(axis=0)) / 2 + rng.normal(0, _AWAY, 2), floor])
-    return joints - moved, surface - moved.astype(np.float32), model.faces
+    return joints - moved, surface - moved.astype(np.float32), model
+
+
+def _bare_parts(rng: np.random.Generator) -> NDArray[np.intp]:
+    """Label (27,) of every part less 1: whether it has the colours of the head."""
+    bare = {"neck", "head"}
+    for parts, chance in _BARE_PARTS:
+        if rng.random() >= chance:
+            break
+        bare |= set(parts)
+    if rng.random() < _BARE_LEGS:
+        bare |= {"shin"}
+    if rng.random() < _BARE_FEET:
+        bare |= {"foot", "toes"}
+    if rng.random() < _SKIN_LIKE:  # clothes of the same colours
+        bare |= set(_SKIN_LIKE_PARTS[int(rng.integers(len(_SKIN_LIKE_PARTS)))])
+    names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
+    return np.array([name in bare for name in names]) * (_BARE - 1)
+
+
+def _skin_grids(
+    bare: NDArray[np.uint8],
+    masks: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """Grids (T, 60, 80) uint8, 0 to 4, of bare parts (T, H, W) 0 or 1 in windows at corners (T, 2):
+    the colours of the head are found less surely than these, and elsewhere, too.
+    """
+    grids = window_coverage(bare, corners).astype(np.float32)
+    elsewhere = window_coverage(masks, corners) - grids
+    sure, wrong = rng.uniform(*_SURE), rng.uniform(*_WRONGLY) * (rng.random() < _OFTEN)
+    noise = rng.normal(0, rng.uniform(0, _SKIN_NOISE), grids.shape).astype(np.float32)
+    found = sure * grids + wrong * elsewhere
+    return np.clip(np.rint(found + noise * (found > 0) * FULL), 0, FULL).astype(np.uint8)
+
+
+def window_coverage(masks: NDArray[np.uint8], corners: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """Coverage (T, 60, 80) uint8, 0 to 4, of masks (T, H, W), 0 or 1, in windows whose first
+    pixels, x and y, are at corners (T, 2); outside the masks it is 0.
+    """
+    rows, columns = 2 * GRID[0], 2 * GRID[1]
+    window = np.zeros((len(masks), rows, columns), np.uint8)
+    height, width = masks.shape[1:]
+    for mask, (left, top), part in zip(masks, corners, window, strict=True):
+        bottom, right = min(top + rows, height), min(left + columns, width)
+        inside = mask[max(top, 0) : bottom, max(left, 0) : right]
+        part[max(-top, 0) : bottom - top, max(-left, 0) : right - left] = inside
+    upper, lower = window[:, ::2], window[:, 1::2]
+    return upper[..., ::2] + upper[..., 1::2] + lower[..., ::2] + lower[..., 1::2]
 
 
 def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

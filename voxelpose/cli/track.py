@@ -39,6 +39,8 @@ poses of every frame with their probabilities.
     """Weights of differing pixels: Okada and Stenger's eq. (6), (7)-(8), (9); balanced: ours."""
     motion_model: Literal["DM1", "DM2"] = "DM2"
     """Motion model of Okada and Stenger: DM2 lets occluded parts move farther, DM1 does not."""
+    outline_only: Annotated[bool, arg(name="outline-only")] = False
+    """Leave out the colours inside the outline, which show arms before the body."""
 
     def run(self) -> int:
         """Estimates the motion; returns the exit code."""
@@ -47,6 +49,7 @@ poses of every frame with their probabilities.
             "refine": self.refine,
             "weighting": self.weighting,
             "motion_model": self.motion_model,
+            "outline_only": self.outline_only,
         }
         if self.library is not None:
             options["library"] = str(self.library)

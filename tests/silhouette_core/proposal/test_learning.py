@@ -15,7 +15,7 @@ from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from silhouette_core.proposal.network_training import TrainingSettings
 from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
-from silhouette_core.proposal.silhouette_features import FrameFeatures, encode
+from silhouette_core.proposal.silhouette_features import FrameFeatures, SilhouetteCodes
 from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take
 from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import SETTINGS, swaying
@@ -42,7 +42,11 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
     bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
     for seed, motion in enumerate(unseen * 3):
         take = film_take(motion, bodies, np.random.default_rng([1, seed]))
-        codes = encode(take.coverage, proposal.mean_coverage, proposal.basis)
+        grids = {name: getattr(take, name) for name in ("coverage", "feet", "skin")}
+        codes = SilhouetteCodes(
+            **{name: getattr(proposal, name).encode(grid) for name, grid in grids.items()},
+            coloured=np.arange(len(take)) % 2 == 0,
+        )
         geometry = take.pitch_rad, take.heading_rad, take.anchor, take.time_s
         lengths = np.linalg.norm(take.joints - proposal.network.mean_joints, axis=-1)
         errors["mean"].append(lengths.mean(axis=-1))

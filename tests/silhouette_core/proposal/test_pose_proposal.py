@@ -14,12 +14,15 @@ from silhouette_core.library.store import read_library, write_library
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.silhouette_features import (
+    FEET_GRID,
     GRID,
     OFFSETS_S,
     STATURE_CELLS,
     FrameFeatures,
+    SilhouetteBasis,
+    SilhouetteCodes,
     coverage_grid,
-    encode,
+    feet_grid,
     fit_basis,
     nearby_frames,
     network_inputs,
@@ -34,7 +37,10 @@ def rng():
 
 def features(rng, count=40, fps=30.0):
     return FrameFeatures(
-        rng.normal(size=(count, 120)).astype(np.float32),
+        SilhouetteCodes(
+            *(rng.normal(size=(count, k)).astype(np.float32) for k in (120, 48, 64)),
+            np.arange(count) % 3 > 0,
+        ),
         rng.uniform(-0.2, 0.5, count),
         rng.uniform(-3, 3, count),
         rng.normal(size=(count, 3)),
@@ -47,10 +53,14 @@ def proposal(rng):
     """Untrained."""
     mean = rng.normal(size=(14, 3)).astype(np.float32)
     inputs = network_inputs(features(rng, 1), np.arange(1), np.zeros((1, 8), int), np.ones(1, bool))
-    basis = rng.normal(size=(GRID[0] * GRID[1], 120)).astype(np.float32)
-    network = MixtureNetwork.initial(inputs.shape[1], (16, 16), 4, mean, rng)
+    bases = [
+        SilhouetteBasis(np.zeros(rows * columns, np.float32), components.astype(np.float32))
+        for (rows, columns), count in ((GRID, 120), (FEET_GRID, 48), (GRID, 64))
+        for components in [rng.normal(size=(rows * columns, count))]
+    ]
+    network = MixtureNetwork.initial(inputs.shape[1], (64, 64), 4, mean, rng)
     network.weights[-1][:] *= 10
-    return PoseProposal(basis[:, 0] * 0, basis, network)
+    return PoseProposal(*bases, network)
 
 
 def test_modes_have_the_pelvis_at_the_origin(proposal, rng):
@@ -67,11 +77,12 @@ def test_causal_modes_do_not_read_later_frames(proposal, rng, causal):
     before = features(rng)
     after = features(rng)
     late = np.arange(len(before)) > 20
+    rows = np.where(late, 40, 0) + np.arange(40)
     mixed = FrameFeatures(
+        SilhouetteCodes.joined([before.codes, after.codes])[rows],
         *(
-            np.where(late.reshape(-1, *[1] * (getattr(before, name).ndim - 1)), after_, before_)
-            for name in ("codes", "pitch_rad", "heading_rad", "anchor")
-            for before_, after_ in [(getattr(before, name), getattr(after, name))]
+            np.concatenate([getattr(before, name), getattr(after, name)])[rows]
+            for name in ("pitch_rad", "heading_rad", "anchor")
         ),
         before.time_s + 0.013 * late,
     )
@@ -146,14 +157,33 @@ def test_the_basis_is_that_of_a_singular_value_decomposition(rng):
     few = rng.normal(size=(20, GRID[0] * GRID[1])) * 0.02
     weights = rng.normal(size=(600, 20)) * np.linspace(5, 1, 20)
     grids = np.clip(np.round(2 + weights @ few), 0, 4).astype(np.uint8).reshape(-1, *GRID)
-    mean, basis = fit_basis(grids, rng)
+    found = fit_basis(grids, 120, rng)
+    mean, basis = found.mean, found.components
     rows = grids.reshape(len(grids), -1) / 4
     np.testing.assert_allclose(mean, rows.mean(axis=0), atol=1e-6)
     _, values, directions = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
     cosines = directions[:10] @ (basis / np.linalg.norm(basis, axis=0))[:, :10]
     np.testing.assert_allclose(np.abs(np.diag(cosines)), 1, atol=0.02)
-    spread = encode(grids, mean, basis).std(axis=0)[:10]
+    spread = found.encode(grids).std(axis=0)[:10]
     np.testing.assert_allclose(spread, np.sqrt(values[:10] / values[0]), rtol=0.02)
+
+
+def test_the_lowest_part_ends_with_the_lowest_pixel(rng):
+    masks = np.zeros((3, 120, 160), bool)
+    masks[0, 20:90, 60:80] = masks[0, 88:90, 55:85] = True
+    masks[1, :10, :5] = True
+    grids = feet_grid(masks)
+    assert grids.shape == (3, *FEET_GRID) and not grids[2].any()
+    assert grids[0].sum() == 4 * masks[0, 62:90].sum() and (grids[0, -1] > 0).sum() == 30
+    assert grids[1].sum() == 4 * 50 and grids[1, -1].any() and not grids[1, :18].any()
+
+
+def test_colours_are_read_only_where_they_are_known(proposal, rng):
+    given = features(rng)
+    plain = replace(given, codes=replace(given.codes, skin=given.codes.skin * 2))
+    one, other = proposal.modes(given).joints, proposal.modes(plain).joints
+    same = (one == other).reshape(40, -1).all(axis=1)
+    assert (same == ~given.codes.coloured).all()
 
 
 @pytest.fixture(scope="module")
@@ -197,10 +227,11 @@ def test_a_library_of_before_has_none(library, tmp_path):
 
 def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path):
     arrays = proposal.arrays()
-    for name in ("weight1", "bias0", "bias2", "basis", "mean_joints"):
+    for name in ("weight1", "bias0", "bias2", "feet_basis", "mean_skin", "mean_joints"):
         with pytest.raises(ValueError, match="do not fit together"):
             PoseProposal.from_arrays(arrays | {name: arrays[name][:-1]})
-    broken = replace(proposal, basis=proposal.basis[:-1])
+    cut = replace(proposal.skin, components=proposal.skin.components[:-1])
+    broken = replace(proposal, skin=cut)
     write_library(replace(library, proposal=broken), tmp_path / "me.vplib")
     with pytest.raises(InputError, match="do not fit together"):
         read_library(tmp_path / "me.vplib")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.jit import cores, set_threads
 from silhouette_core.motion.motion import Motion
 from silhouette_core.proposal import virtual_takes
@@ -59,7 +60,9 @@ def test_silhouettes_are_centred(takes):
 
 
 def test_the_person_stands_on_the_floor(takes):
-    """The anchor is near the body's middle; a wrong distance moves it along the sloping axis."""
+    """The anchor is near the body's middle; a wrong distance moves it along the sloping axis. Few
+    hang in the air.
+    """
     heights = np.concatenate([take.anchor[:, 2] for take in takes])
     assert 0.4 < np.median(heights) < 0.6 and heights.min() > 0.1 and heights.max() < 1.0
     errors = np.array([take.offset[:, 2].mean() for take in takes])
@@ -73,6 +76,35 @@ def test_bodies_cameras_and_silhouettes_differ(takes):
     assert np.std([take.coverage[0].sum() for take in takes]) > 100
 
 
+def test_the_lowest_part_is_drawn_finer(takes):
+    for take in takes:
+        coarse = (take.coverage > 1).any(axis=2)
+        lowest = GRID[0] - 1 - coarse[:, ::-1].argmax(axis=1)
+        shown = np.array([
+            take.coverage[k, max(row - 13, 0) : row + 1].sum() for k, row in enumerate(lowest)
+        ])  # fmt: skip
+        finer = (take.feet > 0).sum(axis=(1, 2))
+        assert np.median(np.abs(finer / shown - 1)) < 0.15
+
+
+def test_hands_have_the_colours_of_the_head_and_clothes_do_not(takes):
+    share = [take.skin.sum() / take.coverage.sum() for take in takes]
+    assert 0.05 < np.median(share) < 0.35
+    joints = [LANDMARK_NAMES.index(name) - 1 for name in ("head_top", "left_wrist", "left_hip")]
+    found = {joint: [] for joint in joints}
+    for take in takes:
+        right, away, up = np.moveaxis(take.joints, -1, 0)
+        cosine, sine = np.cos(take.pitch_rad)[:, None], np.sin(take.pitch_rad)[:, None]
+        x = (take.offset[:, :1] + right) * STATURE_CELLS + MIDDLE[0]
+        y = (take.offset[:, 1:2] - sine * away - cosine * up) * STATURE_CELLS + MIDDLE[1]
+        for joint, values in found.items():
+            for skin, u, v in zip(take.skin, x[:, joint], y[:, joint], strict=True):
+                rows, columns = (slice(max(int(p) - 2, 0), int(p) + 3) for p in (v, u))
+                values.append(skin[rows, columns].max(initial=0))
+    head, wrist, hip = (np.mean(values) for values in found.values())
+    assert head > 1.7 and wrist > 1.5 and hip < 0.5 * wrist
+
+
 @pytest.mark.skipif(cores() < 2, reason="one core")
 def test_a_take_depends_on_its_random_numbers_alone(motion, bodies, takes):
     set_threads(1)
@@ -80,8 +112,8 @@ def test_a_take_depends_on_its_random_numbers_alone(motion, bodies, takes):
         again = film_take(motion, bodies, np.random.default_rng(3))
     finally:
         set_threads()
-    for name in ("coverage", "anchor", "joints", "offset", "pitch_rad", "heading_rad"):
-        assert (getattr(again, name) == getattr(takes[3], name)).all()
+    for name, array in vars(again).items():
+        assert (array == getattr(takes[3], name)).all()
 
 
 def test_defects_come_in_a_third_of_the_frames():

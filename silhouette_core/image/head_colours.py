@@ -1,0 +1,93 @@
+"""Colours of a person's head, learned from the pictures in which its place is known.
+
+Hands and bare arms share them, clothes mostly do not: what has these colours before the trunk is an
+arm, which no silhouette shows. Nothing is assumed about the colours themselves. Source: own; colour
+histograms as likelihoods after Jones and Rehg, Statistical color models with application to skin
+detection (2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+_BINS = (8, 32, 32)  # of lightness and of the two axes of colour of CIELAB
+_SHIFTS = (5, 3, 3)
+_SMOOTHING = (0.7, 0.8, 0.8)  # bins
+_LEAST_PX = 200  # of the head, before anything is said
+_UNSEEN = 0.02  # density added to the clothes' colours, relative to an even one
+
+
+@dataclass(frozen=True, eq=False)
+class ColourCrop:
+    """Colours in the rectangle of a picture that holds the person.
+
+    Attributes:
+        bins: (h, w) uint16, numbers of the colours, from `quantise`.
+        corner: column and row of the first pixel in the picture.
+    """
+
+    bins: NDArray[np.uint16]
+    corner: tuple[int, int]
+
+    @classmethod
+    def of(cls, picture: NDArray[np.uint8], corner: tuple[int, int]) -> ColourCrop:
+        """Crop of a part (h, w, 3) of a picture, BGR, whose first pixel is at a corner."""
+        return cls(quantise(picture), corner)
+
+    def part(self, image: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The rectangle (h, w) of an image as large as the picture."""
+        (height, width), (left, top) = self.bins.shape, self.corner
+        return image[top : top + height, left : left + width]
+
+
+def quantise(picture: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Numbers (h, w) uint16, below 8192, of the colours of a picture (h, w, 3) uint8, BGR."""
+    lab = cv2.cvtColor(picture, cv2.COLOR_BGR2LAB).astype(np.uint16)
+    one, two, three = (lab[..., axis] >> shift for axis, shift in enumerate(_SHIFTS))
+    return ((one * _BINS[1] + two) * _BINS[2] + three).astype(np.uint16)
+
+
+class HeadColours:
+    """Histograms of the colours of the head and of the rest of a person."""
+
+    def __init__(self) -> None:
+        """Starts without any picture."""
+        size = int(np.prod(_BINS))
+        self._head, self._rest = np.zeros(size), np.zeros(size)
+
+    def add(
+        self, bins: NDArray[np.uint16], head: NDArray[np.bool_], person: NDArray[np.bool_]
+    ) -> None:
+        """Adds a picture.
+
+        Args:
+            bins: (h, w) uint16, colours, from `quantise`.
+            head: (h, w) bool, pixels of the head.
+            person: (h, w) bool, pixels of the person, head included.
+        """
+        size = len(self._head)
+        self._head += np.bincount(bins[head & person], minlength=size)
+        self._rest += np.bincount(bins[person & ~head], minlength=size)
+
+    def fade(self, factor: float) -> None:
+        """Multiplies the weight of all pictures so far by a factor."""
+        self._head *= factor
+        self._rest *= factor
+
+    def likelihood(self) -> NDArray[np.float32] | None:
+        r"""How much likelier each colour (8192,) is on the head, 0 to 1; None: too few pixels.
+
+        .. math:: L(c) = \frac{p(c | \text{head})}{p(c | \text{head}) + p(c | \text{rest})}
+        """
+        if self._head.sum() < _LEAST_PX or self._rest.sum() < _LEAST_PX:
+            return None
+        head, rest = (
+            gaussian_filter(counts.reshape(_BINS), _SMOOTHING).ravel() / counts.sum()
+            for counts in (self._head, self._rest)
+        )
+        return (head / (head + rest + _UNSEEN / len(head))).astype(np.float32)

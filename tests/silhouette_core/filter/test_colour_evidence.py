@@ -1,0 +1,122 @@
+"""Hands and bare arms before the trunk are found by the colours of the head."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.filter.colour_evidence import ColourEvidence
+from silhouette_core.filter.person import Person
+from silhouette_core.filter.window import look_at
+from silhouette_core.image.head_colours import ColourCrop, HeadColours, quantise
+from silhouette_core.image.raster import render_parts
+from silhouette_core.library.rendering import STATURE_PX
+from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.silhouette_error import posed_mesh
+from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at
+
+CAMERA = camera_at((0.0, -4.0, 1.2))
+SKIN, SHIRT, WALL = (130, 160, 215), (60, 90, 40), (120, 118, 125)
+BARE = ("neck", "head", "forearm", "hand", "thumb", "fingers")
+
+
+def folded_arms():
+    """Forearms before the belly."""
+    model = body()
+    angles = np.zeros(model.dof_count)
+    for side in ("left", "right"):
+        for name, degrees in (
+            ("upper_arm.forward", 25), ("upper_arm.twist", 50), ("forearm.flexion", 95),
+        ):  # fmt: skip
+            angles[model.dof_names.index(f"{side}_{name}")] = np.radians(degrees)
+    low, high = model.dof_limits_rad.T
+    return model, Pose(np.array([0.0, 0, 0.95]), np.eye(3), np.clip(angles, low, high))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Person in front of the camera, and how much of every pixel of the picture is bare."""
+    model, pose = folded_arms()
+    seen = posed_mesh(model, pose) @ CAMERA.rotation.T + CAMERA.translation
+    parts = render_parts(seen, model.faces, model.face_part, CAMERA.matrix, CAMERA.size)[0]
+    bare_parts = [any(name in part for name in BARE) for part in model.names]
+    bare = np.array([False, *bare_parts])[parts]
+    mask = parts > 0
+    rng = np.random.default_rng(0)
+    picture = np.where(bare[..., None], SKIN, np.where(mask[..., None], SHIRT, WALL))
+    picture = np.clip(picture + rng.normal(0, 4, picture.shape), 0, 255).astype(np.uint8)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    corner = int(columns[0]), int(rows[0])
+    part = picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    joints = landmarks(
+        model,
+        *forward(
+            model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+        ),
+    )[0]
+    return Person(mask, False, ColourCrop.of(part, corner)), bare, joints
+
+
+def test_arms_before_the_trunk_have_the_colours_of_the_head(scene):
+    person, bare, joints = scene
+    evidence = ColourEvidence(CAMERA)
+    window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
+    assert evidence.skin(window, person) is None
+    assert evidence.learn([person] * 3, [joints] * 3, 1.0)
+    found = evidence.skin(window, person)
+    assert found is not None and found.shape == (60, 80)
+    true = look_at(CAMERA, bare, 4.0, STATURE_PX / STATURE_M, window_middle(person.mask))
+    truth = true.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) / 4
+    assert np.abs(found - truth).mean() < 0.02 * 4
+    for name in ("left_wrist", "right_wrist"):
+        u, v = window.pixels(joints[LANDMARK_NAMES.index(name)])[0] / 4
+        assert found[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].max() >= 3
+    u, v = window.pixels(joints[LANDMARK_NAMES.index("left_knee")])[0] / 4
+    assert not found[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].any()
+
+
+def window_middle(mask):
+    """Pixel of the camera in the middle of a silhouette's window."""
+    window = look_at(CAMERA, mask, 4.0, STATURE_PX / STATURE_M)
+    (middle,), _ = CAMERA.project(window.unproject(window.axis_px, 4.0))
+    return middle
+
+
+def test_people_without_colours_are_passed_over(scene):
+    person, _, joints = scene
+    evidence = ColourEvidence(CAMERA)
+    window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
+    assert not evidence.learn([Person(person.mask, False)], [joints], 1.0)
+    assert evidence.learn([person, Person(person.mask, False)] * 3, [joints] * 6, 1.0)
+    assert evidence.skin(window, Person(person.mask, False)) is None
+
+
+def test_a_head_behind_the_camera_teaches_nothing(scene):
+    person, _, joints = scene
+    assert not ColourEvidence(CAMERA).learn([person] * 3, [joints - (0, 9, 0)] * 3, 1.0)
+
+
+def test_clothes_of_the_same_colours_are_not_taken_for_skin():
+    rng = np.random.default_rng(0)
+    picture = np.clip(rng.normal(SKIN, 4, (100, 50, 3)), 0, 255).astype(np.uint8)
+    colours, person = HeadColours(), np.ones((100, 50), bool)
+    head = person & (np.arange(100) < 20)[:, None]
+    colours.add(quantise(picture), head, person)
+    likelihood = colours.likelihood()
+    assert likelihood is not None
+    assert likelihood[quantise(picture)].mean() == pytest.approx(0.5, abs=0.1)
+
+
+def test_colours_that_nobody_has_are_no_evidence(scene):
+    person, _, _ = scene
+    colours = HeadColours()
+    assert colours.likelihood() is None
+    head = np.zeros(person.colours.bins.shape, bool)
+    head[:40] = True
+    colours.add(person.colours.bins, head, person.colours.part(person.mask))
+    likelihood = colours.likelihood()
+    assert likelihood is not None
+    blue = quantise(np.full((1, 1, 3), (255, 30, 10), np.uint8))
+    assert likelihood[blue] < 0.05
+    colours.fade(0.0)
+    assert colours.likelihood() is None
