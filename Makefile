@@ -5,13 +5,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo
+# Processes that share the tests out among themselves, one core each.
+WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .PHONY: help install demo test test-fast browser check docs format bench accuracy clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
-	@echo "make test      runs all tests (make test-fast leaves out the slow ones)"
+	@echo "make test      runs all tests (make test-fast leaves out the slow ones), in 2 processes: make WORKERS=8 test"
 	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
 	@echo "make check     style, types and layers"
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
@@ -26,10 +28,10 @@ demo: $(VENV)/.ready
 	$(BIN)/voxelpose demo --out $(OUT) --overwrite
 
 test: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(WORKERS)
 
 test-fast: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
 
 browser: $(VENV)/.ready-dev
 	$(BIN)/python -m tests.browsing

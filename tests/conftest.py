@@ -1,11 +1,92 @@
-"""Fixtures that every test may use."""
+"""Fixtures that every test may use, and how worker processes share the tests out (`make test`)."""
 
 import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+# Name of this worker process of pytest-xdist; None where one process runs all tests.
+WORKER = os.environ.get("PYTEST_XDIST_WORKER")
+# Their session fixtures take long to make: one worker runs them all.
+TOGETHER = ("tests/silhouette_core/filter/", "tests/silhouette_core/proposal/test_learning.py")
+
+if WORKER:
+    # Before NumPy is loaded: the other cores have workers of their own.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def unit_of(nodeid: str) -> str:
+    """Returns the unit of a test, which one worker runs as a whole: its file, or `TOGETHER`."""
+    return "together" if nodeid.startswith(TOGETHER) else nodeid.split("::")[0]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
+    """Gives every worker the next unit when it is done with one."""
+    # pytest-xdist's own groups (--dist loadgroup) have no effect with pytest 9.2.
+    from xdist.scheduler import LoadScopeScheduling
+
+    class UnitScheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return unit_of(nodeid)
+
+    config.option.loadscopereorder = False
+    return UnitScheduling(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """For workers, puts the units with the most slow tests first, so that all end together."""
+    if WORKER:
+        slow = Counter(unit_of(item.nodeid) for item in items if item.get_closest_marker("slow"))
+        items.sort(key=lambda item: -slow[unit_of(item.nodeid)])
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """In a worker, kernels use one thread unless a test, or what it calls, says otherwise."""
+    if WORKER:
+        from silhouette_core.jit import set_threads
+
+        set_threads(1)
+
+
+def pytest_sessionstart() -> None:
+    """Lets workers write numba's index of compiled kernels one after the other."""
+    # Two that save different signatures of one kernel at once would take the same file name.
+    if WORKER:
+        from numba.core.caching import IndexDataCacheFile
+
+        save = IndexDataCacheFile.save
+        lock = Path(tempfile.gettempdir()) / f"numba-{os.environ['PYTEST_XDIST_TESTRUNUID']}"
+
+        def save_alone(self, key, data) -> None:
+            with _locked(lock):
+                save(self, key, data)
+
+        IndexDataCacheFile.save = save_alone
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Holds a lock between processes: the folder exists as long as one of them has it."""
+    end = time.monotonic() + 30  # a worker that was killed leaves its lock behind
+    while time.monotonic() < end:
+        with suppress(FileExistsError):
+            folder.mkdir()
+            break
+        time.sleep(0.01)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 @pytest.fixture(scope="session")
