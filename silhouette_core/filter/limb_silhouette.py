@@ -17,13 +17,13 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.evidence import relative_weights
 from silhouette_core.filter.window import SIZE, Window
 from silhouette_core.image.distance import Weighting
-from silhouette_core.image.raster import render_parts
+from silhouette_core.image.raster import render_many, render_parts
 from silhouette_core.image.spans import Rectangle
 from silhouette_core.motion.kernels.kinematics import pose_many
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
-from silhouette_core.scoring.silhouette_error import posed_mesh
+from silhouette_core.scoring.silhouette_error import posed_meshes
 
 _PARTS = {
     "arm": ("clavicle", "upper_arm", "forearm", "hand", "thumb", "fingers"),
@@ -130,7 +130,7 @@ class SignedWeights:
 
     def distances(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Silhouette distances (K,) of whole poses, eq. (7)-(9)."""
-        meshes = np.stack([self._in_camera(model, pose) for pose in poses])
+        meshes = self._in_camera(model, poses)
         drawn = self.backend.drawn_weights(self.signed, meshes, model.faces, self.matrix)
         return self.base + drawn
 
@@ -172,15 +172,21 @@ class SignedWeights:
 
     def part_areas(self, model: BodyModel, pose: Pose) -> NDArray[np.float64]:
         """Area of every part (27,), A_j of eq. (3), in pixels of the library's full resolution."""
-        parts = self._parts(model, pose, model.faces, model.face_part)
-        counts = np.bincount(parts.ravel(), minlength=len(model.names) + 1)[1:]
-        return counts * (SIZE[0] / parts.shape[1]) ** 2
+        return self.part_areas_many(model, [pose])[0]
 
-    def _in_camera(self, model: BodyModel, pose: Pose) -> NDArray[np.float64]:
-        return posed_mesh(model, pose) @ self.rotation.T + self.translation_m
+    def part_areas_many(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
+        """Areas (K, 27) of the parts in K poses, see `part_areas`."""
+        meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
+        drawn = render_many(meshes, model.faces, model.face_part, self.matrix, size, False)
+        counts = [np.bincount(one.ravel(), minlength=len(model.names) + 1)[1:] for one in drawn]
+        return np.array(counts) * (SIZE[0] / size[0]) ** 2
+
+    def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
+        """Meshes (K, V, 3) of poses in the virtual camera."""
+        return posed_meshes(model, poses) @ self.rotation.T + self.translation_m
 
     def _parts(
         self, model: BodyModel, pose: Pose, faces: NDArray[np.int32], face_part: NDArray[np.int32]
     ) -> NDArray[np.uint8]:
-        mesh, size = self._in_camera(model, pose), self.signed.shape[::-1]
+        mesh, size = self._in_camera(model, [pose])[0], self.signed.shape[::-1]
         return render_parts(mesh, faces, face_part, self.matrix, size)[0]

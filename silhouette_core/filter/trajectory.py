@@ -34,7 +34,7 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.trajectory_fit import fit_trajectory
-from silhouette_core.scoring.silhouette_error import silhouette_error
+from silhouette_core.scoring.silhouette_error import mask_error
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
 _LONGEST_GAP_S = 1.0
@@ -300,11 +300,8 @@ class PoseTrajectory:
         )
 
     def _estimate(self, frame: _PendingFrame, pose_frame: PoseFrame, beam: Beam) -> FrameEstimate:
-        error = silhouette_error(
-            self.model,
-            pose_frame.pose,
-            Observation.from_masks(self.tracker.views, [pose_frame.mask], pose_frame.distance_m),
-            self.tree.backend,
+        error = mask_error(
+            self.model, pose_frame.pose, self.tracker.views, [pose_frame.mask], self.tree.backend
         )
         areas = pose_frame.weights.part_areas(self.model, pose_frame.pose)
         occluded = occluded_parts(areas, self._usual_areas)

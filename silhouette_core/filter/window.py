@@ -97,34 +97,106 @@ def look_at(
     if not mask.any():
         raise ValueError("mask must not be empty")
     focal = pixels_per_metre * distance_m
-    target = _centroid(mask) if toward_px is None else np.asarray(toward_px, float)
+    picture = _Picture.from_mask(mask)
+    target = picture.centroid_px if toward_px is None else np.asarray(toward_px, float)
     camera_from_virtual = _turned(camera, target)
     if toward_px is None:
+        half = SIZE[0] // 2, SIZE[1] // 2
         for _ in range(_TURNS):
-            coarse = _warp(
-                camera, mask, camera_from_virtual, focal / 2, (SIZE[0] // 2, SIZE[1] // 2)
-            )
+            coarse = picture.seen_by(camera, camera_from_virtual, focal / 2, half)
             if not coarse.any():
                 break
-            off = (_centroid(coarse) - ((SIZE[0] // 2 - 1) / 2, (SIZE[1] // 2 - 1) / 2)) / (
-                focal / 2
-            )
+            off = (_centroid(coarse) - ((half[0] - 1) / 2, (half[1] - 1) / 2)) / (focal / 2)
             if np.abs(off).max() * focal < 0.5:
                 break
             ray = camera_from_virtual @ np.array([off[0], off[1], 1.0])
             target = camera.matrix[:2, :2] @ (ray[:2] / ray[2]) + camera.matrix[:2, 2]
             camera_from_virtual = _turned(camera, target)
-    warped = _warp(camera, mask, camera_from_virtual, focal, SIZE)
-    seen = _warp(camera, np.ones_like(mask), camera_from_virtual, focal, SIZE)
+    warped = picture.seen_by(camera, camera_from_virtual, focal, SIZE)
     return Window(
         warped,
-        seen,
+        _reach(camera, camera_from_virtual, focal),
         camera.rotation.T @ camera_from_virtual,
         camera.center_m,
         focal,
         _CENTER.copy(),
         distance_m,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """A silhouette's own rectangle of a camera's image.
+
+    Attributes:
+        crop: (h, w) uint8, 0 or 255.
+        left_top: its upper left pixel (x, y).
+        centroid_px: of the silhouette in the whole image.
+    """
+
+    crop: NDArray[np.uint8]
+    left_top: tuple[int, int]
+    centroid_px: NDArray[np.float64]
+
+    @classmethod
+    def from_mask(cls, mask: NDArray[np.bool_]) -> _Picture:
+        """Cuts out a silhouette (h, w) bool that is not empty."""
+        left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+        crop = mask[top : top + height, left : left + width]
+        return cls(
+            crop.astype(np.uint8) * 255, (left, top), _centroid(crop) + np.array([left, top])
+        )
+
+    def seen_by(
+        self,
+        camera: Camera,
+        camera_from_virtual: NDArray[np.float64],
+        focal: float,
+        size: tuple[int, int],
+    ) -> NDArray[np.bool_]:
+        """The silhouette (h, w) bool as a virtual camera sees it.
+
+        Only where it can be in the virtual image is that computed.
+        """
+        matrix = _camera_from_window(camera, camera_from_virtual, focal, size)
+        height, width = self.crop.shape
+        x, y = self.left_top
+        edges = np.array([[x - 1, x + width], [y - 1, y + height]], float)
+        corners = np.array([[a, b, 1.0] for a in edges[0] for b in edges[1]]).T
+        u, v, w = np.linalg.inv(matrix) @ corners
+        seen = np.zeros(size[::-1], bool)
+        left, top, right, bottom = 0, 0, *size
+        # The four corners are before the virtual camera: so is all between them.
+        if w.min() > 1e-9 or w.max() < -1e-9:
+            u, v = u / w / _OVERSAMPLE, v / w / _OVERSAMPLE
+            left, top = (int(max(np.floor(one.min()) - 1, 0)) for one in (u, v))
+            right, bottom = (
+                int(min(np.ceil(one.max()) + 2, limit))
+                for one, limit in zip((u, v), size, strict=True)
+            )
+        if left >= right or top >= bottom:
+            return seen
+        from_part = np.array(
+            [[1.0, 0.0, _OVERSAMPLE * left], [0.0, 1.0, _OVERSAMPLE * top], [0.0, 0.0, 1.0]]
+        )
+        into_crop = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]])
+        part = _warped(self.crop, into_crop @ matrix @ from_part, (right - left, bottom - top))
+        seen[top:bottom, left:right] = part
+        return seen
+
+
+def _reach(
+    camera: Camera, camera_from_virtual: NDArray[np.float64], focal: float
+) -> NDArray[np.bool_]:
+    """Where in the window (240, 320) the camera's picture reaches."""
+    matrix = _camera_from_window(camera, camera_from_virtual, focal, SIZE)
+    width, height = SIZE[0] * _OVERSAMPLE - 1, SIZE[1] * _OVERSAMPLE - 1
+    u, v, w = matrix @ np.array([[0, width, 0, width], [0, 0, height, height], [1, 1, 1, 1.0]])
+    if w.min() > 0:
+        u, v, (right, bottom) = u / w, v / w, camera.size
+        if min(u.min(), v.min()) > 0 and u.max() < right - 1 and v.max() < bottom - 1:
+            return np.ones(SIZE[::-1], bool)
+    return _warped(np.full(camera.size[::-1], 255, np.uint8), matrix, SIZE)
 
 
 def _centroid(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -144,14 +216,13 @@ def _turned(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([right, np.cross(forward, right), forward], axis=1)
 
 
-def _warp(
+def _camera_from_window(
     camera: Camera,
-    mask: NDArray[np.bool_],
     camera_from_virtual: NDArray[np.float64],
     focal: float,
     size: tuple[int, int],
-) -> NDArray[np.bool_]:
-    """Mask as the virtual camera sees it; each pixel is the majority of its samples."""
+) -> NDArray[np.float64]:
+    """Homography (3, 3) from the samples of a virtual camera's pixels to pixels of a camera."""
     width, height = size
     fine = _OVERSAMPLE
     virtual = np.array(
@@ -161,11 +232,17 @@ def _warp(
             [0.0, 0.0, 1.0],
         ]
     )
-    camera_from_window = camera.matrix @ camera_from_virtual @ np.linalg.inv(virtual)
+    return camera.matrix @ camera_from_virtual @ np.linalg.inv(virtual)
+
+
+def _warped(
+    picture: NDArray[np.uint8], from_samples: NDArray[np.float64], size: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """Picture through a homography from samples; each pixel is the majority of its samples."""
     wide = cv2.warpPerspective(
-        mask.astype(np.uint8) * 255,
-        camera_from_window,
-        (width * fine, height * fine),
+        picture,
+        from_samples,
+        (size[0] * _OVERSAMPLE, size[1] * _OVERSAMPLE),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
     )
     return cv2.resize(wide, size, interpolation=cv2.INTER_AREA) > 127

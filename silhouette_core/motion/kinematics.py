@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.motion.kernels.kinematics import place_parts, skin_vertices
+from silhouette_core.motion.kernels.kinematics import place_bodies, skin_vertices
 
 
 def rotation_matrices(quaternion_wxyz: np.ndarray) -> np.ndarray:
@@ -53,18 +53,18 @@ def forward(
     count = len(rotations)
     part_rotation = np.empty((count, len(model.names), 3, 3))
     part_origin = np.empty((count, len(model.names), 3))
-    for t in range(count):
-        place_parts(
-            model.parents,
-            model.joints_m,
-            model.dof_part,
-            model.dof_axis,
-            rotations[t],
-            np.atleast_2d(root_m)[t],
-            np.atleast_2d(angles_rad)[t],
-            part_rotation[t],
-            part_origin[t],
-        )
+    place_bodies(
+        model.parents,
+        model.joints_m,
+        model.dof_part,
+        model.dof_axis,
+        rotations,
+        np.ascontiguousarray(np.atleast_2d(root_m), float),
+        np.ascontiguousarray(np.atleast_2d(angles_rad), float),
+        part_rotation,
+        part_origin,
+        np.empty((count, model.dof_count, 3)),
+    )
     return part_rotation, part_origin
 
 

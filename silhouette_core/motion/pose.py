@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,3 +44,43 @@ class Pose:
         return Pose(
             self.root_m, self.root_rotation, np.clip(self.angles_rad, *BodyModel.dof_limits_rad.T)
         )
+
+
+@dataclass(frozen=True, eq=False)
+class PoseArrays:
+    """K poses as arrays for kernels; the attributes are those of `Pose`.
+
+    Attributes:
+        root_m: (K, 3) float64.
+        root_rotation: (K, 3, 3) float64.
+        angles_rad: (K, D) float64.
+    """
+
+    root_m: np.ndarray
+    root_rotation: np.ndarray
+    angles_rad: np.ndarray
+
+    @classmethod
+    def from_poses(cls, poses: Sequence[Pose]) -> PoseArrays:
+        """Copies poses, at least one."""
+        return cls(
+            np.array([pose.root_m for pose in poses], float),
+            np.array([pose.root_rotation for pose in poses], float),
+            np.array([pose.angles_rad for pose in poses], float),
+        )
+
+    def __len__(self) -> int:
+        return len(self.root_m)
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The three arrays, as the kernels take them."""
+        return self.root_m, self.root_rotation, self.angles_rad
+
+    def first(self, count: int) -> PoseArrays:
+        """The first poses; they share memory with these."""
+        return PoseArrays(*(one[:count] for one in self.arrays))
+
+    def poses(self) -> list[Pose]:
+        """The poses one by one; they share memory with these."""
+        return [Pose(*one) for one in zip(*self.arrays, strict=True)]

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import forward, quaternions, skin
-from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement.observation import Observation
+from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
 
 def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:
     """Returns the posed vertices (V, 3), world."""
+    return posed_meshes(model, [pose])[0]
+
+
+def posed_meshes(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
+    """Returns the posed vertices (K, V, 3) of K poses, world."""
+    arrays = PoseArrays.from_poses(poses)
     rotation, origin = forward(
-        model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+        model, arrays.root_m, quaternions(arrays.root_rotation), arrays.angles_rad
     )
-    return skin(model, rotation[0], origin[0])
+    return np.stack([skin(model, *placed) for placed in zip(rotation, origin, strict=True)])
 
 
 def silhouette_error(
@@ -26,10 +34,18 @@ def silhouette_error(
     """Unexplained fraction of the silhouettes, the mean over the cameras of |XOR| / |OR| between
     the pose's and the observed ones: 0 perfect, 1 apart. See `Backend.silhouette_errors`.
     """
-    views = observation.views
+    return mask_error(model, pose, observation.views, observation.masks, backend)
+
+
+def mask_error(
+    model: BodyModel,
+    pose: Pose,
+    views: PinholeViews,
+    masks: Sequence[np.ndarray],
+    backend: Backend = CPU,
+) -> float:
+    """As `silhouette_error`, of the silhouettes (h, w) bool of C views."""
     in_cameras = posed_mesh(model, pose) @ views.rotation.transpose(0, 2, 1)
     in_cameras += views.translation_m[:, None]
     matrices = np.stack([camera.matrix for camera in views.rig])
-    return float(
-        backend.silhouette_errors(observation.masks, matrices, in_cameras[None], model.faces)[0]
-    )
+    return float(backend.silhouette_errors(masks, matrices, in_cameras[None], model.faces)[0])

@@ -26,6 +26,12 @@ def place_parts(rng):
     return Example((*posed(rng), np.empty((PARTS, 3, 3)), np.empty((PARTS, 3))), atol=1e-12)
 
 
+def place_bodies(rng):
+    roots = rotations(rng, 4), rng.normal(size=(4, 3))
+    filled = np.empty((4, PARTS, 3, 3)), np.empty((4, PARTS, 3)), np.empty((4, DOFS, 3))
+    return Example((*skeleton(rng), *roots, rng.uniform(-1, 1, (4, DOFS)), *filled), atol=1e-12)
+
+
 def place_one_part(rng):
     return Example((*posed(rng, 6), 2, np.empty((6, 3, 3)), np.empty((6, 3))), atol=1e-12)
 

@@ -101,6 +101,37 @@ def place_parts(
     place_parts_and_axes(*body, part_rotation, part_origin, np.empty((dof_part.shape[0], 3)))
 
 
+@kernel
+def place_bodies(
+    parents,
+    joints,
+    dof_part,
+    dof_axis,
+    root_rotations,
+    roots,
+    angles,
+    part_rotations,
+    part_origins,
+    world_axes,
+):
+    """Fills part_rotations (K, P, 3, 3), part_origins (K, P, 3) and world_axes (K, D, 3) of K
+    poses, each as `place_parts_and_axes` does.
+    """
+    for k in range(angles.shape[0]):
+        place_parts_and_axes(
+            parents,
+            joints,
+            dof_part,
+            dof_axis,
+            root_rotations[k],
+            roots[k],
+            angles[k],
+            part_rotations[k],
+            part_origins[k],
+            world_axes[k],
+        )
+
+
 @parallel_kernel
 def place_one_part(
     parents, joints, dof_part, dof_axis, root_rotation, root, angles, part, rotations, origins

@@ -46,6 +46,25 @@ def place_parts(
     place_parts_and_axes(*body, part_rotation, part_origin, np.empty((len(dof_part), 3)))
 
 
+def place_bodies(
+    parents,
+    joints,
+    dof_part,
+    dof_axis,
+    root_rotations,
+    roots,
+    angles,
+    part_rotations,
+    part_origins,
+    world_axes,
+):
+    """The same for every pose."""
+    body, filled = (parents, joints, dof_part, dof_axis), (part_rotations, part_origins, world_axes)
+    for k, row in enumerate(angles):
+        own = (one[k] for one in filled)
+        place_parts_and_axes(*body, root_rotations[k], roots[k], row, *own)
+
+
 def place_one_part(
     parents, joints, dof_part, dof_axis, root_rotation, root, angles, part, rotations, origins
 ):
