@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.filter.hypothesis_tracker import place_body
+from silhouette_core.filter.hypothesis_tracker import place_bodies
 from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -52,10 +52,7 @@ def adapted_body(
     for sex in sexes:
         template = BodyModel.from_sizes(replace(model.sizes, sex=sex))
         surface = Surface(template, _POINTS)
-        poses = [
-            place_body(surface, observation, prior)
-            for observation, prior in zip(observations, priors, strict=True)
-        ]
+        poses = place_bodies(surface, observations[0], priors)
         surface, poses = adapt_shape(
             surface,
             observations,

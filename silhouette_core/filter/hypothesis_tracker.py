@@ -43,10 +43,10 @@ from silhouette_core.motion.dynamics import (
     predict,
 )
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 
 _FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
@@ -224,7 +224,7 @@ class HypothesisTracker:
         if settings.refine:
             poses, priors = self._refined(filter_frame, poses, previous, predicted, modes, settings)
         distance = weights.distances(self.model, poses)
-        joints = np.concatenate([_joints(self.model, pose) for pose in poses])
+        joints = _joints(self.model, poses)
         own = 0.5 * (distance / settings.sigma) ** 2 + self.costs.off_floor(poses, self.surface)
         own += (
             self.costs.novelty(poses, joints) if modes is None else modes.cost(joints)
@@ -256,8 +256,7 @@ class HypothesisTracker:
             priors,
         )
         kept = self._pruned(beam, settings)
-        for row, pose in enumerate(kept.poses):
-            areas = weights.part_areas(self.model, pose)
+        for row, areas in enumerate(weights.part_areas_many(self.model, kept.poses)):
             kept.occluded[row] = occluded_parts(areas, self._usual_areas)
         self.costs.add_position(time_s, kept.poses[kept.best].root_m)
         return kept
@@ -331,27 +330,27 @@ class HypothesisTracker:
         """Modes, seeds, then predictions of the best hypotheses, refined on the silhouette."""
         distance = filter_frame.distance_m if modes is None else modes.distance_m
         observation = Observation.from_masks(self.views, [filter_frame.person.mask], distance)
-        poses: list[Pose] = []
-        priors: list[LandmarkPrior | None] = []
+        starts: list[RefineStart] = []
         if modes is not None:
-            for mode in modes.probable(settings.by_mode, _LEAST_PROBABILITY):
-                prior = modes.priors[mode]
-                start = place_body(self.surface, observation, prior)
-                poses.append(refine(self.surface, observation, start, None, _FROM_MODE, prior).pose)
-                priors.append(prior)
-        starts = [(pose, self._library_sigma, _FROM_LIBRARY) for pose in seeds]
+            chosen = modes.probable(settings.by_mode, _LEAST_PROBABILITY)
+            expected = [modes.priors[mode] for mode in chosen]
+            placed = place_bodies(self.surface, observation, expected)
+            starts += [
+                RefineStart(pose, _FROM_MODE, None, prior)
+                for pose, prior in zip(placed, expected, strict=True)
+            ]
+        believed = [(pose, self._library_sigma, _FROM_LIBRARY) for pose in seeds]
         if previous is not None:
             sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, filter_frame.time_s)
             order = np.argsort(previous.cost, kind="stable")
             carried = select_different(previous.joints, order, settings.carried, _DIFFERENT_M)
-            starts += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
-        for pose, sigma, how in starts:
-            prior = None if modes is None else modes.nearest(_joints(self.model, pose)[0])
-            poses.append(
-                refine(self.surface, observation, pose, PosePrior(pose, sigma), how, prior).pose
-            )
-            priors.append(prior)
-        return poses, priors
+            believed += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
+        joints = _joints(self.model, [pose for pose, _, _ in believed])
+        for (pose, sigma, how), own in zip(believed, joints, strict=True):
+            prior = None if modes is None else modes.nearest(own)
+            starts.append(RefineStart(pose, how, PosePrior(pose, sigma), prior))
+        refined = refine_many(self.surface, observation, starts)
+        return [one.pose for one in refined], [start.landmark_prior for start in starts]
 
     def _pruned(self, beam: Beam, settings: TrackerSettings) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""
@@ -359,14 +358,22 @@ class HypothesisTracker:
         return beam.chosen(select_different(beam.joints, order, settings.kept, _SAME_M))
 
 
-def place_body(surface: Surface, observation: Observation, prior: LandmarkPrior) -> Pose:
-    """Pose whose joints are where a prior expects them: inverse kinematics.
+def place_bodies(
+    surface: Surface, observation: Observation, priors: Sequence[LandmarkPrior]
+) -> list[Pose]:
+    """Poses whose joints are where priors expect them: inverse kinematics.
 
     Args:
         surface: the body's.
         observation: the frame; its contour is not used.
-        prior: of the joints.
+        priors: of the joints, one for each pose.
     """
+    starts = [RefineStart(_upright(prior), _PLACING, None, prior) for prior in priors]
+    return [one.pose for one in refine_many(surface, observation, starts)]
+
+
+def _upright(prior: LandmarkPrior) -> Pose:
+    """Relaxed pose with pelvis and trunk where the prior expects them."""
     joints = prior.landmarks_m
     name = LANDMARK_NAMES.index
     across = (joints[name("left_hip")] - joints[name("right_hip")]) + (
@@ -376,8 +383,7 @@ def place_body(surface: Surface, observation: Observation, prior: LandmarkPrior)
     up = up / np.linalg.norm(up)
     right = across - up * (across @ up)
     right /= max(float(np.linalg.norm(right)), 1e-9)
-    start = Pose(prior.pelvis_m, np.stack([right, np.cross(up, right), up], 1), RELAXED_RAD.copy())
-    return refine(surface, observation, start, None, _PLACING, prior).pose
+    return Pose(prior.pelvis_m, np.stack([right, np.cross(up, right), up], 1), RELAXED_RAD.copy())
 
 
 def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
@@ -452,10 +458,12 @@ def _packed(
     )
 
 
-def _joints(model: BodyModel, pose: Pose) -> NDArray[np.float64]:
+def _joints(model: BodyModel, poses: list[Pose]) -> NDArray[np.float64]:
+    """Joints (K, 15, 3) of poses."""
+    if not poses:
+        return np.empty((0, len(LANDMARK_NAMES), 3))
+    arrays = PoseArrays.from_poses(poses)
     return landmarks(
         model,
-        *forward(
-            model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
-        ),
+        *forward(model, arrays.root_m, quaternions(arrays.root_rotation), arrays.angles_rad),
     )

@@ -12,7 +12,7 @@ from silhouette_core.filter.motion_cost import yaw_rotations
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.motion.heading import split_heading
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.surface import Surface
 
 _NOVELTY_M, _FAR = 0.06, 4.0
@@ -77,7 +77,8 @@ class PoseCosts:
             poses: K poses, the first hypotheses of this frame.
             surface: the body's surface.
         """
-        lowest = np.array([surface.posed(pose).points[:, 2].min() for pose in poses])
+        points = surface.posed_many(PoseArrays.from_poses(poses)).points
+        lowest = points[..., 2].min(axis=1)
         self._lowest.append(float(np.median(lowest)))
         if not self.on_floor:
             return np.zeros(len(poses))

@@ -16,11 +16,16 @@ import numpy as np
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.refine import add_normal_equations
-from silhouette_core.refinement.landmark_prior import LandmarkPrior, add_landmark_prior
+from silhouette_core.refinement.landmark_prior import (
+    LandmarkPrior,
+    LandmarkPriors,
+    add_landmark_priors,
+)
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
+    PosePriors,
     RefineSettings,
     add_pose_priors,
     bounded_step,
@@ -148,7 +153,9 @@ class _FrameSystem:
         prior: LandmarkPrior | None,
     ):
         """Linearises the residuals of one frame; `reach` in metres."""
-        posed = surface.posed(pose)
+        poses, model = PoseArrays.from_poses([pose]), surface.model
+        posed_many = surface.posed_many(poses)
+        posed = posed_many.one(0)
         rows = residuals(surface, posed, observation, reach, settings)
         jacobian = np.concatenate(
             [
@@ -159,12 +166,13 @@ class _FrameSystem:
         )
         matrix, gradient = np.zeros((jacobian.shape[1],) * 2), np.zeros(jacobian.shape[1])
         add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
-        n = 6 + surface.model.dof_count
+        n = 6 + model.dof_count
         self.pose, self.cross, self.shape = matrix[:n, :n].copy(), matrix[:n, n:], matrix[n:, n:]
         self.pose_gradient, self.shape_gradient = gradient[:n].copy(), gradient[n:]
-        add_pose_priors(self.pose, self.pose_gradient, pose, surface.model, None, settings.usual)
-        if prior is not None:
-            add_landmark_prior(self.pose, self.pose_gradient, surface.model, posed, prior)
+        terms = self.pose[None], self.pose_gradient[None]
+        priors = PosePriors.from_priors(poses, [None], [settings.usual])
+        add_pose_priors(*terms, poses, model, priors)
+        add_landmark_priors(*terms, model, posed_many, LandmarkPriors.from_priors([prior]))
 
 
 def _add_stature(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from silhouette_core.body.joints import LANDMARK_NAMES, LANDMARK_PART
 from silhouette_core.body.model import BodyModel
 from silhouette_core.refinement.kernels.refine import fill_jacobian
-from silhouette_core.refinement.surface import DESCENDS, PosedSurface
+from silhouette_core.refinement.kernels.steps import add_landmark_terms
+from silhouette_core.refinement.surface import DESCENDS, PosedSurface, PosedSurfaces
 
 DEGREES_OF_FREEDOM = 4.0
 """Of Student's t distribution, which the proposal is trained with, too."""
@@ -45,6 +47,48 @@ class LandmarkPrior:
         return self.pelvis_m + self.relative_m
 
 
+@dataclass(frozen=True, eq=False)
+class LandmarkPriors:
+    """Priors of K poses as arrays for kernels; the others are those of `LandmarkPrior`.
+
+    Attributes:
+        given: (K,) bool, whether a pose has a prior.
+        relative_m: (K, 15, 3) float64.
+        precision: (K, 15, 3, 3) float64.
+        pelvis_m: (K, 3) float64.
+        pelvis_precision: (K, 3, 3) float64.
+    """
+
+    given: NDArray[np.bool_]
+    relative_m: NDArray[np.float64]
+    precision: NDArray[np.float64]
+    pelvis_m: NDArray[np.float64]
+    pelvis_precision: NDArray[np.float64]
+
+    @classmethod
+    def from_priors(cls, priors: Sequence[LandmarkPrior | None]) -> LandmarkPriors:
+        """Copies priors, None where a pose has none."""
+        count = len(priors)
+        filled = cls(
+            np.array([prior is not None for prior in priors]),
+            np.zeros((count, _COUNT, 3)),
+            np.zeros((count, _COUNT, 3, 3)),
+            np.zeros((count, 3)),
+            np.zeros((count, 3, 3)),
+        )
+        for k, prior in enumerate(priors):
+            if prior is not None:
+                filled.relative_m[k], filled.precision[k] = prior.relative_m, prior.precision
+                filled.pelvis_m[k] = prior.pelvis_m
+                filled.pelvis_precision[k] = prior.pelvis_precision
+        return filled
+
+    def first(self, count: int) -> tuple[np.ndarray, ...]:
+        """Arrays of the first poses, as the kernel takes them."""
+        both = (self.relative_m, self.precision), (self.pelvis_m, self.pelvis_precision)
+        return tuple(one[:count] for one in (self.given, *both[0], *both[1]))
+
+
 def posed_landmarks(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
     """Landmarks (15, 3) of a posed body in the world, m."""
     local = model.landmarks_m - model.joints_m[LANDMARK_PART]
@@ -72,14 +116,14 @@ def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float
     return rows.reshape(_COUNT, 3, -1)
 
 
-def add_landmark_prior(
+def add_landmark_priors(
     matrix: NDArray[np.float64],
     gradient: NDArray[np.float64],
     model: BodyModel,
-    posed: PosedSurface,
-    prior: LandmarkPrior,
+    posed: PosedSurfaces,
+    priors: LandmarkPriors,
 ) -> None:
-    r"""Adds the prior to the normal equations, in place.
+    r"""Adds priors to the normal equations of K poses, in place.
 
     With the landmarks' deviations :math:`e_l` from their means and the matrices :math:`P_l` of
     inverse squared scales, Student's t with :math:`\nu` degrees of freedom in three dimensions is
@@ -88,22 +132,20 @@ def add_landmark_prior(
     .. math:: w_l = \frac{\nu + 3}{\nu + e_l^T P_l e_l}
 
     Args:
-        matrix: (6 + D, 6 + D) float64.
-        gradient: (6 + D,) float64.
+        matrix: (K, 6 + D, 6 + D) float64.
+        gradient: (K, 6 + D) float64.
         model: the body.
-        posed: the same in its current pose.
-        prior: the prior.
+        posed: the same in its current poses.
+        priors: of K poses or more, of which the first ones count.
 
     Source: iteratively reweighted least squares for Student's t (Lange, Little and Taylor 1989).
     """
-    jacobian, landmarks = landmark_jacobian(model, posed), posed_landmarks(model, posed)
-    rows, relative = jacobian[1:] - jacobian[:1], landmarks[1:] - landmarks[:1]
-    error, precision = relative - prior.relative_m[1:], prior.precision[1:]
-    square = np.einsum("li,lij,lj->l", error, precision, error)
-    weight = (DEGREES_OF_FREEDOM + 3) / (DEGREES_OF_FREEDOM + square)
-    weighted = np.einsum("l,lij,ljk->lik", weight, precision, rows).reshape(-1, len(gradient))
-    matrix += rows.reshape(-1, len(gradient)).T @ weighted
-    gradient += weighted.T @ error.ravel()
-    weighted = prior.pelvis_precision @ jacobian[0]
-    matrix += jacobian[0].T @ weighted
-    gradient += weighted.T @ (landmarks[0] - prior.pelvis_m)
+    local = model.landmarks_m - model.joints_m[LANDMARK_PART]
+    add_landmark_terms(
+        (LANDMARK_PART, local, DESCENDS, model.dof_part),
+        posed.placed,
+        priors.first(len(matrix)),
+        DEGREES_OF_FREEDOM,
+        matrix,
+        gradient,
+    )

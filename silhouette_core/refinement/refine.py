@@ -9,22 +9,27 @@ is written out here: a general least-squares solver would evaluate each step on 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.refine import (
-    add_normal_equations,
+    add_silhouette_terms,
     match_contours,
     measure_outside,
 )
-from silhouette_core.refinement.landmark_prior import LandmarkPrior, add_landmark_prior
+from silhouette_core.refinement.kernels.steps import add_pose_terms, bounded_steps, move_poses
+from silhouette_core.refinement.landmark_prior import (
+    LandmarkPrior,
+    LandmarkPriors,
+    add_landmark_priors,
+)
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.surface import PosedSurface, Surface
+from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
 
 _LIMIT_RAD = np.radians(3.0)
 _OUTSIDE_M = 0.15  # scale of the robust weight of points outside a silhouette
@@ -104,6 +109,23 @@ class RefinedPose:
     normal_matrix: np.ndarray = field(repr=False)
 
 
+@dataclass(frozen=True, eq=False)
+class RefineStart:
+    """Where a refinement starts, and what is believed; see `refine`.
+
+    Attributes:
+        pose: initial pose.
+        settings: weights and reaches.
+        prior: prior of the pose.
+        landmark_prior: prior of the joints' positions.
+    """
+
+    pose: Pose
+    settings: RefineSettings
+    prior: PosePrior | None = None
+    landmark_prior: LandmarkPrior | None = None
+
+
 def refine(
     surface: Surface,
     observation: Observation,
@@ -132,25 +154,75 @@ def refine(
 
     Source: textbook Gauss-Newton with iteratively reweighted least squares; own correspondences.
     """
-    settings = settings or RefineSettings()
+    one = RefineStart(start, settings or RefineSettings(), prior, landmark_prior)
+    return refine_many(surface, observation, [one])[0]
+
+
+def refine_many(
+    surface: Surface, observation: Observation, starts: Sequence[RefineStart]
+) -> list[RefinedPose]:
+    """Fits K poses to one frame's silhouettes, each from its own start; see `refine`.
+
+    They take their steps together, so that the kernels can work on all of them in parallel.
+
+    Args:
+        surface: the body's sampled surface.
+        observation: the frame.
+        starts: K starts.
+    """
+    steps = np.array([len(start.settings.reaches_m) for start in starts])
+    order = np.argsort(-steps, kind="stable")  # those that take most steps come first
+    starts, steps = [starts[k] for k in order], steps[order]
     model = surface.model
-    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
-    pose = start
-    rows = Residuals(np.empty(0, np.int64), np.empty((0, 3)), np.empty(0), np.empty(0), 0.0)
-    matrix = np.eye(6 + model.dof_count)
-    for reach in settings.reaches_m:
-        posed = surface.posed(pose)
-        matrix, gradient = np.zeros_like(matrix), np.zeros(len(matrix))
-        if reach:
-            rows = residuals(surface, posed, observation, reach, settings)
-            jacobian = surface.jacobian(posed, rows.index, rows.direction)
-            add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
-        add_pose_priors(matrix, gradient, pose, model, prior, settings.usual)
-        if landmark_prior is not None:
-            add_landmark_prior(matrix, gradient, model, posed, landmark_prior)
-        pose = pose.moved(bounded_step(matrix, gradient, free, pose.angles_rad, model)).clipped()
-    contour = np.average(rows.gap_m**2, weights=rows.weight) if len(rows.gap_m) else np.inf
-    return RefinedPose(pose, float(np.sqrt(contour)), rows.explained, matrix)
+    poses = PoseArrays.from_poses([start.pose for start in starts])
+    priors = PosePriors.from_priors(
+        poses, [start.prior for start in starts], [start.settings.usual for start in starts]
+    )
+    landmark_priors = LandmarkPriors.from_priors([start.landmark_prior for start in starts])
+    size = 6 + model.dof_count
+    matrices, totals = np.tile(np.eye(size), (len(starts), 1, 1)), np.zeros((len(starts), 3))
+    free = free_unknowns(model)
+    for step in range(int(steps.max(initial=0))):
+        count = int((steps > step).sum())
+        reach = np.array([start.settings.reaches_m[step] for start in starts[:count]])
+        moving = poses.first(count)
+        posed = surface.posed_many(moving, bool(reach.any()))
+        matrices[:count], gradient = 0.0, np.zeros((count, size))
+        if reach.any():
+            settings = [start.settings for start in starts[:count]]
+            weights = contour_weights(settings, reach)
+            terms = matrices[:count], gradient
+            totals[:count] = add_silhouettes(surface, posed, observation, reach, weights, *terms)
+        add_pose_priors(matrices[:count], gradient, moving, model, priors)
+        add_landmark_priors(matrices[:count], gradient, model, posed, landmark_priors)
+        low, high = step_bounds(moving.angles_rad, model)
+        change = np.empty((count, size))
+        bounded_steps(matrices[:count], gradient, free, low, high, change)
+        move_poses(change, model.dof_limits_rad, *moving.arrays)
+    results: list[RefinedPose | None] = [None] * len(starts)
+    for k, pose, matrix, (square, weight, explained) in zip(
+        order, poses.poses(), matrices, totals, strict=True
+    ):
+        rms = float(np.sqrt(square / weight)) if weight else np.inf
+        results[k] = RefinedPose(pose, rms, float(explained), matrix)
+    return [result for result in results if result is not None]
+
+
+def free_unknowns(model: BodyModel) -> np.ndarray:
+    """Indices of the unknowns of a step that are not held fixed, in the order of `Pose.moved`."""
+    return np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
+
+
+def step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest steps (K, 6 + D) of poses with angles (K, D): trust region and limits."""
+    low = np.full((len(angles_rad), 6 + angles_rad.shape[1]), -_TRUST_RAD)
+    low[:, :3] = -_TRUST_M
+    high = -low
+    # An angle that starts beyond its limit may return by as much as the trust region allows.
+    below, above = (limit - angles_rad for limit in model.dof_limits_rad.T)
+    low[:, 6:] = np.minimum(np.maximum(below, -_TRUST_RAD), 0.0)
+    high[:, 6:] = np.maximum(np.minimum(above, _TRUST_RAD), 0.0)
+    return low, high
 
 
 def bounded_step(
@@ -166,7 +238,7 @@ def bounded_step(
     pelvis and lumbar spine.
 
     Args:
-        matrix: (n, n) float64, H, positive definite on the free unknowns; n = 6 + D or more.
+        matrix: (n, n) float64, H, positive definite on the free unknowns; n = 6 + D.
         gradient: (n,) float64, g.
         free: indices of the unknowns that may change.
         angles: (D,) float64, current joint angles, rad.
@@ -175,26 +247,92 @@ def bounded_step(
     Returns:
         (n,) float64, the step; zero where not free.
     """
-    count = len(gradient)
-    low, high = np.full(count, -np.inf), np.full(count, np.inf)
-    low[:3], high[:3] = -_TRUST_M, _TRUST_M
-    low[3:6], high[3:6] = -_TRUST_RAD, _TRUST_RAD
-    dofs = slice(6, 6 + len(angles))
-    # An angle that starts beyond its limit may return by as much as the trust region allows.
-    low[dofs] = np.minimum(np.maximum(model.dof_limits_rad[:, 0] - angles, -_TRUST_RAD), 0.0)
-    high[dofs] = np.maximum(np.minimum(model.dof_limits_rad[:, 1] - angles, _TRUST_RAD), 0.0)
-    step, moving = np.zeros(count), free
-    while len(moving):
-        factor = cho_factor(matrix[np.ix_(moving, moving)] + 1e-6 * np.eye(len(moving)))
-        solved = -cho_solve(factor, gradient[moving] + matrix[moving] @ step)
-        bounded = np.clip(solved, low[moving], high[moving])
-        violated = bounded != solved
-        if not violated.any():
-            step[moving] = solved
-            break
-        step[moving[violated]] = bounded[violated]
-        moving = moving[~violated]
-    return step
+    steps = np.empty((1, len(gradient)))
+    low, high = step_bounds(angles[None], model)
+    bounded_steps(np.ascontiguousarray(matrix)[None], gradient[None], free, low, high, steps)
+    return steps[0]
+
+
+def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> np.ndarray:
+    """Weights (K, 3) of the residuals of K poses, as `add_silhouette_terms` takes them; 0 where the
+    reach (K,) is 0.
+    """
+    weights = np.zeros((len(settings), 3))
+    for row, own, reach in zip(weights, settings, reach_m, strict=True):
+        if reach:
+            largest = own.independence / own.contour_m**2
+            scale = max(0.5 * reach, 2 * own.contour_m)
+            row[:] = scale, largest, own.outside_weight * largest
+    return weights
+
+
+def add_silhouettes(
+    surface: Surface,
+    posed: PosedSurfaces,
+    observation: Observation,
+    reach_m: np.ndarray,
+    weights: np.ndarray,
+    matrix: np.ndarray,
+    gradient: np.ndarray,
+) -> np.ndarray:
+    """Adds the residuals of K poses to their normal equations, in place; see `residuals`.
+
+    Args:
+        surface: the body's sampled surface.
+        posed: the same in K poses.
+        observation: the frame.
+        reach_m: (K,), largest accepted distance between contour and surface.
+        weights: (K, 3), see `contour_weights`.
+        matrix: (K, 6 + D, 6 + D) float64.
+        gradient: (K, 6 + D) float64.
+
+    Returns:
+        (K, 3) float64: weighted sum of squared residuals, sum of weights, and the fraction of
+        contour points that were matched.
+    """
+    matched, gap, away, toward = _correspondences(posed, observation, reach_m)
+    totals = np.empty((len(matrix), 3))
+    add_silhouette_terms(
+        (matched, gap, observation.normal),
+        (away, toward),
+        weights,
+        _OUTSIDE_M,
+        surface.arrays,
+        posed.placed,
+        matrix,
+        gradient,
+        totals,
+    )
+    totals[:, 2] /= max(len(observation.camera), 1)
+    return totals
+
+
+def _correspondences(
+    posed: PosedSurfaces, observation: Observation, reach_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What `match_contours` and `measure_outside` find: matched and gap (K, N), distances outside
+    (K, C, V) and their directions (K, C, V, 3).
+    """
+    views, (count, points) = observation.views, posed.points.shape[:2]
+    shape = count, len(observation.camera)
+    matched, gap = np.empty(shape, np.int64), np.empty(shape)
+    match_contours(
+        observation.camera,
+        views.center_m,
+        observation.ray,
+        observation.normal,
+        posed.points,
+        posed.normals,
+        reach_m,
+        matched,
+        gap,
+    )
+    cameras = len(observation.outside_px)
+    away, toward = np.empty((count, cameras, points)), np.empty((count, cameras, points, 3))
+    for c, outside in enumerate(observation.outside_px):
+        placement = views.intrinsics[c], views.rotation[c], views.translation_m[c]
+        measure_outside(posed.points, *placement, outside, away[:, c], toward[:, c])
+    return matched, gap, away, toward
 
 
 def residuals(
@@ -224,81 +362,95 @@ def residuals(
 
     Source: weights of Geman and McClure (1987); correspondences own.
     """
-    count = len(observation.camera)
-    matched, gap = np.empty(count, np.int64), np.empty(count)
-    views = observation.views
-    match_contours(
-        observation.camera,
-        views.center_m,
-        observation.ray,
-        observation.normal,
-        posed.points,
-        posed.normals,
-        reach_m,
-        matched,
-        gap,
+    reach = np.array([reach_m])
+    (scale, base, base_outside), *_ = contour_weights([settings], reach)
+    one = PosedSurfaces(
+        posed.part_rotation[None],
+        posed.part_origin[None],
+        posed.world_axis[None],
+        posed.points[None],
+        posed.normals[None],
     )
+    matched, gap, away, toward = (found[0] for found in _correspondences(one, observation, reach))
     hits = np.flatnonzero(matched >= 0)
-    scale = max(0.5 * reach_m, 2 * settings.contour_m)
-    base = settings.independence / settings.contour_m**2
     index, direction, gaps = [matched[hits]], [observation.normal[hits]], [gap[hits]]
     weight = [base / (1 + (gap[hits] / scale) ** 2) ** 2]
-    away, toward = np.empty(len(posed.points)), np.empty((len(posed.points), 3))
-    for c, outside in enumerate(observation.outside_px):
-        measure_outside(
-            posed.points,
-            views.intrinsics[c],
-            views.rotation[c],
-            views.translation_m[c],
-            outside,
-            away,
-            toward,
-        )
-        out = np.flatnonzero(away > 0)
+    for far, along in zip(away, toward, strict=True):
+        out = np.flatnonzero(far > 0)
         index.append(out)
-        direction.append(toward[out])
-        gaps.append(away[out])
-        weight.append(settings.outside_weight * base / (1 + (away[out] / _OUTSIDE_M) ** 2) ** 2)
-    explained = len(hits) / max(count, 1)
+        direction.append(along[out])
+        gaps.append(far[out])
+        weight.append(base_outside / (1 + (far[out] / _OUTSIDE_M) ** 2) ** 2)
     return Residuals(
         np.concatenate(index),
         np.concatenate(direction),
         np.concatenate(gaps),
         np.concatenate(weight),
-        explained,
+        len(hits) / max(len(matched), 1),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class PosePriors:
+    """Priors of K poses as arrays for kernels.
+
+    Attributes:
+        means: the K means.
+        precision: (K, 6 + D) float64, inverse variances in the order of `Pose.moved`; 0 where
+            nothing is known.
+        usual_precision: (K, D) float64, inverse variances of the resting stance, 1/rad².
+    """
+
+    means: PoseArrays
+    precision: np.ndarray
+    usual_precision: np.ndarray
+
+    @classmethod
+    def from_priors(
+        cls, poses: PoseArrays, priors: Sequence[PosePrior | None], usual: Sequence[float]
+    ) -> PosePriors:
+        """Copies priors.
+
+        Args:
+            poses: K poses, of which the shape counts alone.
+            priors: K priors, None where nothing but the resting stance is expected.
+            usual: K weights of the resting stance.
+        """
+        means = PoseArrays(*(one.copy() for one in poses.arrays))
+        precision = np.zeros((len(poses), 6 + poses.angles_rad.shape[1]))
+        for k, prior in enumerate(priors):
+            if prior is not None:
+                mean = prior.pose
+                means.root_m[k], means.root_rotation[k] = mean.root_m, mean.root_rotation
+                means.angles_rad[k], precision[k] = mean.angles_rad, 1 / prior.sigma**2
+        return cls(means, precision, np.asarray(usual, float)[:, None] / USUAL_RAD**2)
 
 
 def add_pose_priors(
     matrix: np.ndarray,
     gradient: np.ndarray,
-    pose: Pose,
+    poses: PoseArrays,
     model: BodyModel,
-    prior: PosePrior | None,
-    usual: float,
+    priors: PosePriors,
 ) -> None:
-    """Adds the priors to the normal equations, in place: resting stance, joint limits, given prior.
+    """Adds the priors to the normal equations of K poses, in place: resting stance, joint limits,
+    given prior.
 
     Args:
-        matrix: (6 + D, 6 + D) float64.
-        gradient: (6 + D,) float64.
-        pose: the current pose.
+        matrix: (K, 6 + D, 6 + D) float64.
+        gradient: (K, 6 + D) float64.
+        poses: the current poses.
         model: for the limits.
-        prior: prior of the pose.
-        usual: weight of the resting stance.
+        priors: of K poses or more, of which the first ones count.
     """
-    diagonal = np.zeros(len(gradient))
-    angles = pose.angles_rad
-    precision = usual / USUAL_RAD**2
-    diagonal[6:] += precision
-    gradient[6:] += precision * (angles - RELAXED_RAD)
-    low, high = model.dof_limits_rad.T
-    beyond = np.where(angles < low, angles - low, np.where(angles > high, angles - high, 0.0))
-    precision = np.where(beyond != 0, 1 / _LIMIT_RAD**2, 0.0)
-    diagonal[6:] += precision
-    gradient[6:] += precision * beyond
-    if prior is not None:
-        precision = 1 / prior.sigma**2
-        diagonal += precision
-        gradient += precision * pose.minus(prior.pose)
-    matrix[np.diag_indices(len(gradient))] += diagonal
+    count = len(poses)
+    add_pose_terms(
+        poses.arrays,
+        priors.means.first(count).arrays,
+        priors.precision[:count],
+        (priors.usual_precision[:count], RELAXED_RAD),
+        model.dof_limits_rad,
+        1 / _LIMIT_RAD**2,
+        matrix,
+        gradient,
+    )

@@ -8,9 +8,9 @@ import numpy as np
 
 from silhouette_core.body.joints import PARENTS
 from silhouette_core.body.model import BodyModel
-from silhouette_core.motion.kernels.kinematics import place_parts_and_axes
-from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement.kernels.refine import fill_jacobian, pose_surface
+from silhouette_core.motion.kernels.kinematics import place_bodies
+from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.kernels.refine import fill_jacobian, pose_surfaces
 
 
 def _descends() -> np.ndarray:
@@ -44,6 +44,38 @@ class PosedSurface:
     normals: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class PosedSurfaces:
+    """A surface in K poses; the attributes are those of `PosedSurface`.
+
+    Attributes:
+        part_rotation: (K, 27, 3, 3) float64.
+        part_origin: (K, 27, 3) float64.
+        world_axis: (K, D, 3) float64.
+        points: (K, V, 3) float64.
+        normals: (K, V, 3) float64.
+    """
+
+    part_rotation: np.ndarray
+    part_origin: np.ndarray
+    world_axis: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+
+    @property
+    def placed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Parts and axes, as the kernels take them."""
+        return self.part_rotation, self.part_origin, self.world_axis
+
+    def some(self, rows: slice) -> PosedSurfaces:
+        """Some of the poses; they share memory with these."""
+        return PosedSurfaces(*(one[rows] for one in (*self.placed, self.points, self.normals)))
+
+    def one(self, k: int) -> PosedSurface:
+        """One of the poses; it shares memory with these."""
+        return PosedSurface(*(one[k] for one in (*self.placed, self.points, self.normals)))
+
+
 class Surface:
     """Sampled vertices of a body, with their skinning.
 
@@ -71,34 +103,50 @@ class Surface:
 
     def posed(self, pose: Pose) -> PosedSurface:
         """Surface in a pose."""
-        model = self.model
-        rotation, origin = np.empty((len(model.names), 3, 3)), np.empty((len(model.names), 3))
-        axis = np.empty((model.dof_count, 3))
-        place_parts_and_axes(
+        return self.posed_many(PoseArrays.from_poses([pose])).one(0)
+
+    def posed_many(self, poses: PoseArrays, skinned: bool = True) -> PosedSurfaces:
+        """Surface in K poses; without its points and normals if they are not to be `skinned`."""
+        model, count = self.model, len(poses)
+        rotation, origin = (
+            np.empty((count, len(model.names), 3, 3)),
+            np.empty((count, len(model.names), 3)),
+        )
+        axis = np.empty((count, model.dof_count, 3))
+        place_bodies(
             model.parents,
             model.joints_m,
             model.dof_part,
             model.dof_axis,
-            pose.root_rotation,
-            pose.root_m,
-            pose.angles_rad,
+            poses.root_rotation,
+            poses.root_m,
+            poses.angles_rad,
             rotation,
             origin,
             axis,
         )
-        points, normals = np.empty_like(self.rest), np.empty_like(self.rest)
-        pose_surface(
-            self.rest,
-            self.normals,
-            model.joints_m,
-            self.skin_parts,
-            self.skin_weights,
-            rotation,
-            origin,
-            points,
-            normals,
-        )
-        return PosedSurface(rotation, origin, axis, points, normals)
+        shape = (count, *self.rest.shape) if skinned else (count, 0, 3)
+        points, normals = np.empty(shape), np.empty(shape)
+        if skinned:
+            pose_surfaces(
+                self.rest,
+                self.normals,
+                model.joints_m,
+                self.skin_parts,
+                self.skin_weights,
+                rotation,
+                origin,
+                points,
+                normals,
+            )
+        return PosedSurfaces(rotation, origin, axis, points, normals)
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """Vertices, skinning and tree of the parts, as `add_silhouette_terms` takes them."""
+        model = self.model
+        tree = DESCENDS, model.dof_part
+        return (self.rest, model.joints_m, self.skin_parts, self.skin_weights, *tree)
 
     def jacobian(self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Derivatives (N, 6 + D) of direction (N, 3) . points[index] by a step of `Pose.moved`."""

@@ -16,17 +16,25 @@ from scipy.linalg import solveh_banded
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import FPS, STEP_SIGMA_RAD
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
-    add_landmark_prior,
+    LandmarkPriors,
+    add_landmark_priors,
     landmark_jacobian,
     posed_landmarks,
 )
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.refine import RefineSettings, add_pose_priors, residuals
-from silhouette_core.refinement.surface import PosedSurface, Surface
+from silhouette_core.refinement.refine import (
+    PosePriors,
+    RefineSettings,
+    add_pose_priors,
+    add_silhouettes,
+    contour_weights,
+    free_unknowns,
+)
+from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
 
 _ANKLES = [LANDMARK_NAMES.index(f"{side}_ankle") for side in ("left", "right")]
 _TRUST_M, _TRUST_RAD = 0.10, 0.35
@@ -98,7 +106,7 @@ def fit_trajectory(
     settings = settings or TrajectorySettings()
     model = surface.model
     poses, fixed = list(poses), list(before)
-    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
+    free, priors = free_unknowns(model), LandmarkPriors.from_priors(landmark_priors)
     size, count = len(free), len(poses)
     sigma = np.concatenate(
         [
@@ -108,14 +116,16 @@ def fit_trajectory(
         ]
     )
     for reach in settings.contour.reaches_m:
-        posed = [surface.posed(pose) for pose in poses]
+        arrays = PoseArrays.from_poses(poses)
+        together = surface.posed_many(arrays)
+        posed = [together.one(t) for t in range(count)]
+        matrix, gradient = _own_terms(
+            surface, together, observations, arrays, priors, floor, reach, settings
+        )
         banded = _Banded(count, size)
-        for t, observation in enumerate(observations):
-            matrix, gradient = _own_terms(
-                surface, posed[t], observation, poses[t], landmark_priors[t], floor, reach, settings
-            )
-            banded.add(t, t, matrix[np.ix_(free, free)])
-            banded.gradient[t] += gradient[free]
+        for t in range(count):
+            banded.add(t, t, matrix[t][np.ix_(free, free)])
+        banded.gradient += gradient[:, free]
         _add_accelerations(banded, [*fixed, *poses], len(fixed), time_s, sigma[free], free)
         if floor:
             _add_standing(banded, model, posed, free, settings)
@@ -156,25 +166,28 @@ class _Banded:
 
 def _own_terms(
     surface: Surface,
-    posed: PosedSurface,
-    observation: Observation,
-    pose: Pose,
-    prior: LandmarkPrior | None,
+    posed: PosedSurfaces,
+    observations: Sequence[Observation],
+    poses: PoseArrays,
+    landmark_priors: LandmarkPriors,
     floor: bool,
-    reach: float,
+    reach_m: float,
     settings: TrajectorySettings,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Normal equations of one frame alone."""
-    model = surface.model
-    matrix, gradient = np.zeros((6 + model.dof_count,) * 2), np.zeros(6 + model.dof_count)
-    rows = residuals(surface, posed, observation, reach, settings.contour)
-    jacobian = surface.jacobian(posed, rows.index, rows.direction)
-    add_normal_equations(jacobian, rows.weight, rows.gap_m, matrix, gradient)
-    if floor:
-        _add_floor(matrix, gradient, surface, posed, settings)
-    add_pose_priors(matrix, gradient, pose, model, None, settings.contour.usual)
-    if prior is not None:
-        add_landmark_prior(matrix, gradient, model, posed, prior)
+    """Normal equations (T, n, n) and (T, n) of every frame alone."""
+    model, count = surface.model, len(poses)
+    matrix = np.zeros((count, 6 + model.dof_count, 6 + model.dof_count))
+    gradient, reach = np.zeros(matrix.shape[:2]), np.array([reach_m])
+    weights = contour_weights([settings.contour], reach)
+    for t, observation in enumerate(observations):
+        rows = slice(t, t + 1)
+        one, terms = posed.some(rows), (matrix[rows], gradient[rows])
+        add_silhouettes(surface, one, observation, reach, weights, *terms)
+        if floor:
+            _add_floor(matrix[t], gradient[t], surface, posed.one(t), settings)
+    usual = PosePriors.from_priors(poses, [None] * count, [settings.contour.usual] * count)
+    add_pose_priors(matrix, gradient, poses, model, usual)
+    add_landmark_priors(matrix, gradient, model, posed, landmark_priors)
     return matrix, gradient
 
 

@@ -13,23 +13,24 @@ def directions(rng, count):
 
 def match_contours(rng):
     center = directions(rng, 3) * 3
-    camera = rng.integers(0, 3, 40)
+    camera = np.sort(rng.integers(0, 3, 40))
     target = 0.6 * directions(rng, 40)
     ray = target - center[camera]
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     normal = directions(rng, 40)
-    points = 0.6 * directions(rng, 200)
-    filled = np.empty(40, np.int64), np.empty(40)
-    arguments = camera, center, ray, normal, points, directions(rng, 200), 0.3, *filled
+    points, normals = (directions(rng, 400).reshape(2, 200, 3) for _ in range(2))
+    filled = np.empty((2, 40), np.int64), np.empty((2, 40))
+    reach = np.array([0.3, 0.1])
+    arguments = camera, center, ray, normal, 0.6 * points, normals, reach, *filled
     return Example(arguments, atol=1e-12)
 
 
 def measure_outside(rng):
     outside = rng.uniform(0, 5, (30, 40)).astype(np.float32)
-    points = rng.uniform(-1, 1, (60, 3)) + np.array([0, 0, 2])
+    points = rng.uniform(-1, 1, (2, 60, 3)) + np.array([0, 0, 2])
     placement = rotations(rng, 1)[0] * 0.2 + 0.8 * np.eye(3), rng.normal(size=3) * 0.1
     intrinsics = np.array([30.0, 31.0, 19.5, 14.5])
-    filled = np.empty(60), np.zeros((60, 3))
+    filled = np.empty((2, 60)), np.zeros((2, 60, 3))
     return Example((points, intrinsics, *placement, outside, *filled), rtol=1e-5, atol=1e-5)
 
 
@@ -40,6 +41,38 @@ def pose_surface(rng):
     filled = np.empty((20, 3)), np.empty((20, 3))
     arguments = rest, directions(rng, 20), joints, parts, weights, *placed, *filled
     return Example(arguments, atol=1e-12)
+
+
+def pose_surfaces(rng):
+    rest, parts, weights = skinned(rng, 20)
+    joints = rng.normal(size=(PARTS, 3))
+    placed = rotations(rng, 2 * PARTS).reshape(2, PARTS, 3, 3), rng.normal(size=(2, PARTS, 3))
+    filled = np.empty((2, 20, 3)), np.empty((2, 20, 3))
+    arguments = rest, directions(rng, 20), joints, parts, weights, *placed, *filled
+    return Example(arguments, atol=1e-12)
+
+
+def add_silhouette_terms(rng):
+    rest, parts, weights = skinned(rng, 20)
+    joints = rng.normal(size=(PARTS, 3))
+    placed = rotations(rng, 3 * PARTS).reshape(3, PARTS, 3, 3), rng.normal(size=(3, PARTS, 3))
+    descends = rng.random((PARTS, PARTS)) < 0.5
+    contour = rng.integers(-1, 20, (3, 30)), 0.1 * rng.normal(size=(3, 30)), directions(rng, 30)
+    outside = np.maximum(rng.normal(size=(3, 2, 20)), 0), rng.normal(size=(3, 2, 20, 3))
+    size = 6 + DOFS
+    filled = np.zeros((3, size, size)), rng.normal(size=(3, size)), np.empty((3, 3))
+    return Example(
+        (
+            contour,
+            outside,
+            np.array([[0.1, 2.0, 1.0], [0.1, 0.0, 0.0], [0.2, 3.0, 0.5]]),
+            0.15,
+            (rest, joints, parts, weights, descends, DOF_PART),
+            (*placed, rng.normal(size=(3, DOFS, 3))),
+            *filled,
+        ),
+        atol=1e-11,
+    )
 
 
 def fill_jacobian(rng):
@@ -57,3 +90,48 @@ def add_normal_equations(rng):
     rows = rng.normal(size=(30, 9)) * (rng.random((30, 9)) < 0.5)
     filled = np.eye(9), rng.normal(size=9)
     return Example((rows, rng.uniform(0, 2, 30), rng.normal(size=30), *filled), atol=1e-12)
+
+
+def poses(rng, count):
+    """Roots, rotations and angles."""
+    return rng.normal(size=(count, 3)), rotations(rng, count), rng.uniform(-1, 1, (count, DOFS))
+
+
+def add_pose_terms(rng):
+    size = 6 + DOFS
+    precision = rng.uniform(0, 2, (3, size)) * np.array([[1], [0], [1]])
+    usual = rng.uniform(0, 1, (3, DOFS)), rng.normal(size=DOFS)
+    limits = np.tile([-0.5, 0.5], (DOFS, 1))
+    filled = np.zeros((3, size, size)), rng.normal(size=(3, size))
+    arguments = poses(rng, 3), poses(rng, 3), precision, usual, limits, 9.0, *filled
+    return Example(arguments, atol=1e-11)
+
+
+def add_landmark_terms(rng):
+    marks, size = 6, 6 + DOFS
+    spread = rng.normal(size=(3, marks + 1, 3, 3))
+    inverse = spread @ np.swapaxes(spread, 2, 3)
+    part = rng.integers(0, PARTS, marks)
+    body = part, rng.normal(size=(marks, 3)), rng.random((PARTS, PARTS)) < 0.5, DOF_PART
+    placed = (
+        rotations(rng, 3 * PARTS).reshape(3, PARTS, 3, 3),
+        rng.normal(size=(3, PARTS, 3)),
+        rng.normal(size=(3, DOFS, 3)),
+    )
+    means = rng.normal(size=(3, marks, 3)), inverse[:, 1:].copy(), rng.normal(size=(3, 3))
+    prior = np.array([True, False, True]), *means, inverse[:, 0].copy()
+    filled = np.zeros((3, size, size)), rng.normal(size=(3, size))
+    return Example((body, placed, prior, 4.0, *filled), atol=1e-10)
+
+
+def bounded_steps(rng):
+    spread = rng.normal(size=(3, 8, 8))
+    matrix = spread @ np.swapaxes(spread, 1, 2) + 2 * np.eye(8)
+    low, high = np.full((3, 8), -0.3), np.full((3, 8), 0.4)
+    free = np.array([0, 1, 3, 4, 6, 7])
+    return Example((matrix, rng.normal(size=(3, 8)), free, low, high, np.empty((3, 8))), atol=1e-10)
+
+
+def move_poses(rng):
+    steps = 0.4 * rng.normal(size=(3, 6 + DOFS))
+    return Example((steps, np.tile([-0.9, 0.8], (DOFS, 1)), *poses(rng, 3)), atol=1e-12)

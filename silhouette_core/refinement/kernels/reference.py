@@ -3,26 +3,27 @@ with. Each takes the arguments of the kernel of its name and fills the same arra
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 
 def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
     """Nearest surface point to the ray among those that look out of the tangent plane."""
-    for i, c in enumerate(camera):
-        offset, facing = points - center[c], point_normals @ normal[i]
+    for k, i in np.ndindex(matched.shape):
+        offset, facing = points[k] - center[camera[i]], point_normals[k] @ normal[i]
         along = offset @ ray[i]
         distance2 = (offset**2).sum(axis=1) - along**2
-        allowed = (facing >= 0.5) & (along > 0) & (distance2 < reach**2)
+        allowed = (facing >= 0.5) & (along > 0) & (distance2 < reach[k] ** 2)
         cost = np.where(allowed, distance2 + 0.01 * (1 - facing), np.inf)
         best = cost.argmin()
-        matched[i] = best if allowed[best] else -1
-        gap[i] = offset[best] @ normal[i] if allowed[best] else 0.0
+        matched[k, i] = best if allowed[best] else -1
+        gap[k, i] = offset[best] @ normal[i] if allowed[best] else 0.0
 
 
 def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
     """Bilinear distance outside the silhouette and its derivative with the point."""
     fx, fy, cx, cy = intrinsics
     height, width = outside.shape
-    x, y, z = (points @ rotation.T + translation).T
+    x, y, z = np.moveaxis(points @ rotation.T + translation, -1, 0)
     u, v = fx * x / z + cx, fy * y / z + cy
     seen = (z > 0.05) & (u >= 1) & (u < width - 2) & (v >= 1) & (v < height - 2)
     i, j = np.where(seen, u, 0).astype(int), np.where(seen, v, 0).astype(int)
@@ -35,7 +36,7 @@ def measure_outside(points, intrinsics, rotation, translation, outside, gap, dir
     off = seen & (distance > 0)
     gap[:] = np.where(off, distance * z / fx, 0)
     along_x, along_y = right - left, lower - upper
-    gradient = np.stack([along_x, along_y, -(along_x * x + along_y * y) / z], axis=1)
+    gradient = np.stack([along_x, along_y, -(along_x * x + along_y * y) / z], axis=-1)
     direction[off] = (gradient @ rotation)[off]
 
 
@@ -58,6 +59,23 @@ def pose_surface(
     )
     turned = np.einsum("vk,vkij,vj->vi", skin_weights, part_rotation[skin_parts], rest_normals)
     normals[:] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+
+def pose_surfaces(
+    rest,
+    rest_normals,
+    joints,
+    skin_parts,
+    skin_weights,
+    part_rotation,
+    part_origin,
+    points,
+    normals,
+):
+    """The same for every pose."""
+    body = rest, rest_normals, joints, skin_parts, skin_weights
+    for k in range(len(points)):
+        pose_surface(*body, part_rotation[k], part_origin[k], points[k], normals[k])
 
 
 def fill_jacobian(
@@ -90,6 +108,100 @@ def add_normal_equations(rows, weight, gap, matrix, gradient):
     """J^T W J and J^T W r."""
     matrix += rows.T @ (weight[:, None] * rows)
     gradient += rows.T @ (weight * gap)
+
+
+def add_silhouette_terms(
+    contour, outside, weights, outside_m, body, placed, matrix, gradient, totals
+):
+    """J^T W J and J^T W r of all contour points with a match and all points outside."""
+    (matched, gap, normal), (away, toward) = contour, outside
+    rest, joints, skin_parts, skin_weights, descends, dof_part = body
+    totals[:] = 0
+    for k in np.flatnonzero(weights[:, 1]):
+        hits = matched[k] >= 0
+        _, out = np.nonzero(away[k] > 0)
+        r = np.concatenate([gap[k, hits], away[k][away[k] > 0]])
+        direction = np.concatenate([normal[hits], toward[k][away[k] > 0]])
+        scale = np.repeat([weights[k, 0], outside_m], [hits.sum(), len(out)])
+        largest = np.repeat(weights[k, 1:], [hits.sum(), len(out)])
+        weight = largest / (1 + (r / scale) ** 2) ** 2
+        rotation, origin, axis = (one[k] for one in placed)
+        rows = np.empty((len(r), matrix.shape[1]))
+        index = np.concatenate([matched[k, hits], out])
+        fill_jacobian(
+            index,
+            direction,
+            rest,
+            joints,
+            skin_parts,
+            skin_weights,
+            rotation,
+            origin,
+            descends,
+            dof_part,
+            axis,
+            rows,
+        )
+        add_normal_equations(rows, weight, r, matrix[k], gradient[k])
+        totals[k] = weight @ r**2, weight.sum(), hits.sum()
+
+
+def add_pose_terms(poses, means, precision, usual, limits, limit_precision, matrix, gradient):
+    """Gaussians about a mean pose and the resting stance, and of what is beyond the limits."""
+    (roots, rotations, angles), (stance_precision, stance) = poses, usual
+    beyond = angles - np.clip(angles, *limits.T)
+    turn = Rotation.from_matrix(rotations @ np.swapaxes(means[1], 1, 2)).as_rotvec()
+    off = np.concatenate([roots - means[0], turn, angles - means[2]], axis=1)
+    gradient += precision * off
+    gradient[:, 6:] += stance_precision * (angles - stance) + limit_precision * beyond
+    diagonal = precision.copy()
+    diagonal[:, 6:] += stance_precision + limit_precision * (beyond != 0)
+    matrix += diagonal[..., None] * np.eye(diagonal.shape[1])
+
+
+def add_landmark_terms(body, placed, prior, freedom, matrix, gradient):
+    """Student's t about the means relative to landmark 0, and a Gaussian of landmark 0."""
+    part, local, descends, dof_part = body
+    given, relative, precision, pelvis, pelvis_precision = prior
+    for k in np.flatnonzero(given):
+        rotation, origin, axis = (one[k] for one in placed)
+        place = origin[part] + np.einsum("lij,lj->li", rotation[part], local)
+        lever = place[:, None] - origin[dof_part]
+        moved = np.cross(axis, lever) * descends[dof_part][:, part].T[..., None]
+        cross = np.cross(np.eye(3), (place - origin[0])[:, None])
+        jacobian = np.concatenate([np.tile(np.eye(3), (len(part), 1, 1)), cross, moved], axis=1)
+        for m, rows in enumerate(np.swapaxes(jacobian, 1, 2)):
+            error, inverse, weight = place[0] - pelvis[k], pelvis_precision[k], 1.0
+            if m:
+                rows = rows - jacobian[0].T
+                error, inverse = place[m] - place[0] - relative[k, m], precision[k, m]
+                weight = (freedom + 3) / (freedom + error @ inverse @ error)
+            matrix[k] += weight * rows.T @ inverse @ rows
+            gradient[k] += weight * rows.T @ inverse @ error
+
+
+def bounded_steps(matrix, gradient, free, low, high, steps):
+    """Newton steps of the moving unknowns; those beyond a bound stop there."""
+    steps[:] = 0
+    for k, step in enumerate(steps):
+        moving = free
+        while len(moving):
+            own = matrix[k][np.ix_(moving, moving)] + 1e-6 * np.eye(len(moving))
+            solved = -np.linalg.solve(own, gradient[k, moving] + matrix[k, moving] @ step)
+            bounded = np.clip(solved, low[k, moving], high[k, moving])
+            violated = bounded != solved
+            if not violated.any():
+                step[moving] = solved
+                break
+            step[moving[violated]] = bounded[violated]
+            moving = moving[~violated]
+
+
+def move_poses(steps, limits, roots, rotations, angles):
+    """Root position, rotation about the world's axes, and angles within their limits."""
+    roots += steps[:, :3]
+    rotations[:] = Rotation.from_rotvec(steps[:, 3:6]).as_matrix() @ rotations
+    angles[:] = np.clip(angles + steps[:, 6:], *limits.T)
 
 
 def _placed(rest, joints, skin_parts, part_rotation, part_origin):

@@ -10,50 +10,76 @@ import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
 
-
-@parallel_kernel
-def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
-    """Fills matched (N,): the surface point that should touch each contour point's tangent plane.
-
-    That is, among surface points whose normal points out of the plane (the rim as seen from that
-    camera), the one nearest to the viewing ray, a deviating normal counting as distance; -1 if it
-    is farther than `reach` (m). Fills gap (N,) with the signed distance from plane to point,
-    positive outside.
-    """
-    for i in prange(camera.shape[0]):
-        o, d, n = center[camera[i]], ray[i], normal[i]
-        best, index = 1e30, -1
-        for v in range(points.shape[0]):
-            facing = (
-                point_normals[v, 0] * n[0] + point_normals[v, 1] * n[1] + point_normals[v, 2] * n[2]
-            )
-            if facing < 0.5:
-                continue
-            x, y, z = points[v, 0] - o[0], points[v, 1] - o[1], points[v, 2] - o[2]
-            along = x * d[0] + y * d[1] + z * d[2]
-            if along <= 0.0:
-                continue
-            distance2 = x * x + y * y + z * z - along * along
-            cost = distance2 + 0.01 * (1.0 - facing)
-            if cost < best and distance2 < reach * reach:
-                best, index = cost, v
-        matched[i] = index
-        if index >= 0:
-            gap[i] = (
-                (points[index, 0] - o[0]) * n[0]
-                + (points[index, 1] - o[1]) * n[1]
-                + (points[index, 2] - o[2]) * n[2]
-            )
-        else:
-            gap[i] = 0.0
+_CHUNK = 32  # contour points that are matched together
 
 
 @kernel
-def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
-    """Fills gap (V,): distance of each surface point outside one camera's silhouette, in metres at
-    the point's depth (0 inside the silhouette and outside the image), and direction (V, 3), the
-    world direction in which it grows.
+def _match_chunk(camera, center, ray, normal, points, point_normals, reach, matched, gap):
+    """Part of `match_contours`: the contour points of one pose that are given.
+
+    Distances are computed for all surface points at once, by vector instructions; most of them are
+    out of reach.
     """
+    count = points.shape[0]
+    x, y, z = np.empty(count), np.empty(count), np.empty(count)
+    square, distance2 = np.empty(count), np.empty(count)
+    seen_by = -1
+    for i in range(camera.shape[0]):
+        d, n = ray[i], normal[i]
+        if camera[i] != seen_by:
+            seen_by = camera[i]
+            o = center[seen_by]
+            for v in range(count):
+                x[v], y[v], z[v] = points[v, 0] - o[0], points[v, 1] - o[1], points[v, 2] - o[2]
+                square[v] = x[v] * x[v] + y[v] * y[v] + z[v] * z[v]
+        for v in range(count):
+            along = x[v] * d[0] + y[v] * d[1] + z[v] * d[2]
+            distance2[v] = square[v] - along * along if along > 0.0 else np.inf
+        best, limit, index = 1e30, reach * reach, -1
+        for v in range(count):
+            if distance2[v] >= limit:
+                continue
+            m = point_normals[v]
+            facing = m[0] * n[0] + m[1] * n[1] + m[2] * n[2]
+            cost = distance2[v] + 0.01 * (1.0 - facing)
+            if facing >= 0.5 and cost < best:
+                best, limit, index = cost, min(cost, limit), v
+        matched[i], gap[i] = index, 0.0
+        if index >= 0:
+            gap[i] = x[index] * n[0] + y[index] * n[1] + z[index] * n[2]
+
+
+@parallel_kernel
+def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
+    """Fills matched (K, N): the point of each of K posed surfaces that should touch each contour
+    point's tangent plane.
+
+    That is, among surface points (K, V, 3) whose normal points out of the plane (the rim as seen
+    from that camera), the one nearest to the viewing ray, a deviating normal counting as distance;
+    -1 if it is farther than `reach` (K,), m. Fills gap (K, N) with the signed distance from plane
+    to point, positive outside.
+    """
+    count = camera.shape[0]
+    chunks = (count + _CHUNK - 1) // _CHUNK
+    for task in prange(points.shape[0] * chunks):
+        k, first = task // chunks, task % chunks * _CHUNK
+        last = min(first + _CHUNK, count)
+        _match_chunk(
+            camera[first:last],
+            center,
+            ray[first:last],
+            normal[first:last],
+            points[k],
+            point_normals[k],
+            reach[k],
+            matched[k, first:last],
+            gap[k, first:last],
+        )
+
+
+@kernel
+def _measure_one(points, intrinsics, rotation, translation, outside, gap, direction):
+    """One surface of `measure_outside`."""
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     height, width = outside.shape
     for v in range(points.shape[0]):
@@ -80,6 +106,16 @@ def measure_outside(points, intrinsics, rotation, translation, outside, gap, dir
         for k in range(3):
             direction[v, k] = rotation[0, k] * gx + rotation[1, k] * gy + rotation[2, k] * gz
         gap[v] = distance * z / fx
+
+
+@parallel_kernel
+def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
+    """Fills gap (K, V): distance of each point of K surfaces (K, V, 3) outside one camera's
+    silhouette, in metres at the point's depth (0 inside the silhouette and outside the image), and
+    direction (K, V, 3), the world direction in which it grows, where it is not 0.
+    """
+    for k in prange(points.shape[0]):
+        _measure_one(points[k], intrinsics, rotation, translation, outside, gap[k], direction[k])
 
 
 @kernel
@@ -117,6 +153,87 @@ def pose_surface(
                 normals[v, i] /= length
 
 
+@parallel_kernel
+def pose_surfaces(
+    rest,
+    rest_normals,
+    joints,
+    skin_parts,
+    skin_weights,
+    part_rotation,
+    part_origin,
+    points,
+    normals,
+):
+    """Fills points and normals (K, V, 3) of K poses, each as `pose_surface` does."""
+    for k in prange(points.shape[0]):
+        pose_surface(
+            rest,
+            rest_normals,
+            joints,
+            skin_parts,
+            skin_weights,
+            part_rotation[k],
+            part_origin[k],
+            points[k],
+            normals[k],
+        )
+
+
+@kernel
+def _fill_row(v, n, body, part_rotation, part_origin, world_axis, columns, values):
+    """Derivatives of n . point v of the surface that are not 0: their columns and values, as many
+    as the number returned.
+    """
+    rest, joints, skin_parts, skin_weights, descends, dof_part = body
+    placed, whole = np.empty((4, 3)), np.zeros(3)
+    used = 0  # skinning parts of weight 0 come last, or are skipped below
+    for k in range(4):
+        w = skin_weights[v, k]
+        if w == 0.0:
+            continue
+        used = k + 1
+        p = skin_parts[v, k]
+        for a in range(3):
+            position = part_origin[p, a]
+            for b in range(3):
+                position += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
+            placed[k, a] = w * position
+            whole[a] += w * position
+    lx, ly = whole[0] - part_origin[0, 0], whole[1] - part_origin[0, 1]
+    lz = whole[2] - part_origin[0, 2]
+    for a in range(6):
+        columns[a] = a
+    values[0], values[1], values[2] = n[0], n[1], n[2]
+    values[3] = ly * n[2] - lz * n[1]
+    values[4] = lz * n[0] - lx * n[2]
+    values[5] = lx * n[1] - ly * n[0]
+    count, part, fraction = 6, -1, 0.0
+    tx, ty, tz = 0.0, 0.0, 0.0
+    for d in range(dof_part.shape[0]):
+        if dof_part[d] != part:  # the angles of one part lie next to each other
+            part = dof_part[d]
+            fraction, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
+            for k in range(used):
+                w = skin_weights[v, k]
+                if w > 0.0 and descends[part, skin_parts[v, k]]:
+                    fraction += w
+                    lx += placed[k, 0]
+                    ly += placed[k, 1]
+                    lz += placed[k, 2]
+            if fraction != 0.0:
+                lx -= fraction * part_origin[part, 0]
+                ly -= fraction * part_origin[part, 1]
+                lz -= fraction * part_origin[part, 2]
+                tx, ty, tz = ly * n[2] - lz * n[1], lz * n[0] - lx * n[2], lx * n[1] - ly * n[0]
+        if fraction != 0.0:
+            a = world_axis[d]
+            columns[count] = 6 + d
+            values[count] = a[0] * tx + a[1] * ty + a[2] * tz
+            count += 1
+    return count
+
+
 @kernel
 def fill_jacobian(
     index,
@@ -135,50 +252,87 @@ def fill_jacobian(
     """Fills rows (N, 6 + D): derivatives of direction . point by root position, root rotation
     vector (world) and joint angles.
     """
-    placed, whole = np.empty((4, 3)), np.empty(3)
+    body = rest, joints, skin_parts, skin_weights, descends, dof_part
+    columns, values = np.empty(rows.shape[1], np.int64), np.empty(rows.shape[1])
+    rows[:] = 0.0
     for i in range(index.shape[0]):
-        v = index[i]
-        n = direction[i]
-        placed[:] = 0.0
-        whole[:] = 0.0
-        for k in range(4):
-            w = skin_weights[v, k]
-            if w == 0.0:
+        count = _fill_row(
+            index[i],
+            direction[i],
+            body,
+            part_rotation,
+            part_origin,
+            world_axis,
+            columns,
+            values,
+        )
+        for c in range(count):
+            rows[i, columns[c]] = values[c]
+
+
+@kernel
+def _add_row(columns, values, count, weight, gap, matrix, gradient):
+    """Adds one weighted residual to the lower triangle of matrix and to gradient."""
+    for a in range(count):
+        scaled = weight * values[a]
+        gradient[columns[a]] += scaled * gap
+        for b in range(a + 1):
+            matrix[columns[a], columns[b]] += scaled * values[b]
+
+
+@parallel_kernel
+def add_silhouette_terms(
+    contour, outside, weights, outside_m, body, placed, matrix, gradient, totals
+):
+    """Adds J^T W J to matrix (K, n, n) and J^T W r to gradient (K, n) of K poses: contours as
+    `match_contours` matched them, then points as `measure_outside` found them outside.
+
+    contour is matched (K, N), gap (K, N) and normal (N, 3); outside is gap (K, C, V) and direction
+    (K, C, V, 3). weights (K, 3) are the scale of a contour residual's robust weight (m), its
+    largest weight and that of a point outside, 1/m², whose scale is outside_m; a pose of weight 0
+    is left out. body is rest, joints, skin_parts, skin_weights, descends and dof_part of
+    `fill_jacobian`; placed is part_rotation, part_origin and world_axis, each of K poses. Fills
+    totals (K, 3): sums of w r² and of w, and the number of matched contour points.
+    """
+    matched, gap, normal = contour
+    away, toward = outside
+    rotations, origins, axes = placed
+    size = matrix.shape[1]
+    for k in prange(matched.shape[0]):
+        totals[k] = 0.0
+        if weights[k, 1] == 0.0:
+            continue
+        columns, values = np.empty(size, np.int64), np.empty(size)
+        square, total, hits = 0.0, 0.0, 0
+        for i in range(matched.shape[1]):
+            v = matched[k, i]
+            if v < 0:
                 continue
-            p = skin_parts[v, k]
-            for a in range(3):
-                position = part_origin[p, a]
-                for b in range(3):
-                    position += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
-                placed[k, a] = w * position
-                whole[a] += w * position
-        lx, ly = whole[0] - part_origin[0, 0], whole[1] - part_origin[0, 1]
-        lz = whole[2] - part_origin[0, 2]
-        rows[i, 0], rows[i, 1], rows[i, 2] = n[0], n[1], n[2]
-        rows[i, 3] = ly * n[2] - lz * n[1]
-        rows[i, 4] = lz * n[0] - lx * n[2]
-        rows[i, 5] = lx * n[1] - ly * n[0]
-        for d in range(dof_part.shape[0]):
-            part = dof_part[d]
-            fraction, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
-            for k in range(4):
-                if skin_weights[v, k] > 0.0 and descends[part, skin_parts[v, k]]:
-                    fraction += skin_weights[v, k]
-                    lx += placed[k, 0]
-                    ly += placed[k, 1]
-                    lz += placed[k, 2]
-            if fraction == 0.0:
-                rows[i, 6 + d] = 0.0
-                continue
-            lx -= fraction * part_origin[part, 0]
-            ly -= fraction * part_origin[part, 1]
-            lz -= fraction * part_origin[part, 2]
-            a = world_axis[d]
-            rows[i, 6 + d] = (
-                a[0] * (ly * n[2] - lz * n[1])
-                + a[1] * (lz * n[0] - lx * n[2])
-                + a[2] * (lx * n[1] - ly * n[0])
+            hits += 1
+            r = gap[k, i]
+            w = weights[k, 1] / (1 + (r / weights[k, 0]) ** 2) ** 2
+            square += w * r * r
+            total += w
+            count = _fill_row(
+                v, normal[i], body, rotations[k], origins[k], axes[k], columns, values
             )
+            _add_row(columns, values, count, w, r, matrix[k], gradient[k])
+        for c in range(away.shape[1]):
+            for v in range(away.shape[2]):
+                r = away[k, c, v]
+                if r <= 0.0:
+                    continue
+                w = weights[k, 2] / (1 + (r / outside_m) ** 2) ** 2
+                square += w * r * r
+                total += w
+                count = _fill_row(
+                    v, toward[k, c, v], body, rotations[k], origins[k], axes[k], columns, values
+                )
+                _add_row(columns, values, count, w, r, matrix[k], gradient[k])
+        totals[k, 0], totals[k, 1], totals[k, 2] = square, total, hits
+        for a in range(size):
+            for b in range(a):
+                matrix[k, b, a] = matrix[k, a, b]
 
 
 @kernel

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
-    add_landmark_prior,
+    LandmarkPriors,
+    add_landmark_priors,
     landmark_jacobian,
     posed_landmarks,
 )
@@ -54,12 +55,13 @@ def test_the_gradient_is_that_of_students_t():
         return 3.5 * np.log1p((error**2).sum(axis=1) / 4).sum() + 0.5 * (pelvis**2).sum()
 
     size = 6 + MODEL.dof_count
-    matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    add_landmark_prior(matrix, gradient, MODEL, SURFACE.posed(pose), prior)
+    matrix, gradient = np.zeros((1, size, size)), np.zeros((1, size))
+    posed = SURFACE.posed_many(PoseArrays.from_poses([pose]))
+    add_landmark_priors(matrix, gradient, MODEL, posed, LandmarkPriors.from_priors([prior]))
     step = random_step(2, 1e-5)
     slope = (energy(pose.moved(step)) - energy(pose.moved(-step))) / 2
-    assert gradient @ step == pytest.approx(slope, rel=1e-3)
-    assert np.linalg.eigvalsh(matrix).min() > -1e-6
+    assert gradient[0] @ step == pytest.approx(slope, rel=1e-3)
+    assert np.linalg.eigvalsh(matrix[0]).min() > -1e-6
 
 
 def test_without_a_contour_the_joints_go_where_they_are_expected():
