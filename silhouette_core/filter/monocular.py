@@ -18,7 +18,7 @@ from silhouette_core.estimator import Estimate, Frame, FrameSource, Settings, re
 from silhouette_core.filter.forward import FilterFrame, ForwardFilter
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.hypothesis_tracker import TrackerSettings
-from silhouette_core.filter.person import find_person
+from silhouette_core.filter.person import Person, find_person
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
 from silhouette_core.filter.tree_filter import SIGMA_SCALE, TreeFilter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting
@@ -33,6 +33,7 @@ from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
 
 _LONG_SIDE_PX = 960
@@ -238,22 +239,37 @@ def _filter_frames(
             f"no picture of the empty view for {name}: the temporal median stands in for it"
         )
     reporter.stage("tracking", source.frame_count)
+    people = _people(source, silhouettes, lens, clock, coloured)
+    for number, seconds, person in read_ahead(people):
+        reporter.advance()
+        if person is None:
+            counts.absent.append(number)
+            continue
+        with clock("estimation"):
+            filter_frame = forward.step(number, seconds, person)
+        yield filter_frame
+
+
+def _people(
+    source: FrameSource,
+    silhouettes: Silhouettes,
+    lens: UndistortedView,
+    clock: StageClock,
+    coloured: bool,
+) -> Iterator[tuple[int, float, Person | None]]:
+    """Number and time of every frame, and the person in it."""
+    name = source.rig.names[0]
     near_px, usual_px = None, None
     for number, seconds, frames in source:
         with clock("silhouettes"):
             person = find_person(lens.undistort(silhouettes.of(frames)[name]), near_px, usual_px)
             if coloured and person is not None:
                 person = replace(person, colours=_colours(lens, frames[name], person.mask))
-        reporter.advance()
-        if person is None:
-            counts.absent.append(number)
-            continue
-        area = float(np.count_nonzero(person.mask))
-        usual_px = area if usual_px is None else 0.9 * usual_px + 0.1 * area
-        near_px = np.array([axis.mean() for axis in np.nonzero(person.mask)[::-1]])
-        with clock("estimation"):
-            filter_frame = forward.step(number, seconds, person)
-        yield filter_frame
+        if person is not None:
+            area = float(np.count_nonzero(person.mask))
+            usual_px = area if usual_px is None else 0.9 * usual_px + 0.1 * area
+            near_px = np.array([axis.mean() for axis in np.nonzero(person.mask)[::-1]])
+        yield number, seconds, person
 
 
 def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:

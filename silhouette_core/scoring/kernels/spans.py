@@ -36,13 +36,13 @@ def padded_prefix(observation, weights, margin, prefix):
     return base
 
 
-@kernel
+@parallel_kernel
 def interleave(prefixes, shifts, margin, table):
     """Fills table (h, w + 1, P S): entry p S + s is prefix image p (P, h + 2 m, w + 2 m + 1) moved
     by shift s (S, 2).
     """
     count = len(shifts)
-    for y in range(table.shape[0]):
+    for y in prange(table.shape[0]):
         for p in range(len(prefixes)):
             for s in range(count):
                 line = prefixes[p, y + margin + shifts[s, 1]]
