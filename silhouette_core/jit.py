@@ -1,6 +1,8 @@
 """Options of numba, for all compiled kernels."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 # Waiting threads sleep: spinning ones would occupy the cores that video decoding needs.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -33,6 +35,17 @@ def set_threads(threads: int | None = None) -> int:
         raise ValueError(f"threads must be at least 1, got {threads}")
     numba.set_num_threads(min(threads, available))
     return numba.get_num_threads()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keeps kernels to the calling thread: for work so small that waking others would cost more."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
 
 
 def cores() -> int:

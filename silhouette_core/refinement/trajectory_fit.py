@@ -15,6 +15,7 @@ from scipy.linalg import solveh_banded
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import FPS, STEP_SIGMA_RAD
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.refine import add_normal_equations
@@ -179,12 +180,13 @@ def _own_terms(
     matrix = np.zeros((count, 6 + model.dof_count, 6 + model.dof_count))
     gradient, reach = np.zeros(matrix.shape[:2]), np.array([reach_m])
     weights = contour_weights([settings.contour], reach)
-    for t, observation in enumerate(observations):
-        rows = slice(t, t + 1)
-        one, terms = posed.some(rows), (matrix[rows], gradient[rows])
-        add_silhouettes(surface, one, observation, reach, weights, *terms)
-        if floor:
-            _add_floor(matrix[t], gradient[t], surface, posed.one(t), settings)
+    with one_thread():
+        for t, observation in enumerate(observations):
+            rows = slice(t, t + 1)
+            one, terms = posed.some(rows), (matrix[rows], gradient[rows])
+            add_silhouettes(surface, one, observation, reach, weights, *terms)
+            if floor:
+                _add_floor(matrix[t], gradient[t], surface, posed.one(t), settings)
     usual = PosePriors.from_priors(poses, [None] * count, [settings.contour.usual] * count)
     add_pose_priors(matrix, gradient, poses, model, usual)
     add_landmark_priors(matrix, gradient, model, posed, landmark_priors)
