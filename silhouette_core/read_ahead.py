@@ -40,6 +40,6 @@ def read_ahead(items: Iterator[_Item]) -> Iterator[_Item]:
 def _shares_threads() -> bool:
     """Whether two threads may run parallel kernels at once: not with numba's simplest layer."""
     try:
-        return numba.threading_layer() in ("omp", "tbb")
+        return numba.threading_layer() in ("omp", "tbb")  # type: ignore[attr-defined]
     except ValueError:  # no parallel kernel has run yet, and the layer is not chosen
         return False
