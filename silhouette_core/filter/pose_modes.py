@@ -30,6 +30,7 @@ _PELVIS_SIGMA_M = 0.15
 # The frames' mixtures read the same silhouettes: each counts as this fraction of an observation.
 _INDEPENDENCE = 0.5
 _HEADINGS = 72
+_STATES_RAD = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
 _HEADING_SIGMA_RAD, _TURN_RAD = np.radians(18.0), np.radians(9.0)
 _UNKNOWN = 0.02  # probability that no mode has the right heading
 _EXPECTED = 2.0  # concentration of the heading expected in the first frame
@@ -132,6 +133,7 @@ class ModeFinder:
     def __init__(self, proposal: PoseProposal, camera: Camera, stature_m: float):
         """Keeps what it is given."""
         self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
+        self._headings = HeadingFilter()
 
     def view(self, window: Window, time_s: float) -> ModeView:
         """What the proposal reads of a frame, seen through a window about the silhouette."""
@@ -168,41 +170,68 @@ class ModeFinder:
             for mask, own, view in zip(masks, _smoothed(distance, times), views, strict=True)
         ]
 
-    def find(
-        self, views: Sequence[ModeView], causal: bool = False, facing: bool = False
-    ) -> list[FrameModes]:
-        """Modes of consecutive frames.
+    def distance(self, views: Sequence[ModeView]) -> float:
+        """Distance of the pelvis in the last of consecutive frames along its window's axis, m."""
+        features = _features(views, self.stature_m)
+        offset = self._modes(views, features, True, _last(views)).offset[0, 2]
+        return views[-1].window.distance_m * float(np.exp(offset))
+
+    def newest(self, views: Sequence[ModeView], facing: bool = False) -> FrameModes:
+        """Modes of the last of consecutive frames, from nothing later: for one frame after another.
+
+        Args:
+            views: frames of the last half second.
+            facing: whether the person is expected to face the camera in the first frame of all.
+        """
+        features, last = _features(views, self.stature_m), _last(views)
+        modes = self._modes(views, features, True, last)
+        axes = level_axes(features.heading_rad[last])
+        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        probability = self._headings.update(
+            body_headings(joints)[0],
+            np.asarray(modes.probability[0], float),
+            views[-1].time_s,
+            features.heading_rad[-1] - np.pi / 2 if facing else None,
+        )
+        return self._in_world(views[-1].window, modes, 0, joints[0], axes[0], probability)
+
+    def find(self, views: Sequence[ModeView], facing: bool = False) -> list[FrameModes]:
+        """Modes of consecutive frames, each from all of them.
 
         Args:
             views: T frames.
-            causal: whether no frame's modes depend on later frames.
             facing: whether the person is expected to face the camera in the first frame.
         """
         features = _features(views, self.stature_m)
-        modes = self._modes(views, features, causal)
+        modes = self._modes(views, features, False)
         axes = level_axes(features.heading_rad)
         joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
         probability = smooth_headings(
             body_headings(joints),
             np.asarray(modes.probability, float),
             np.asarray(features.time_s, float),
-            causal,
-            features.heading_rad[0] - np.pi / 2 if facing else None,
+            first_rad=features.heading_rad[0] - np.pi / 2 if facing else None,
         )
         return [
             self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
             for t, view in enumerate(views)
         ]
 
-    def _modes(self, views: Sequence[ModeView], features: FrameFeatures, causal: bool) -> PoseModes:
-        """Modes of the frames and of their mirror images, each half as probable."""
+    def _modes(
+        self,
+        views: Sequence[ModeView],
+        features: FrameFeatures,
+        causal: bool,
+        frames: NDArray[np.integer] | None = None,
+    ) -> PoseModes:
+        """Modes of frames and of their mirror images, each half as probable."""
         mirrored = replace(
             features,
             codes=SilhouetteCodes.joined([view.codes[1:] for view in views]),
             heading_rad=np.pi - features.heading_rad,
             anchor=features.anchor * [-1.0, 1.0, 1.0],
         )
-        one, other = (self.proposal.modes(seen, causal) for seen in (features, mirrored))
+        one, other = (self.proposal.modes(seen, causal, frames) for seen in (features, mirrored))
         joints = other.joints[:, :, _EXCHANGED] * np.array([-1, 1, 1], np.float32)
         offset = other.offset * np.array([-1, 1, 1], np.float32)
         return PoseModes(
@@ -240,6 +269,10 @@ class ModeFinder:
             for mode in range(len(joints))
         ]
         return FrameModes(probability, priors, depth)
+
+
+def _last(views: Sequence[ModeView]) -> NDArray[np.int64]:
+    return np.array([len(views) - 1])
 
 
 def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
@@ -306,7 +339,6 @@ def smooth_headings(
     heading_rad: NDArray[np.float64],
     probability: NDArray[np.float64],
     time_s: NDArray[np.float64],
-    causal: bool = False,
     first_rad: float | None = None,
 ) -> NDArray[np.float64]:
     r"""Probabilities of modes, given the headings of all frames.
@@ -320,7 +352,6 @@ def smooth_headings(
         heading_rad: (T, M), headings of the modes, :math:`\phi_{tm}`.
         probability: (T, M), :math:`\pi_{tm}`.
         time_s: (T,), increasing.
-        causal: whether later frames are left out: the forward pass alone.
         first_rad: heading expected in the first frame, loosely; None: any.
 
     Returns:
@@ -328,31 +359,85 @@ def smooth_headings(
 
     Source: the forward-backward algorithm, textbook.
     """
-    states = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
-    apart = np.abs((states - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
-    kernel = np.exp(-0.5 * (apart / _HEADING_SIGMA_RAD) ** 2)
-    kernel /= kernel.sum(axis=-1, keepdims=True)
-    seen = (1 - _UNKNOWN) * np.einsum("tm,tms->ts", probability, kernel) + _UNKNOWN / _HEADINGS
-    seen **= _INDEPENDENCE
+    kernel, seen = _observed(heading_rad, probability)
     if first_rad is not None:
-        seen[0] *= np.exp(_EXPECTED * (np.cos(states - first_rad) - 1))
-    turn = (states + np.pi) % (2 * np.pi) - np.pi
+        seen[0] *= _expected(first_rad)
     forward, backward = seen.copy(), np.ones_like(seen)
     forward[0] /= forward[0].sum()
-    spectra = []
-    for steps in np.maximum(np.diff(time_s) * FPS, 0.1):
-        moved = np.exp(-0.5 * (turn / _TURN_RAD) ** 2 / steps) + _JUMP * steps
-        spectra.append(np.fft.rfft(moved / moved.sum()))
+    spectra = [_turning(interval) for interval in np.diff(time_s)]
     for t, spectrum in enumerate(spectra, 1):
         forward[t] *= _convolved(forward[t - 1], spectrum)
         forward[t] /= forward[t].sum()
     for t in range(len(seen) - 2, -1, -1):
         backward[t] = _convolved(backward[t + 1] * seen[t + 1], spectra[t])
         backward[t] /= backward[t].sum()
-    smoothed = forward if causal else forward * backward
-    smoothed /= smoothed.sum(axis=1, keepdims=True)
-    weighted = probability * np.einsum("ts,tms->tm", smoothed, kernel)
-    return weighted / weighted.sum(axis=1, keepdims=True)
+    return _weighed(probability, kernel, forward * backward)
+
+
+class HeadingFilter:
+    """The forward pass of `smooth_headings`, frame by frame."""
+
+    def __init__(self) -> None:
+        """Knows no heading yet."""
+        self._density: NDArray[np.float64] | None = None
+        self._time_s = 0.0
+
+    def update(
+        self,
+        heading_rad: NDArray[np.float64],
+        probability: NDArray[np.float64],
+        time_s: float,
+        first_rad: float | None = None,
+    ) -> NDArray[np.float64]:
+        """Probabilities (M,) of the modes of the next frame, given the headings of all so far.
+
+        Args:
+            heading_rad: (M,), headings of the modes.
+            probability: (M,), of the modes.
+            time_s: time of the frame, later than the last one's.
+            first_rad: heading expected in the first frame, loosely; None: any.
+        """
+        kernel, density = _observed(heading_rad, probability)
+        if self._density is not None:
+            density = density * _convolved(self._density, _turning(time_s - self._time_s))
+        elif first_rad is not None:
+            density = density * _expected(first_rad)
+        density = density / density.sum()
+        self._density, self._time_s = density, time_s
+        return _weighed(probability, kernel, density)
+
+
+def _observed(
+    heading_rad: NDArray[np.float64], probability: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Density (…, M, 72) of the heading about every mode, and likelihood (…, 72) of the headings
+    with modes (…, M).
+    """
+    apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
+    kernel = np.exp(-0.5 * (apart / _HEADING_SIGMA_RAD) ** 2)
+    kernel /= kernel.sum(axis=-1, keepdims=True)
+    seen = (1 - _UNKNOWN) * np.einsum("...m,...ms->...s", probability, kernel)
+    return kernel, (seen + _UNKNOWN / _HEADINGS) ** _INDEPENDENCE
+
+
+def _expected(heading_rad: float) -> NDArray[np.float64]:
+    return np.exp(_EXPECTED * (np.cos(_STATES_RAD - heading_rad) - 1))
+
+
+def _turning(interval_s: float) -> NDArray[np.complexfloating]:
+    """Spectrum of the density of the turn within an interval."""
+    turn, steps = (_STATES_RAD + np.pi) % (2 * np.pi) - np.pi, max(interval_s * FPS, 0.1)
+    moved = np.exp(-0.5 * (turn / _TURN_RAD) ** 2 / steps) + _JUMP * steps
+    return np.fft.rfft(moved / moved.sum())
+
+
+def _weighed(
+    probability: NDArray[np.float64], kernel: NDArray[np.float64], density: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Probabilities (…, M) of modes, times the density (…, 72) of their headings."""
+    density = density / density.sum(axis=-1, keepdims=True)
+    weighted = probability * np.einsum("...s,...ms->...m", density, kernel)
+    return weighted / weighted.sum(axis=-1, keepdims=True)
 
 
 def _convolved(

@@ -159,7 +159,7 @@ class PoseTrajectory:
         if not self.smooth:
             view = self._coloured(view, filter_frame.person)
         self._views = [one for one in self._views if view.time_s - one.time_s <= _MEMORY_S] + [view]
-        self.distance_m = self.finder.find(self._views, causal=True)[-1].distance_m
+        self.distance_m = self.finder.distance(self._views)
         return view
 
     def _mask(self, frame: _PendingFrame) -> NDArray[np.bool_]:
@@ -202,7 +202,7 @@ class PoseTrajectory:
             if self.smooth:
                 modes = self._modes_over_time(masks)
             else:
-                modes = self.finder.find(self._views, causal=True)[-1:]
+                modes = [self.finder.newest(self._views, self.settings.facing)]
         if self.sexes and self.smooth:
             with self.clock("body"):
                 self.tracker.set_body(

@@ -35,7 +35,7 @@ class TrainingSettings:
         decay: decay of the weights per unit of rate.
     """
 
-    steps: int = 8000
+    steps: int = 12_000
     batch: int = 320
     rate: float = 1e-3
     hidden: tuple[int, ...] = (512, 512)

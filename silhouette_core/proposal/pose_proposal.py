@@ -87,19 +87,26 @@ class PoseProposal:
         """
         return replace(codes, skin=self.skin.encode(skin), coloured=np.ones(len(codes), bool))
 
-    def modes(self, features: FrameFeatures, causal: bool = False) -> PoseModes:
+    def modes(
+        self,
+        features: FrameFeatures,
+        causal: bool = False,
+        frames: NDArray[np.integer] | None = None,
+    ) -> PoseModes:
         """Probable poses in every frame.
 
         Args:
             features: of the frames.
             causal: whether each frame's poses depend on no later frame.
+            frames: (n,), frames whose poses are asked for; None: all.
 
         Returns:
-            The modes of all frames.
+            The modes of these frames.
         """
-        frames = np.arange(len(features))
-        flags = np.full(len(features), causal)
-        nearby = nearby_frames(features.time_s)
+        if frames is None:
+            frames = np.arange(len(features))
+        flags = np.full(len(frames), causal)
+        nearby = nearby_frames(features.time_s)[frames]
         found = self.network.mixture(network_inputs(features, frames, nearby, flags))
         return PoseModes(
             found.probability,
@@ -134,9 +141,7 @@ class PoseProposal:
             ValueError: the arrays do not fit together, or are those of an earlier version.
         """
         if "mean_skin" not in arrays:
-            raise ValueError(
-                "its proposal was learned by an earlier version"
-            )
+            raise ValueError("its proposal was learned by an earlier version")
         bases = {
             name: SilhouetteBasis(arrays[f"mean_{name}"], arrays[f"{name}_basis"])
             for name in ("coverage", "feet", "skin")

@@ -51,8 +51,8 @@ class LearningSettings:
         seed: seed of everything random.
     """
 
-    frames: int = 160_000
-    takes: int = 12
+    frames: int = 200_000
+    takes: int = 15
     mirror: bool = True
     passes: float = 16.0
     training: TrainingSettings = field(default_factory=TrainingSettings)

@@ -5,6 +5,7 @@ import pytest
 
 from silhouette_core.filter.pose_modes import (
     FrameModes,
+    HeadingFilter,
     ModeView,
     _features,
     body_headings,
@@ -58,11 +59,16 @@ def test_a_turn_is_followed():
     assert (smooth_headings(heading, probability, TIMES)[:, 0] > 0.8).all()
 
 
-def test_causal_headings_do_not_read_later_frames():
-    early, late = two_headings({3: 1}), two_headings({3: 1, 15: 0})
-    first, second = (smooth_headings(*one, TIMES, causal=True) for one in (early, late))
-    assert first[:15] == pytest.approx(second[:15])
-    assert abs(smooth_headings(*early, TIMES) - smooth_headings(*late, TIMES))[:15].max() > 0.1
+def test_headings_frame_by_frame_are_those_of_the_past():
+    heading, probability = two_headings({3: 1, 15: 0})
+    causal, found = HeadingFilter(), []
+    for t, time_s in enumerate(TIMES):
+        found.append(causal.update(heading[t], probability[t], time_s))
+        past = smooth_headings(heading[: t + 1], probability[: t + 1], TIMES[: t + 1])
+        assert found[-1] == pytest.approx(past[-1])
+    assert abs(smooth_headings(heading, probability, TIMES) - found).max() > 0.1
+    expected = HeadingFilter()
+    assert expected.update(heading[0], probability[0], 0.0, heading[0, 1])[1] > 0.9
 
 
 def test_headings_are_those_of_hips_and_shoulders():
