@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from silhouette_core.filter.pose_modes import (
-    FrameModes,
-    HeadingFilter,
-    ModeView,
-    _features,
-    body_headings,
-    merge_modes,
-    smooth_headings,
-)
+from silhouette_core.filter.body_heading import HeadingFilter, body_headings, smooth_headings
+from silhouette_core.filter.pose_modes import FrameModes, ModeView, _features, merge_modes
 from silhouette_core.filter.window import Window
 from silhouette_core.proposal.silhouette_features import SilhouetteCodes
 from silhouette_core.refinement.landmark_prior import LandmarkPrior

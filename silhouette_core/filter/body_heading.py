@@ -1,0 +1,145 @@
+"""How the whole body is headed, decided over time.
+
+Seen from the front and from behind, silhouettes are nearly alike; the frames that tell decide for
+the others, by a hidden Markov model whose states are headings. Beyond paper A.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.dynamics import FPS
+
+# The frames' mixtures read the same silhouettes: each counts as this fraction of an observation.
+_INDEPENDENCE = 0.5
+_HEADINGS = 72
+_STATES_RAD = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
+_HEADING_SIGMA_RAD, _TURN_RAD = np.radians(18.0), np.radians(9.0)
+_UNKNOWN = 0.02  # probability that no mode has the right heading
+_EXPECTED = 2.0  # concentration of the heading expected in the first frame
+_JUMP = 1e-5  # weight of any turn, relative to none
+_LEFT, _RIGHT = (
+    [LANDMARK_NAMES.index(f"{side}_{name}") for name in ("hip", "shoulder")]
+    for side in ("left", "right")
+)
+
+
+def body_headings(joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Headings (…,), radians, of the axis from right to left hip and shoulder of joints
+    (…, 15, 3).
+    """
+    across = (joints[..., _LEFT, :] - joints[..., _RIGHT, :]).sum(axis=-2)
+    return np.arctan2(across[..., 1], across[..., 0])
+
+
+def smooth_headings(
+    heading_rad: NDArray[np.float64],
+    probability: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    first_rad: float | None = None,
+) -> NDArray[np.float64]:
+    r"""Probabilities of modes, given the headings of all frames.
+
+    The heading :math:`\phi_t` is the state of a hidden Markov model on a circle of 72 states, that
+    turns by a normally distributed angle from frame to frame; it is observed through the mixture
+
+    .. math:: p(z_t|\phi_t) \propto \Bigl(\sum_m \pi_{tm}\, N(\phi_t;\, \phi_{tm}, \sigma^2)\Bigr)^a
+
+    Args:
+        heading_rad: (T, M), headings of the modes, :math:`\phi_{tm}`.
+        probability: (T, M), :math:`\pi_{tm}`.
+        time_s: (T,), increasing.
+        first_rad: heading expected in the first frame, loosely; None: any.
+
+    Returns:
+        (T, M), :math:`\pi_{tm}` times the smoothed probability of the mode's heading, normalised.
+
+    Source: the forward-backward algorithm, textbook.
+    """
+    kernel, seen = _observed(heading_rad, probability)
+    if first_rad is not None:
+        seen[0] *= _expected(first_rad)
+    forward, backward = seen.copy(), np.ones_like(seen)
+    forward[0] /= forward[0].sum()
+    spectra = [_turning(interval) for interval in np.diff(time_s)]
+    for t, spectrum in enumerate(spectra, 1):
+        forward[t] *= _convolved(forward[t - 1], spectrum)
+        forward[t] /= forward[t].sum()
+    for t in range(len(seen) - 2, -1, -1):
+        backward[t] = _convolved(backward[t + 1] * seen[t + 1], spectra[t])
+        backward[t] /= backward[t].sum()
+    return _weighed(probability, kernel, forward * backward)
+
+
+class HeadingFilter:
+    """The forward pass of `smooth_headings`, frame by frame."""
+
+    def __init__(self) -> None:
+        """Knows no heading yet."""
+        self._density: NDArray[np.float64] | None = None
+        self._time_s = 0.0
+
+    def update(
+        self,
+        heading_rad: NDArray[np.float64],
+        probability: NDArray[np.float64],
+        time_s: float,
+        first_rad: float | None = None,
+    ) -> NDArray[np.float64]:
+        """Probabilities (M,) of the modes of the next frame, given the headings of all so far.
+
+        Args:
+            heading_rad: (M,), headings of the modes.
+            probability: (M,), of the modes.
+            time_s: time of the frame, later than the last one's.
+            first_rad: heading expected in the first frame, loosely; None: any.
+        """
+        kernel, density = _observed(heading_rad, probability)
+        if self._density is not None:
+            density = density * _convolved(self._density, _turning(time_s - self._time_s))
+        elif first_rad is not None:
+            density = density * _expected(first_rad)
+        density = density / density.sum()
+        self._density, self._time_s = density, time_s
+        return _weighed(probability, kernel, density)
+
+
+def _observed(
+    heading_rad: NDArray[np.float64], probability: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Density (…, M, 72) of the heading about every mode, and likelihood (…, 72) of the headings
+    with modes (…, M).
+    """
+    apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
+    kernel = np.exp(-0.5 * (apart / _HEADING_SIGMA_RAD) ** 2)
+    kernel /= kernel.sum(axis=-1, keepdims=True)
+    seen = (1 - _UNKNOWN) * np.einsum("...m,...ms->...s", probability, kernel)
+    return kernel, (seen + _UNKNOWN / _HEADINGS) ** _INDEPENDENCE
+
+
+def _expected(heading_rad: float) -> NDArray[np.float64]:
+    return np.exp(_EXPECTED * (np.cos(_STATES_RAD - heading_rad) - 1))
+
+
+def _turning(interval_s: float) -> NDArray[np.complexfloating]:
+    """Spectrum of the density of the turn within an interval."""
+    turn, steps = (_STATES_RAD + np.pi) % (2 * np.pi) - np.pi, max(interval_s * FPS, 0.1)
+    moved = np.exp(-0.5 * (turn / _TURN_RAD) ** 2 / steps) + _JUMP * steps
+    return np.fft.rfft(moved / moved.sum())
+
+
+def _weighed(
+    probability: NDArray[np.float64], kernel: NDArray[np.float64], density: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Probabilities (…, M) of modes, times the density (…, 72) of their headings."""
+    density = density / density.sum(axis=-1, keepdims=True)
+    weighted = probability * np.einsum("...s,...ms->...m", density, kernel)
+    return weighted / weighted.sum(axis=-1, keepdims=True)
+
+
+def _convolved(
+    density: NDArray[np.float64], spectrum: NDArray[np.complexfloating]
+) -> NDArray[np.float64]:
+    return np.maximum(np.fft.irfft(np.fft.rfft(density) * spectrum, _HEADINGS), 1e-300)
