@@ -66,6 +66,8 @@ class ForwardFilter:
         distance_m: constant distance of the person, as in the paper; None: estimated frame by
             frame.
         interval_s: time between two frames, for which the tree filter's transitions were made.
+        corrected: whether `correct` gives the distance after every frame: then no other distances
+            are tried than this one, but in the first frame.
     """
 
     def __init__(
@@ -76,12 +78,13 @@ class ForwardFilter:
         weighting: Weighting = "balanced",
         distance_m: float | None = None,
         interval_s: float = 1 / FPS,
+        corrected: bool = False,
     ):
         """Starts without a posterior."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
         self._distance_m, self._interval_s = distance_m, interval_s
-        self._facing = facing
+        self._facing, self._corrected = facing, corrected
         self._last: FilterFrame | None = None
         self._recent_best: list[float] = []
 
@@ -103,10 +106,8 @@ class ForwardFilter:
             if last is not None:
                 middle = float(np.sqrt(middle * last.distance_m))
         else:
-            middle, factors = (
-                last.distance_m,
-                np.exp(np.array([0.0, -_DISTANCE_STEP, _DISTANCE_STEP])),
-            )
+            steps = [0.0] if self._corrected else [0.0, -_DISTANCE_STEP, _DISTANCE_STEP]
+            middle, factors = last.distance_m, np.exp(np.array(steps))
         metre_px = STATURE_PX / library.model.sizes.stature_m
         windows = tuple(
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors

@@ -141,7 +141,12 @@ class MonocularEstimator:
         facing = options.start == "facing"
         coloured = not (options.outline_only or source.silhouettes_given)
         forward = ForwardFilter(
-            tree, lens.pinhole, facing, options.weighting, interval_s=1 / source.fps
+            tree,
+            lens.pinhole,
+            facing,
+            options.weighting,
+            interval_s=1 / source.fps,
+            corrected=options.refine and library.proposal is not None,
         )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
         trajectory = PoseTrajectory(
