@@ -198,3 +198,24 @@ def test_the_floor_is_decided_over_time(library):
         costs.off_floor([standing], surface)
     assert costs.on_floor
     assert costs.off_floor([jumping], surface)[0] > costs.off_floor([standing], surface)[0] + 2
+
+
+def test_the_floor_is_a_cost_of_every_frame(tree, monkeypatch):
+    """Of poses that fit alike, the one on the floor is cheaper: here only one of them is."""
+    pose = poses_of(performed("walk"))[12]
+    person = Person(silhouette(body(), pose, CAMERA), False)
+    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, person)
+
+    def first(row):
+        tracker = HypothesisTracker(tree, CAMERA, TrackerSettings(refine=False))
+        off = lambda poses, _: np.where(np.arange(len(poses)) == row, 0.0, 1000.0)  # noqa: E731
+        if row is not None:
+            monkeypatch.setattr(tracker.costs, "off_floor", off)
+        return tracker.step(frame, None, None)
+
+    usual, second, third = first(None), first(1), first(2)
+    assert len(usual.poses) > 2
+    # Costs are counted from the best one's: it stands out by what the others pay.
+    for beam in (second, third):
+        assert beam.cost[0] == 0 and beam.cost[1] > 900
+    assert np.abs(second.joints[0] - third.joints[0]).max() > 0.01

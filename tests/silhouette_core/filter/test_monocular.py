@@ -11,6 +11,7 @@ from calib.errors import InputError
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.filter import trajectory
+from silhouette_core.filter.forward import ForwardFilter
 from silhouette_core.filter.monocular import MonocularEstimator
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.filter.filming import STATURE_M, body, camera_at, films, performed
@@ -114,6 +115,26 @@ def test_who_is_not_there_is_not_invented(track, filmed):
     estimate = track(masks, refine=False)
     assert estimate.motion.frames.tolist() == [0, 1, 2, 6, 7, 8, 9]
     assert estimate.facts["frames_absent"] == [3, 4, 5]
+
+
+def test_occluded_parts_move_farther_unless_dm1_is_asked_for(track, filmed, monkeypatch):
+    """The filter's prior is that of DM2."""
+    step = ForwardFilter.step
+
+    def posterior(**options):
+        steps = []
+
+        def recorded(self, *args):
+            steps.append(step(self, *args))
+            return steps[-1]
+
+        monkeypatch.setattr(ForwardFilter, "step", recorded)
+        track(filmed[1][:3], refine=False, **options)
+        return steps[-1].posterior
+
+    found = [posterior(), *(posterior(motion_model=name) for name in ("DM2", "DM1"))]
+    probability = [dict(zip(one.samples, one.probability, strict=True)) for one in found]
+    assert probability[0] == probability[1] != probability[2]
 
 
 def test_nobody_at_all_is_one_clear_line(track):

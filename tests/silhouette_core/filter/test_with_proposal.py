@@ -90,10 +90,15 @@ def test_frames_are_refined_together(tracked, filmed, library_with_proposal, mon
     def jitter(estimate):
         return np.linalg.norm(np.diff(estimate.motion.landmarks(), 2, axis=0), axis=-1).mean()
 
-    monkeypatch.setattr(
-        trajectory, "fit_trajectory", lambda surface, frames, poses, *_, **__: poses
-    )
+    floors = []
+
+    def unrefined(surface, observations, poses, time_s, priors, floor, **_):
+        floors.append(floor)
+        return poses
+
+    monkeypatch.setattr(trajectory, "fit_trajectory", unrefined)
     assert jitter(tracked) < 0.8 * jitter(track(filmed[1], library_with_proposal))
+    assert floors == [True]  # who stands at z = 0 stands on the floor
 
 
 def test_hypotheses_are_those_that_decide(tracked):
