@@ -58,9 +58,9 @@ def test_time_grows_with_the_number_of_poses_not_its_square():
     thin_poses(walk[:100], 0.1)
 
     def seconds(count: int) -> float:
-        start = time.perf_counter()
+        start = time.process_time()  # whatever else the machine does
         thin_poses(walk[:count], 0.1)
-        return time.perf_counter() - start
+        return time.process_time() - start
 
     few, many = (min(seconds(count) for _ in range(4)) for count in (20_000, 80_000))
     assert (

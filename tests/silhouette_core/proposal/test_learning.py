@@ -85,7 +85,7 @@ print(hashlib.sha256(b"".join(array.tobytes() for array in arrays.values())).hex
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_the_number_of_threads():
     found = set()
-    for threads in ("1", "2", "3"):
+    for threads in ("1", "3"):
         variables = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
         environment = os.environ | dict.fromkeys(variables, threads)
         done = subprocess.run(
