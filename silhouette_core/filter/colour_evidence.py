@@ -18,7 +18,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.window import Window
 from silhouette_core.image.head_colours import ColourCrop, HeadColours
-from silhouette_core.proposal.silhouette_features import FULL, GRID
+from silhouette_core.proposal.silhouette_features import FULL, GRID, counted
 
 _NECK, _TOP = LANDMARK_NAMES.index("neck"), LANDMARK_NAMES.index("head_top")
 _LOWEST = 0.35  # of the way from the neck to the top of the head: above it is the head
@@ -89,9 +89,7 @@ class ColourEvidence:
             (columns, rows),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         )
-        upper, lower = seen[::2], seen[1::2]
-        cells = upper[:, ::2] + upper[:, 1::2] + lower[:, ::2] + lower[:, 1::2]
-        return np.clip(np.rint(cells), 0, FULL).astype(np.uint8)
+        return np.clip(np.rint(counted(seen)), 0, FULL).astype(np.uint8)
 
     def _head(self, joints_m: NDArray[np.float64], crop: ColourCrop) -> NDArray[np.bool_]:
         """Pixels (h, w) bool of the head in a crop."""

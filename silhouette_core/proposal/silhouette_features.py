@@ -135,16 +135,19 @@ def coverage_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
     window: of 2 x 2 pixels two must be set, of these 2 x 2 are counted.
     """
     check_array("masks", masks.reshape(-1, *masks.shape[-2:]), ("N", *_WINDOW_PX), np.bool_)
-    rows, columns = GRID
-    halves = halved(masks).reshape(*masks.shape[:-2], rows, 2, columns, 2)
-    return halves.sum(axis=(-3, -1), dtype=np.uint8)
+    return counted(halved(masks).view(np.uint8))
 
 
 def halved(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Silhouettes (…, h / 2, w / 2) of masks (…, h, w): of 2 x 2 pixels two must be set."""
-    *more, height, width = masks.shape
-    cells = masks.reshape(*more, height // 2, 2, width // 2, 2)
-    return cells.sum(axis=(-3, -1), dtype=np.uint8) >= 2
+    a, b, c, d = (masks[..., y::2, x::2] for y in range(2) for x in range(2))
+    return (a & b) | (c & d) | ((a | b) & (c | d))
+
+
+def counted(masks: NDArray) -> NDArray:
+    """Coverage (…, h / 2, w / 2), 0 to 4, of masks (…, h, w), 0 or 1: the sums of 2 x 2 pixels."""
+    a, b, c, d = (masks[..., y::2, x::2] for y in range(2) for x in range(2))
+    return a + b + c + d
 
 
 def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -23,6 +23,7 @@ from silhouette_core.proposal.silhouette_features import (
     FULL,
     GRID,
     STATURE_CELLS,
+    counted,
     feet_grid,
     level_axes,
 )
@@ -261,8 +262,7 @@ def window_coverage(masks: NDArray[np.uint8], corners: NDArray[np.integer]) -> N
         bottom, right = min(top + rows, height), min(left + columns, width)
         inside = mask[max(top, 0) : bottom, max(left, 0) : right]
         part[max(-top, 0) : bottom - top, max(-left, 0) : right - left] = inside
-    upper, lower = window[:, ::2], window[:, 1::2]
-    return upper[..., ::2] + upper[..., 1::2] + lower[..., ::2] + lower[..., 1::2]
+    return counted(window)
 
 
 def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
