@@ -7,7 +7,16 @@ process, after a warm-up; the shortest of several runs counts.
 import platform
 import sys
 
-from benchmarks import carving, cases, filter, fitting, library, scoring, silhouettes  # noqa: F401
+from benchmarks import (  # noqa: F401
+    carving,
+    cases,
+    filter,
+    fitting,
+    large_library,
+    library,
+    scoring,
+    silhouettes,
+)
 from silhouette_core.jit import set_threads
 
 

@@ -113,7 +113,13 @@ class ForwardFilter:
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
         )
         prior = self._prior(windows[0], last, time_s, restarted)
-        evidence = Evidence(windows, self.weighting, self.tree.backend, library.bounds_px)
+        evidence = Evidence(
+            windows,
+            self.weighting,
+            self.tree.backend,
+            library.bounds_px,
+            library.settings.tree == "views",
+        )
         posterior = self.tree.update(prior, evidence)
         best = float(posterior.distance[0])
         usual = float(np.median(self._recent_best)) if self._recent_best else best
@@ -159,11 +165,10 @@ class ForwardFilter:
             steps = int(np.clip(intervals, 1, _MOST_STEPS))
             prior = self.tree.predict(last.posterior, steps)
             if last.lost:
-                prior = 0.5 * prior + 0.5 / len(prior)
+                prior = self.tree.spread(prior, 0.5)
         # The pitch of a view is a property of the camera and not of the motion.
-        pitch = library.views[library.sample_view, 1]
-        prior = prior * np.exp(-0.5 * ((pitch - window.pitch_rad) / _PITCH_SIGMA_RAD) ** 2)
-        return prior / prior.sum()
+        away = (library.views[:, 1] - window.pitch_rad) / _PITCH_SIGMA_RAD
+        return self.tree.weigh_views(prior, np.exp(-0.5 * away**2))
 
     def _initial(self) -> NDArray[np.float64]:
         library = self.tree.library

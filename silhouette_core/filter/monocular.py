@@ -20,7 +20,7 @@ from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.hypothesis_tracker import TrackerSettings
 from silhouette_core.filter.person import Person, find_person
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
-from silhouette_core.filter.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.filter.view_tree_filter import tree_filter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting
 from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
@@ -28,7 +28,6 @@ from silhouette_core.jit import set_threads
 from silhouette_core.library.default import default_library
 from silhouette_core.library.pose_library import PoseLibrary, require_body
 from silhouette_core.library.store import read_library
-from silhouette_core.library.transitions import transitions
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import smooth_runs
@@ -127,14 +126,10 @@ class MonocularEstimator:
         library = _library(options, settings, reporter)
         lens = UndistortedView.from_camera(source.rig.cameras[0], _LONG_SIDE_PX)
         reporter.stage("motion model")
-        tree = TreeFilter(
+        tree = tree_filter(
             library,
-            transitions(
-                library,
-                options.motion_model == "DM2",
-                sigma_scale=SIGMA_SCALE,
-                interval_s=1 / source.fps,
-            ),
+            options.motion_model == "DM2",
+            interval_s=1 / source.fps,
             backend=load_backend(settings.backend),
         )
         clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()

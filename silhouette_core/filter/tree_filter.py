@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 
 from silhouette_core.filter.evidence import Alignment, Evidence
 from silhouette_core.library.pose_library import PoseLibrary
+from silhouette_core.library.rendering import WINDOW_PX
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
@@ -136,6 +137,22 @@ class TreeFilter:
         prior /= max(prior.sum(), 1e-300)
         return (1 - self.settings.floor) * prior + self.settings.floor / len(prior)
 
+    def spread(self, prior: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+        """Prior of which a share is spread evenly over the library.
+
+        Args:
+            prior: (N,) float64, summing to 1.
+            share: from 0 to 1.
+        """
+        return (1 - share) * prior + share / len(prior)
+
+    def weigh_views(
+        self, prior: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Prior (N,) float64 times the weight of every sample's view (V,), summing to 1 again."""
+        prior = prior * weights[self.library.sample_view]
+        return prior / prior.sum()
+
     def update(self, prior: NDArray[np.float64], evidence: Evidence) -> Posterior:
         r"""Posterior of a frame.
 
@@ -172,17 +189,17 @@ class TreeFilter:
         node_prior = self._of_nodes(prior)
         nodes = np.arange(len(library.levels[0]))
         scored = [len(nodes)]
-        alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0], evidence)
+        alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0][nodes], evidence)
         for depth, first in enumerate(self._children, 1):
-            nodes = _ranges(first[nodes[kept]], first[nodes[kept] + 1])
+            nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
             scored.append(len(nodes))
             alignment, log_likelihood, kept = self.score_level(
-                depth, nodes, node_prior[depth], evidence
+                depth, nodes, node_prior[depth][nodes], evidence
             )
         leaf = nodes[kept]
         counts = library.leaf_offsets[leaf + 1] - library.leaf_offsets[leaf]
         samples = library.leaf_samples[
-            _ranges(library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1])
+            concatenated_ranges(library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1])
         ]
         of_leaf = np.repeat(kept, counts)
         with np.errstate(divide="ignore"):
@@ -206,6 +223,7 @@ class TreeFilter:
         nodes: NDArray[np.int64],
         node_prior: NDArray[np.float64],
         evidence: Evidence,
+        most: int | None = None,
     ) -> tuple[Alignment, NDArray[np.float64], NDArray[np.int64]]:
         r"""Likelihood of nodes of one level, and which of them survive.
 
@@ -230,8 +248,9 @@ class TreeFilter:
         Args:
             depth: 0 for the coarsest level.
             nodes: (K,) int64, indices of the nodes to be scored.
-            node_prior: (K_l,) float64, prior of all nodes of the level.
+            node_prior: (K,) float64, prior of these nodes.
             evidence: the frame's silhouette.
+            most: largest number of survivors; None: that of the settings.
 
         Returns:
             Alignments of the K nodes, their log likelihoods (K,) float64 without the constant
@@ -240,15 +259,16 @@ class TreeFilter:
         Source: Okada and Stenger, eq. (10), (11).
         """
         settings, levels_below = self.settings, len(self.library.levels) - 1 - depth
-        alignment = evidence.distances(self.library.levels[depth].spans, nodes, 2**levels_below)
+        level, most = self.library.levels[depth], most or settings.most
+        alignment = evidence.distances(level.spans, nodes, WINDOW_PX[0] // level.size_px[0])
         log_likelihood = (
             -0.5 * (alignment.distance / (settings.sigma * settings.coarse**levels_below)) ** 2
         )  # eq. (10), (11)
         with np.errstate(divide="ignore"):
-            log_posterior = log_likelihood + np.log(node_prior[nodes])
+            log_posterior = log_likelihood + np.log(node_prior)
             kept = np.flatnonzero(log_posterior >= log_posterior.max() + np.log(settings.survivors))
-        if len(kept) > settings.most:
-            kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])
+        if len(kept) > most:
+            kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[:most]])
         return alignment, log_likelihood, kept
 
     def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -263,7 +283,7 @@ class TreeFilter:
         return of_level
 
 
-def _ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
+def concatenated_ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
     """Concatenated ranges first[0] .. last[0] - 1, first[1] .. last[1] - 1, ..."""
     counts = (last - first).astype(np.int64)
     ends = np.cumsum(counts)

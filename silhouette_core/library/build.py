@@ -30,6 +30,8 @@ from silhouette_core.library.store import VERSION
 from silhouette_core.library.thresholds import first_threshold, next_threshold
 from silhouette_core.library.transitions import find_neighbours, view_orientations
 from silhouette_core.library.tree import Nodes, PoseSpace, Scorer, Split, divide
+from silhouette_core.library.view_build import build_views
+from silhouette_core.library.workers import Workers
 from silhouette_core.progress import Reporter, SilentReporter
 
 _AT_ONCE = 480  # views held in memory together
@@ -44,6 +46,7 @@ def build_library(
     settings: LibrarySettings,
     reporter: Reporter | None = None,
     partial: Path | None = None,
+    workers: Workers | None = None,
 ) -> PoseLibrary:
     """Library of base poses seen from all sides.
 
@@ -54,6 +57,7 @@ def build_library(
         reporter: informed of every stage.
         partial: folder for checkpoints, from which an interrupted build resumes; the caller removes
             it once the library is written.
+        workers: share the work of a library with a tree for every view; None: this process.
 
     Returns:
         The library. The same inputs give the same library, for any number of threads, interrupted
@@ -66,6 +70,8 @@ def build_library(
     """
     reporter = reporter or SilentReporter()
     checkpoint = Checkpoint(partial, _digest(bases, model, settings))
+    if settings.tree == "views":
+        return build_views(bases, model, settings, checkpoint, reporter, workers)
     views = settings.views()
     count = len(bases.angles) * len(views)
     base = np.repeat(np.arange(len(bases.angles), dtype=np.int32), len(views))

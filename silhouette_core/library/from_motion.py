@@ -17,6 +17,7 @@ from silhouette_core.library.build import build_library
 from silhouette_core.library.checkpoint import Checkpoint
 from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import is_library, read_library, write_library
+from silhouette_core.library.workers import Workers
 from silhouette_core.motion.mocap.load import load_motions, motion_files
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
@@ -72,6 +73,7 @@ def make_library(
     path: Path,
     settings: LibrarySettings,
     reporter: Reporter | None = None,
+    workers: Workers | None = None,
 ) -> PoseLibrary:
     """Builds and writes a library; an interrupted build resumes from the checkpoints in
     `path`.partial.
@@ -82,6 +84,7 @@ def make_library(
         path: the library's file; an existing library is replaced once the new one is complete.
         settings: settings of the library.
         reporter: informed of every stage.
+        workers: share the work of a library with a tree for every view; None: this process.
 
     Returns:
         The library, opened from its file.
@@ -103,7 +106,7 @@ def make_library(
         f" {len(bases.angles) * settings.views_count} samples"
     )
     partial = path.with_name(f"{path.name}.partial")
-    library = build_library(bases, model, settings, reporter, partial)
+    library = build_library(bases, model, settings, reporter, partial, workers)
     if settings.proposal:
         learning = LearningSettings(mirror=settings.mirror)
         library = replace(library, proposal=_learned(motions, model, learning, partial, reporter))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from silhouette_core.library.rendering import RenderedViews, pose_surfaces, rend
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.proposal.pose_proposal import PoseProposal
 
+LARGEST_WHOLE = 60_000
+"""Number of samples up to which a library has one tree over all of them unless told otherwise."""
+
 
 @dataclass(frozen=True, eq=False)
 class Level:
@@ -26,7 +30,8 @@ class Level:
     Attributes:
         representative: (K,) int32, the sample that represents the node.
         parent: (K,) int32, node of the level above; zeros at the first level.
-        spans: the representatives' silhouettes in node order, at this level's resolution.
+        spans: the representatives' silhouettes in node order, at this level's resolution; runs in
+            8 bits where the tree is one for every view.
         size_px: (width, height) of that resolution.
         threshold: T_l, largest silhouette distance of a sample from its node.
     """
@@ -62,9 +67,13 @@ class LibrarySettings:
             paper's 7,828, 26,805 and 44,108 of 57,136.
         thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
         proposal: whether `from_motion.make_library` learns a proposal from the motion.
+        tree: "whole": one tree over all samples, as in the paper, whose build takes time that grows
+            with the square of their number. "views": a tree for every view, for libraries of up to
+            millions of samples, see `view_build`; `weighting`, `node_shares` and `thresholds` do
+            not count.
     """
 
-    poses: int = 60_000
+    poses: int = LARGEST_WHOLE
     tolerance_deg: float = 5.0
     yaw_step_deg: float = 15.0
     pitches_deg: tuple[float, ...] = (8.0,)
@@ -73,6 +82,8 @@ class LibrarySettings:
     node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
     thresholds: tuple[float, float, float] | None = None
     proposal: bool = True
+    # Not in the text from which names of cached libraries are made: those are of one tree.
+    tree: Literal["whole", "views"] = field(default="whole", repr=False)
 
     def __post_init__(self) -> None:
         """Checks the values.

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import save
+from safetensors.numpy import save_file
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
@@ -104,7 +104,7 @@ def write_library(library: PoseLibrary, path: Path) -> None:
     }
     beside = path.with_name(f"{path.name}.partial-{uuid.uuid4().hex[:8]}")
     try:
-        beside.write_bytes(save(arrays, metadata))
+        save_file(arrays, beside, metadata)
         beside.replace(path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from error

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from voxelpose.cli.arguments import OptionalFile, OptionalLength, Sex, Threads
+from voxelpose.cli.arguments import OptionalFile, OptionalLength, OptionalName, Sex, Threads
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,12 @@ class Build:
     help: ClassVar[str] = """Builds a pose library from motion capture, for one body.
 
 MOTION are BVH files, exponential-map files, or folders of them. An interrupted build resumes when
-the same command is run again.
+the same command is run again. Above 60000 samples every view has a tree of its own, which any
+number of processes and machines build together.
 
   voxelpose library build mocap --out me.vplib --stature 1.75
   voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
+  voxelpose library build mocap --out large.vplib --poses 1100000 --yaw-step 10 --workers 8
 """
 
     motion: Annotated[
@@ -51,6 +53,12 @@ the same command is run again.
     """Names of the joints, for a skeleton whose names are not recognised."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
     """Clip that is not used, by the name of its file; may be given several times."""
+    tree: Annotated[Literal["whole", "views"] | None, arg(help_behavior_hint="")] = None
+    """One tree over everything, as in the paper, or one for every view. Default: by the samples."""
+    workers: Annotated[int, arg(metavar="N")] = 1
+    """Number of processes that build the trees of the views."""
+    cluster: OptionalName = None
+    """Address of a Dask scheduler, as in tcp://10.0.0.5:8786, whose machines build them instead."""
     threads: Threads = None
 
     def run(self) -> int:
@@ -64,7 +72,8 @@ the same command is run again.
             from silhouette_core.body.sizes import BodySizes
             from silhouette_core.jit import set_threads
             from silhouette_core.library.from_motion import make_library, read_clips
-            from silhouette_core.library.pose_library import LibrarySettings
+            from silhouette_core.library.pose_library import LARGEST_WHOLE, LibrarySettings
+            from silhouette_core.library.workers import open_workers
 
             set_threads(self.threads)
             settings = LibrarySettings(
@@ -74,10 +83,12 @@ the same command is run again.
                 mirror=self.mirror,
                 weighting=self.weighting,
                 proposal=self.proposal,
+                tree=self.tree or ("whole" if self.poses <= LARGEST_WHOLE else "views"),
             )
             model = BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
-            library = make_library(clips, model, self.out, settings, progress)
+            with open_workers(self.workers, self.cluster) as workers:
+                library = make_library(clips, model, self.out, settings, progress, workers)
         from silhouette_core.library.summary import summary
 
         print(summary(library, self.out))
