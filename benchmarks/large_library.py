@@ -6,7 +6,7 @@ any side, by somebody else's body. Printed for each size: milliseconds a frame, 
 of the tracked frame and under an even prior (mean), and the memory.
 
 Libraries are made of the shared motion ($VOXELPOSE_SHARED/data/mocap, by default ../shared), only
-if --make is given: 57k takes a minute of one core, 250k four, 1m a quarter of an hour and more, a
+if --make is given: 57k takes a minute of one core, 250k four, 1m a quarter of an hour, a
 tenth of that with ten cores (`--workers N`). They stay in out/benchmarks, and an interrupted build
 goes on where it stopped. Sizes that are made become cases of `make bench`.
 """

@@ -53,6 +53,14 @@ def test_build_and_info(clips, desk, capsys):
     assert (desk / "sheet.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_build_with_a_tree_for_every_view(clips, desk, capsys):
+    out = desk / "views.vplib"
+    assert run(["library", "build", str(clips), "--out", str(out), *SMALL, "--tree", "views"]) == 0
+    library = read_library(out)
+    assert library.settings.tree == "views" and len(library.levels[2]) == len(library)
+    assert f"{len(library)} nodes" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
@@ -71,6 +79,7 @@ def test_build_and_info(clips, desk, capsys):
             "no poses are left",
         ),
         (["build", "nowhere", "--out", "x"], "nowhere does not exist"),
+        (["build", "clips", "--out", "x", "--workers", "0"], "0 workers do no work"),
         (["build", "clips", "--out", "x", "--yaw-step", "50"], "does not divide the full turn"),
         (["build", "clips", "--out", "x", "--poses", "5"], "5 poses are too few"),
         (["build", "clips", "--out", "x", "--pitch", "200"], "not one a standing camera has"),
