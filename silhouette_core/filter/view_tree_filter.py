@@ -27,7 +27,7 @@ from silhouette_core.library.transitions import NeighbourWeights, transitions
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
-FOLLOWED = (520, 1600, 2400)
+FOLLOWED = (640, 2200, 3200)
 """Largest numbers of nodes of each level that are followed; of the last, that are aligned."""
 _MOST_SAMPLES = 4096  # samples that stay in a prior of several steps
 _LEAST_VIEW = 1e-3  # views of less weight, relative to the heaviest, are not scored at all
