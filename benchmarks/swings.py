@@ -1,4 +1,4 @@
-"""Swings of the right arm in results of `voxelpose track`, counted as the arm-swing experiment does.
+"""Swings of the right arm in results of `voxelpose track`, counted as in the arm-swing experiment.
 
 `python -m benchmarks.swings RECORDING RESULT...`: RECORDING holds truth.json. One line per result.
 """

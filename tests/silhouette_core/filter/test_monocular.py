@@ -163,7 +163,7 @@ def test_a_person_cut_by_the_border_is_said(track):
         ({"weighting": "nwXOR"}, "weighting 'nwXOR' is not known"),
         ({"motion_model": "DM3"}, "motion_model 'DM3' is not known: use DM1 or DM2"),
         ({"refine": "yes"}, "refine 'yes' must be true or false"),
-        ({"library": 3}, "library 3 the path of a file"),
+        ({"library": 3}, "library 3 must be the path of a file"),
     ],
 )
 def test_options_misspelt_are_refused(track, options, words):
