@@ -134,14 +134,15 @@ class MonocularEstimator:
         )
         clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()
         facing = options.start == "facing"
-        coloured = not (options.outline_only or source.silhouettes_given)
+        proposed = options.refine and library.proposal is not None
+        coloured = proposed and not (options.outline_only or source.silhouettes_given)
         forward = ForwardFilter(
             tree,
             lens.pinhole,
             facing,
             options.weighting,
             interval_s=1 / source.fps,
-            corrected=options.refine and library.proposal is not None,
+            corrected=proposed,
         )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
         trajectory = PoseTrajectory(

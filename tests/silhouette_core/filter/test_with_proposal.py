@@ -11,6 +11,7 @@ from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.filter import trajectory
+from silhouette_core.filter.colour_evidence import ColourEvidence
 from silhouette_core.filter.monocular import MonocularEstimator
 from silhouette_core.library.store import write_library
 from silhouette_core.motion.keyposes import keypose_motions
@@ -115,3 +116,45 @@ def test_nothing_later_is_read_without_smoothing(filmed, library_with_proposal):
     masks = filmed[1][:14]
     whole, part = (track(some, library_with_proposal, smooth=False) for some in (masks, masks[:8]))
     np.testing.assert_array_equal(whole.motion.angles_rad[:8], part.motion.angles_rad)
+
+
+class PaintedSource(SilhouetteSource):
+    """The silhouettes as pictures of a red person before a wall."""
+
+    silhouettes_given = False
+
+    def backgrounds(self):
+        return {self.camera.name: [np.full((*self.masks[0].shape, 3), 90, np.uint8)] * 4}
+
+    def __iter__(self):
+        for frame, seconds, pictures in super().__iter__():
+            yield (
+                frame,
+                seconds,
+                {
+                    name: np.where(picture > 0, (40, 40, 200), 90).astype(np.uint8)
+                    for name, picture in pictures.items()
+                },
+            )
+
+
+@pytest.mark.parametrize("outline_only", [False, True])
+def test_colours_are_read_unless_the_outline_is_to_do(
+    outline_only, filmed, library_with_proposal, monkeypatch
+):
+    learned, learn = [], ColourEvidence.learn
+
+    def counted(self, people, *args):
+        learned.append([person.colours is not None for person in people])
+        return learn(self, people, *args)
+
+    monkeypatch.setattr(ColourEvidence, "learn", counted)
+    options = {
+        "library": str(library_with_proposal), "start": "any", "outline_only": outline_only,
+    }  # fmt: skip
+    settings = Settings(STATURE_M, threads=2, options=options)
+    source = PaintedSource(CAMERA, filmed[1][:8], FPS, silhouettes_given=False)
+    estimate = MonocularEstimator().estimate(source, settings, SilentReporter())
+    assert estimate.facts["colours"] is not outline_only
+    assert learned == [[not outline_only] * 8]
+    assert root_mm(estimate, filmed[0][:8]) < 140
