@@ -15,10 +15,13 @@ from silhouette_core.library.from_motion import make_library
 from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import VERSION, read_library
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.proposal.proposal_learning import LearningSettings
 
 # Thresholds as chosen by `silhouette_core.library.thresholds` for these motions; stating them saves
 # a quarter of the time.
 SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
+# Half of the usual takes: somebody waits for it.
+LEARNING = LearningSettings(takes=8)
 
 
 def default_library(
@@ -58,7 +61,8 @@ def default_library(
     from silhouette_core.motion.keyposes import keypose_motions
 
     model = BodyModel.from_sizes(body)
-    return make_library(keypose_motions(model), model, path, SETTINGS, reporter)
+    motions = keypose_motions(model)
+    return make_library(motions, model, path, SETTINGS, reporter, learning=LEARNING)
 
 
 def _name(body: BodySizes) -> str:
@@ -68,5 +72,5 @@ def _name(body: BodySizes) -> str:
     except PackageNotFoundError:
         program = "unknown"
     chest = "usual" if body.chest_girth_m is None else f"{body.chest_girth_m:.2f}"
-    settings = hashlib.sha256(repr(SETTINGS).encode()).hexdigest()[:6]
+    settings = hashlib.sha256(repr((SETTINGS, LEARNING)).encode()).hexdigest()[:6]
     return f"default-{program}-{VERSION}-{settings}-{body.stature_m:.2f}-{chest}-{body.sex}.vplib"

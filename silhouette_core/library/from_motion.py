@@ -74,6 +74,7 @@ def make_library(
     settings: LibrarySettings,
     reporter: Reporter | None = None,
     workers: Workers | None = None,
+    learning: LearningSettings | None = None,
 ) -> PoseLibrary:
     """Builds and writes a library; an interrupted build resumes from the checkpoints in
     `path`.partial.
@@ -85,6 +86,7 @@ def make_library(
         settings: settings of the library.
         reporter: informed of every stage.
         workers: share the work of a library with a tree for every view; None: this process.
+        learning: settings of the proposal; None: the usual ones.
 
     Returns:
         The library, opened from its file.
@@ -108,7 +110,7 @@ def make_library(
     partial = path.with_name(f"{path.name}.partial")
     library = build_library(bases, model, settings, reporter, partial, workers)
     if settings.proposal:
-        learning = LearningSettings(mirror=settings.mirror)
+        learning = replace(learning or LearningSettings(), mirror=settings.mirror)
         library = replace(library, proposal=_learned(motions, model, learning, partial, reporter))
     write_library(library, path)
     Checkpoint.remove(partial)
