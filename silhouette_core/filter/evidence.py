@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.filter.window import Window
+from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import Weighting, pixel_weights
 from silhouette_core.image.spans import Rectangle, Spans
-from silhouette_core.library.rendering import reduce_silhouette
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target

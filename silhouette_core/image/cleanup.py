@@ -1,6 +1,7 @@
-"""Removal of specks and pinholes from a silhouette, and cropping to a region of interest."""
+"""Removal of specks and pinholes from a silhouette, cropping to a region of interest, halving."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.checks import check_array
 from calib.components import label_components
@@ -67,3 +68,12 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
         small[edge] = False
     small[0] = True  # the silhouette itself
     inner[:] = small.take(labels, mode="clip")
+
+
+def reduce_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Silhouette (…, h, w) bool at half the resolution: at least two of four pixels are set.
+
+    Observations must be reduced in the same way.
+    """
+    a, b, c, d = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
+    return (a & b) | (c & d) | ((a | b) & (c | d))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.raster import render_many
 from silhouette_core.image.spans import Spans
 from silhouette_core.library.kernels import rendering as kernels
@@ -123,15 +124,6 @@ def render_views(
     pelvis = (middle + shifts) * reduction + (reduction - 1) / 2
     areas, cut = areas * np.uint16(reduction**2), cut * np.int32(reduction**2)
     return RenderedViews(windows, pelvis.astype(np.float32), areas, cut)
-
-
-def reduce_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Silhouette (…, h, w) bool at half the resolution: at least two of four pixels are set.
-
-    Observations must be reduced in the same way.
-    """
-    a, b, c, d = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
-    return (a & b) | (c & d) | ((a | b) & (c | d))
 
 
 def halve_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

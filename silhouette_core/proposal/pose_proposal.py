@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.silhouette_features import (
     FrameFeatures,
@@ -16,7 +17,6 @@ from silhouette_core.proposal.silhouette_features import (
     SilhouetteCodes,
     coverage_grid,
     feet_grid,
-    halved,
     nearby_frames,
     network_inputs,
 )
@@ -76,7 +76,7 @@ class PoseProposal:
         """
         return SilhouetteCodes(
             self.coverage.encode(coverage_grid(masks)),
-            self.feet.encode(feet_grid(halved(masks))),
+            self.feet.encode(feet_grid(reduce_silhouette(masks))),
             np.zeros((len(masks), self.skin.components.shape[1]), np.float32),
             np.zeros(len(masks), bool),
         )

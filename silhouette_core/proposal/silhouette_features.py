@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
+from silhouette_core.image.cleanup import reduce_silhouette
 
 GRID = (60, 80)
 """Rows and columns of the grid of coverage."""
@@ -135,13 +136,7 @@ def coverage_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
     window: of 2 x 2 pixels two must be set, of these 2 x 2 are counted.
     """
     check_array("masks", masks.reshape(-1, *masks.shape[-2:]), ("N", *_WINDOW_PX), np.bool_)
-    return counted(halved(masks).view(np.uint8))
-
-
-def halved(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Silhouettes (…, h / 2, w / 2) of masks (…, h, w): of 2 x 2 pixels two must be set."""
-    a, b, c, d = (masks[..., y::2, x::2] for y in range(2) for x in range(2))
-    return (a & b) | (c & d) | ((a | b) & (c | d))
+    return counted(reduce_silhouette(masks).view(np.uint8))
 
 
 def counted(masks: NDArray) -> NDArray:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from calib.camera import Camera
+from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.library.rendering import (
@@ -14,7 +15,6 @@ from silhouette_core.library.rendering import (
     join_spans,
     masks_of,
     pose_surfaces,
-    reduce_silhouette,
     render_views,
     select_spans,
     silhouette_levels,

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.library.build import build_library
 from silhouette_core.library.pose_library import LibrarySettings
 from silhouette_core.library.rendering import (
     halve_silhouette,
     masks_of,
-    reduce_silhouette,
     silhouette_levels,
     spans_of,
 )

@@ -9,9 +9,10 @@ from scipy.sparse import identity
 from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import Window
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.library.build import build_library
-from silhouette_core.library.rendering import masks_of, reduce_silhouette
+from silhouette_core.library.rendering import masks_of
 from silhouette_core.library.transitions import transitions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.filter.filming import camera_at
