@@ -38,6 +38,19 @@ class Alignment:
     scale: NDArray[np.int64]
     shift_px: NDArray[np.int64]
 
+    def among(
+        self,
+        rows: NDArray[np.integer],
+        distance: NDArray[np.float64],
+        scale: NDArray[np.int64],
+    ) -> Alignment:
+        """Alignment of more nodes, of which these are some `rows` (K,), and the others are not
+        moved: distances (N,) and windows (N,) of all.
+        """
+        shift = np.zeros((len(distance), 2), np.int64)
+        distance[rows], scale[rows], shift[rows] = self.distance, self.scale, self.shift_px
+        return Alignment(distance, scale, shift)
+
 
 class Evidence:
     """A silhouette seen at several assumed distances, prepared for every resolution of the tree.
@@ -69,7 +82,7 @@ class Evidence:
         self._targets: dict[int, Target] = {}
         self._unmoved: dict[int, list[Target]] = {}
         self._whole: list[tuple[NDArray[np.bool_], NDArray[np.float64]]] = []
-        self._blocks: dict[int, list[tuple[NDArray[np.bool_], NDArray[np.float64]]]] = {}
+        self._pairs: dict[int, list[tuple[NDArray[np.bool_], NDArray[np.float64]]]] = {}
 
     def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
         """Best alignment of each node with the silhouette.
@@ -130,21 +143,22 @@ class Evidence:
         """Silhouette and weights of every window at a resolution; if the library was drawn small,
         of every window and shift, those of one window next to each other.
         """
-        if not self.drawn_small:
-            return [
-                relative_weights(window, self.weighting, reduction, self.bounds_px)
-                for window in self.windows
-            ]
-        if reduction not in self._blocks:
-            if not self._whole:
-                self._whole = [
-                    relative_weights(window, self.weighting, 1, self.bounds_px)
-                    for window in self.windows
-                ]
-            self._blocks[reduction] = [
-                pair for whole in self._whole for pair in block_weights(*whole, reduction)
-            ]
-        return self._blocks[reduction]
+        if reduction not in self._pairs:
+            if not self.drawn_small:
+                pairs = self._relative(reduction)
+            else:
+                if not self._whole:
+                    self._whole = self._relative(1)
+                pairs = [pair for whole in self._whole for pair in block_weights(*whole, reduction)]
+            self._pairs[reduction] = pairs
+        return self._pairs[reduction]
+
+    def _relative(self, reduction: int) -> list[tuple[NDArray[np.bool_], NDArray[np.float64]]]:
+        """Silhouette and weights of every window at a resolution, see `relative_weights`."""
+        return [
+            relative_weights(window, self.weighting, reduction, self.bounds_px)
+            for window in self.windows
+        ]
 
 
 def block_weights(

@@ -19,19 +19,17 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.forward import FilterFrame, candidates_of
-from silhouette_core.filter.limb_silhouette import SignedWeights
 from silhouette_core.filter.motion_cost import (
     PoseCandidates,
     ProcessNoise,
     transition_cost,
 )
+from silhouette_core.filter.observed_frame import FrameObserver, ObservedFrame
 from silhouette_core.filter.pose_costs import PoseCosts
 from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.filter.tree_filter import TreeFilter
-from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import Weighting
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
-from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.dynamics import (
     FPS,
     POSE_STEP_SIGMA,
@@ -42,7 +40,7 @@ from silhouette_core.motion.dynamics import (
     elapsed_steps,
     predict,
 )
-from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -171,6 +169,7 @@ class HypothesisTracker:
         """Prepares the body's surface and the costs of poses."""
         self.tree, self.camera, self.settings = tree, camera, settings
         self.views = PinholeViews.from_rig(Rig((camera,)))
+        self.observer = FrameObserver(self.views, tree.library, settings.weighting, tree.backend)
         self.costs = PoseCosts(tree.library)
         self.set_body(tree.library.model)
         self.noise = ProcessNoise(
@@ -196,6 +195,7 @@ class HypothesisTracker:
         previous: Beam | None,
         before_previous: Beam | None,
         modes: FrameModes | None = None,
+        observed: ObservedFrame | None = None,
     ) -> Beam:
         """Hypotheses of a frame.
 
@@ -204,25 +204,18 @@ class HypothesisTracker:
             previous: hypotheses of the previous frame.
             before_previous: hypotheses of the frame before that.
             modes: probable poses of the frame from the learned proposal, if there is one.
+            observed: the frame's silhouette, prepared by `observer`; None: it is prepared here.
         """
         time_s, settings = filter_frame.time_s, self._settings(modes)
-        window = look_at(
-            self.camera,
-            filter_frame.person.mask,
-            filter_frame.distance_m if modes is None else modes.distance_m,
-            STATURE_PX / self.model.sizes.stature_m,
-        )
-        weights = SignedWeights.from_window(
-            window,
-            settings.weighting,
-            backend=self.tree.backend,
-            bounds_px=self.tree.library.bounds_px,
-        )
+        if observed is None:
+            distance_m = filter_frame.distance_m if modes is None else modes.distance_m
+            observed = self.observer.observe(filter_frame.person.mask, distance_m, time_s)
+        weights = observed.weights
         predicted = [] if previous is None else _predicted(previous, before_previous)
         poses: list[Pose] = self._seeds(filter_frame, settings)
         priors: list[LandmarkPrior | None] = [None] * len(poses)
         if settings.refine:
-            poses, priors = self._refined(filter_frame, poses, previous, predicted, modes, settings)
+            poses, priors = self._refined(observed, poses, previous, predicted, modes, settings)
         distance = weights.distances(self.model, poses)
         joints = _joints(self.model, poses)
         own = 0.5 * (distance / settings.sigma) ** 2 + self.costs.off_floor(poses, self.surface)
@@ -303,12 +296,7 @@ class HypothesisTracker:
         samples = candidates_of(self.tree, filter_frame, rows)
         joints = landmarks(
             self.model,
-            *forward(
-                self.model,
-                samples.root_m,
-                quaternions(samples.root_rotation),
-                samples.angles_rad,
-            ),
+            *place(self.model, samples.root_m, samples.root_rotation, samples.angles_rad),
         )
         by_probability = np.argsort(rows)
         by_fit = np.argsort(posterior.distance[rows], kind="stable")
@@ -320,7 +308,7 @@ class HypothesisTracker:
 
     def _refined(
         self,
-        filter_frame: FilterFrame,
+        observed: ObservedFrame,
         seeds: list[Pose],
         previous: Beam | None,
         predicted: list[Pose],
@@ -328,20 +316,18 @@ class HypothesisTracker:
         settings: TrackerSettings,
     ) -> tuple[list[Pose], list[LandmarkPrior | None]]:
         """Modes, seeds, then predictions of the best hypotheses, refined on the silhouette."""
-        distance = filter_frame.distance_m if modes is None else modes.distance_m
-        observation = Observation.from_masks(self.views, [filter_frame.person.mask], distance)
         starts: list[RefineStart] = []
         if modes is not None:
             chosen = modes.probable(settings.by_mode, _LEAST_PROBABILITY)
             expected = [modes.priors[mode] for mode in chosen]
-            placed = place_bodies(self.surface, observation, expected)
+            placed = place_bodies(self.surface, observed.contour, expected)
             starts += [
                 RefineStart(pose, _FROM_MODE, None, prior)
                 for pose, prior in zip(placed, expected, strict=True)
             ]
         believed = [(pose, self._library_sigma, _FROM_LIBRARY) for pose in seeds]
         if previous is not None:
-            sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, filter_frame.time_s)
+            sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, observed.time_s)
             order = np.argsort(previous.cost, kind="stable")
             carried = select_different(previous.joints, order, settings.carried, _DIFFERENT_M)
             believed += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
@@ -349,7 +335,7 @@ class HypothesisTracker:
         for (pose, sigma, how), own in zip(believed, joints, strict=True):
             prior = None if modes is None else modes.nearest(own)
             starts.append(RefineStart(pose, how, PosePrior(pose, sigma), prior))
-        refined = refine_many(self.surface, observation, starts)
+        refined = refine_many(self.surface, observed.contour, starts)
         return [one.pose for one in refined], [start.landmark_prior for start in starts]
 
     def _pruned(self, beam: Beam, settings: TrackerSettings) -> Beam:
@@ -462,8 +448,4 @@ def _joints(model: BodyModel, poses: list[Pose]) -> NDArray[np.float64]:
     """Joints (K, 15, 3) of poses."""
     if not poses:
         return np.empty((0, len(LANDMARK_NAMES), 3))
-    arrays = PoseArrays.from_poses(poses)
-    return landmarks(
-        model,
-        *forward(model, arrays.root_m, quaternions(arrays.root_rotation), arrays.angles_rad),
-    )
+    return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.filter.limb_silhouette import LIMB_NAMES, LimbShape, SignedWeights
+from silhouette_core.filter.limb_silhouette import LIMB_NAMES, LimbShape
 from silhouette_core.filter.motion_cost import PoseCandidates, ProcessNoise, viterbi
+from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.library.thinning import thin_poses
 from silhouette_core.motion.dynamics import STEP_SIGMA_RAD, neighbour_middle
 from silhouette_core.motion.pose import Pose
@@ -39,17 +40,11 @@ class PoseFrame:
 
     Attributes:
         pose: estimate to be improved.
-        mask: (h, w) bool, the silhouette in the camera's image.
-        weights: signed pixel weights of the silhouette's window, for the limbs.
-        distance_m: distance of the person from the camera.
-        time_s: time of the frame.
+        observed: what the frame shows.
     """
 
     pose: Pose
-    mask: NDArray[np.bool_]
-    weights: SignedWeights
-    distance_m: float
-    time_s: float
+    observed: ObservedFrame
 
 
 class LimbResampler:
@@ -114,10 +109,7 @@ class LimbResampler:
         dofs = self.model.dof_count
         near = np.concatenate([[0.08] * 3, [0.15] * 3, np.full(dofs, 0.15)])
         between = np.concatenate([[0.02] * 3, [0.04] * 3, np.maximum(STEP_SIGMA_RAD, 0.03)])
-        observations = [
-            Observation.from_masks(self.views, [pose_frame.mask], pose_frame.distance_m)
-            for pose_frame in pose_frames
-        ]
+        observations = [pose_frame.observed.contour for pose_frame in pose_frames]
         poses = [
             self._refined(observation, pose_frame.pose, PosePrior(pose_frame.pose, near), _FIRST)
             for observation, pose_frame in zip(observations, pose_frames, strict=True)
@@ -150,7 +142,9 @@ class LimbResampler:
     ) -> PoseCandidates:
         """Likeliest placements of a limb, the pose's own among them."""
         angles = np.concatenate([pose_frame.pose.angles_rad[None, limb.dofs], placements])
-        distance = pose_frame.weights.limb_distances(self.model, limb, pose_frame.pose, angles)
+        distance = pose_frame.observed.weights.limb_distances(
+            self.model, limb, pose_frame.pose, angles
+        )
         # A limb near its placement in the whole pose is likelier: the library knows which limb
         # placements occur together.
         deviation = (((angles - angles[0]) / _DEVIATION_RAD) ** 2).sum(1)
@@ -171,7 +165,11 @@ def _limb_candidates(
         np.tile(pose_frame.pose.root_rotation, (count, 1, 1)),
     )
     return PoseCandidates(
-        *root, angles, np.zeros((count, len(limb.dofs)), bool), log_likelihood, pose_frame.time_s
+        *root,
+        angles,
+        np.zeros((count, len(limb.dofs)), bool),
+        log_likelihood,
+        pose_frame.observed.time_s,
     )
 
 

@@ -53,13 +53,16 @@ def find_person(
     Returns:
         The person, or None if there is none.
     """
-    components = label_components(mask)
-    area = components.sizes[1:].astype(float)
-    if not len(area):
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
         return None
+    first = np.array([columns[0], rows[0]])
+    part = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    components = label_components(part)
+    area = components.sizes[1:].astype(float)
     weight = area.copy()
     if near_px is not None:
-        distance = np.linalg.norm(components.centroids[:, ::-1] - near_px, axis=1)
+        distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
         weight *= np.exp(-((distance / (0.5 * mask.shape[0])) ** 2))
     main = int(weight.argmax())
     if area[main] < max(_LEAST_PX, _LEAST_OF_USUAL * (usual_px or 0.0)):
@@ -72,7 +75,8 @@ def find_person(
         [left - (x + w), x - (left + width), top - (y + h), y - (top + height), np.zeros(len(x))]
     )
     kept = np.concatenate([[False], (gap <= largest_gap) & (area >= _LEAST_FRACTION * area[main])])
-    person = kept[components.labels]
+    person = np.zeros_like(mask)
+    person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = kept.take(components.labels)
     return Person(person, _is_cut(person))
 
 

@@ -23,16 +23,13 @@ from silhouette_core.filter.hypothesis_tracker import (
     backtrack,
 )
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
-from silhouette_core.filter.limb_silhouette import SignedWeights
+from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_modes import FrameModes, ModeFinder, ModeView
 from silhouette_core.filter.tree_filter import TreeFilter
-from silhouette_core.filter.window import look_at
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
-from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
-from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.trajectory_fit import fit_trajectory
 from silhouette_core.scoring.silhouette_error import mask_error
 
@@ -159,7 +156,8 @@ class PoseTrajectory:
         if not self.smooth:
             view = self._coloured(view, filter_frame.person)
         self._views = [one for one in self._views if view.time_s - one.time_s <= _MEMORY_S] + [view]
-        self.distance_m = self.finder.distance(self._views)
+        if self.smooth:
+            self.distance_m = self.finder.distance(self._views)
         return view
 
     def _mask(self, frame: _PendingFrame) -> NDArray[np.bool_]:
@@ -169,11 +167,19 @@ class PoseTrajectory:
         masks = [self._mask(frame) for frame in self._pending]
         modes = self._modes(masks)
         with self.clock("several poses"):
-            beams = self._beams(masks, modes)
+            observed = [
+                self.tracker.observer.observe(
+                    mask,
+                    frame.filter_frame.distance_m if own is None else own.distance_m,
+                    frame.filter_frame.time_s,
+                )
+                for frame, mask, own in zip(self._pending, masks, modes, strict=True)
+            ]
+            beams = self._beams(observed, modes)
         chosen = backtrack(beams)
         pose_frames = [
-            self._pose_frame(frame, mask, beam.poses[k])
-            for frame, mask, beam, k in zip(self._pending, masks, beams, chosen, strict=True)
+            PoseFrame(beam.poses[k], seen)
+            for seen, beam, k in zip(observed, beams, chosen, strict=True)
         ]
         if self.settings.refine:
             with self.clock("refinement"):
@@ -183,9 +189,9 @@ class PoseTrajectory:
             person = replace(self._pending[0].filter_frame.person, mask=masks[0])
             self._colours.learn([person], joints, _FRAMES_KEPT)
         decided = [
-            self._estimate(frame, pose_frame, beam)
-            for frame, pose_frame, beam in zip(
-                self._pending[:count], pose_frames, beams, strict=False
+            self._estimate(frame, pose_frame, beam, k)
+            for frame, pose_frame, beam, k in zip(
+                self._pending[:count], pose_frames, beams, chosen, strict=False
             )
         ]
         ends = range(max(count - 2, 0), count)
@@ -203,6 +209,7 @@ class PoseTrajectory:
                 modes = self._modes_over_time(masks)
             else:
                 modes = [self.finder.newest(self._views, self.settings.facing)]
+                self.distance_m = modes[0].distance_m
         if self.sexes and self.smooth:
             with self.clock("body"):
                 self.tracker.set_body(
@@ -233,11 +240,11 @@ class PoseTrajectory:
         return self.finder.with_skin(view, self._colours.skin(view.window, person))
 
     def _beams(
-        self, masks: list[NDArray[np.bool_]], modes: list[FrameModes] | list[None]
+        self, observed: list[ObservedFrame], modes: list[FrameModes] | list[None]
     ) -> list[Beam]:
         """Hypotheses of all pending frames."""
         beams: list[Beam] = []
-        for frame, mask, own in zip(self._pending, masks, modes, strict=True):
+        for frame, seen, own in zip(self._pending, observed, modes, strict=True):
             filter_frame = frame.filter_frame
             past = [*self._past, *beams[-2:]][-2:]
             if (
@@ -246,12 +253,8 @@ class PoseTrajectory:
                 and filter_frame.time_s - past[-1].time_s > _LONGEST_GAP_S
             ):
                 past = []
-            whole = replace(filter_frame, person=replace(filter_frame.person, mask=mask))
-            beams.append(
-                self.tracker.step(
-                    whole, past[-1] if past else None, past[0] if len(past) > 1 else None, own
-                )
-            )
+            before = past[-1] if past else None, past[0] if len(past) > 1 else None
+            beams.append(self.tracker.step(filter_frame, *before, own, seen))
         return beams
 
     def _refined(
@@ -262,15 +265,11 @@ class PoseTrajectory:
             before = self._decided[-1] if self._decided else None
             resampler = self._limb_resampler()
             return resampler.refine(resampler.resample(pose_frames, before), before)
-        observations = [
-            Observation.from_masks(self.tracker.views, [frame.mask], frame.distance_m)
-            for frame in pose_frames
-        ]
         poses = fit_trajectory(
             self.tracker.surface,
-            observations,
+            [frame.observed.contour for frame in pose_frames],
             [frame.pose for frame in pose_frames],
-            np.array([frame.time_s for frame in pose_frames]),
+            np.array([frame.observed.time_s for frame in pose_frames]),
             [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
             self.tracker.costs.on_floor,
             before=[frame.pose for frame in self._decided],
@@ -283,34 +282,22 @@ class PoseTrajectory:
             self._resampler = LimbResampler(self.model, self.tracker.views, angles)
         return self._resampler
 
-    def _pose_frame(self, frame: _PendingFrame, mask: NDArray[np.bool_], pose: Pose) -> PoseFrame:
-        distance = float(np.linalg.norm(pose.root_m - self.camera.center_m))
-        window = look_at(self.camera, mask, distance, STATURE_PX / self.model.sizes.stature_m)
-        return PoseFrame(
-            pose,
-            mask,
-            SignedWeights.from_window(
-                window,
-                self.settings.weighting,
-                backend=self.tree.backend,
-                bounds_px=self.tree.library.bounds_px,
-            ),
-            distance,
-            frame.filter_frame.time_s,
-        )
-
-    def _estimate(self, frame: _PendingFrame, pose_frame: PoseFrame, beam: Beam) -> FrameEstimate:
-        error = mask_error(
-            self.model, pose_frame.pose, self.tracker.views, [pose_frame.mask], self.tree.backend
-        )
-        areas = pose_frame.weights.part_areas(self.model, pose_frame.pose)
-        occluded = occluded_parts(areas, self._usual_areas)
+    def _estimate(
+        self, frame: _PendingFrame, pose_frame: PoseFrame, beam: Beam, chosen: int
+    ) -> FrameEstimate:
+        """Result of a frame, whose pose comes from one of its hypotheses."""
+        pose, observed = pose_frame.pose, pose_frame.observed
+        error = mask_error(self.model, pose, self.tracker.views, [observed.mask], self.tree.backend)
+        occluded = beam.occluded[chosen]
+        if self.finder is None:  # other limbs have been chosen
+            areas = observed.weights.part_areas(self.model, pose)
+            occluded = occluded_parts(areas, self._usual_areas)
         filter_frame = frame.filter_frame
         probability, joints = beam.probabilities()
         return FrameEstimate(
             filter_frame.number,
             filter_frame.time_s,
-            pose_frame.pose,
+            pose,
             error,
             occluded,
             filter_frame.person.cut,

@@ -15,6 +15,9 @@ from silhouette_core.library.rendering import WINDOW_PX
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
+# Nodes of a level that are moved as well: those that are likely where they are. The others' best
+# position hardly counts.
+_MOVED = 1000
 SIGMA_SCALE = 2.5
 """Factor on the motion model's sigmas (ours). With 54 joint angles, the measured sigmas would leave
 nearly all of a transition to two samples, and the filter could not recover from a wrong pose."""
@@ -260,13 +263,24 @@ class TreeFilter:
         """
         settings, levels_below = self.settings, len(self.library.levels) - 1 - depth
         level, most = self.library.levels[depth], most or settings.most
-        alignment = evidence.distances(level.spans, nodes, WINDOW_PX[0] // level.size_px[0])
-        log_likelihood = (
-            -0.5 * (alignment.distance / (settings.sigma * settings.coarse**levels_below)) ** 2
-        )  # eq. (10), (11)
+        reduction, sigma = (
+            WINDOW_PX[0] // level.size_px[0],
+            settings.sigma * settings.coarse**levels_below,
+        )
         with np.errstate(divide="ignore"):
-            log_posterior = log_likelihood + np.log(node_prior)
-            kept = np.flatnonzero(log_posterior >= log_posterior.max() + np.log(settings.survivors))
+            log_prior, least = np.log(node_prior), np.log(settings.survivors)
+        if len(nodes) <= 2 * _MOVED:
+            alignment = evidence.distances(level.spans, nodes, reduction)
+        else:
+            distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
+            likely = 0.5 * (distance / sigma) ** 2 - log_prior
+            moved = np.sort(np.argpartition(likely, _MOVED)[:_MOVED])
+            alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
+                moved, distance, scale
+            )
+        log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
+        log_posterior = log_likelihood + log_prior
+        kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)
         if len(kept) > most:
             kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[:most]])
         return alignment, log_likelihood, kept

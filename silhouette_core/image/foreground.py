@@ -69,29 +69,37 @@ class Background:
 
     Attributes:
         mean: (H, W, 3) float32, BGR of 255.
-        scales: (H, W, 3) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
+        planes: (3, H, W) float32, the same, channel by channel.
+        scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
     """
 
     mean: NDArray[np.float32]
+    planes: NDArray[np.float32]
     scales: NDArray[np.float32]
 
     @classmethod
     def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":
         """Background from the mean and each pixel's standard deviation (H, W), of 255."""
         square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
-        scales = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise], axis=2)
-        return cls(mean, np.ascontiguousarray(scales, np.float32))
+        scales = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise]).astype(np.float32)
+        return cls(mean, np.ascontiguousarray(mean.transpose(2, 0, 1)), scales)
 
     def part(self, window: tuple[slice, slice]) -> "Background":
         """Background in a window of rows and columns."""
-        return Background(self.mean[window], self.scales[window])
+        planes, scales = (
+            np.ascontiguousarray(array[:, *window]) for array in (self.planes, self.scales)
+        )
+        return Background(self.mean[window], planes, scales)
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A frame, or a window of it, with its background, gain (3,), radius (px) and thresholds."""
+    """A frame (H, W, 3), or a window of it, the same channel by channel (3, H, W), background, gain
+    (3,), radius (px) and thresholds.
+    """
 
     frame: NDArray[np.uint8]
+    planes: NDArray[np.uint8]
     background: Background
     gain: NDArray[np.float32]
     radius: int
@@ -103,14 +111,19 @@ class _View:
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """First arguments of the kernels; the gain is that from frame to background."""
         return (
-            self.frame,
-            self.background.mean,
+            self.planes,
+            self.background.planes,
             self.background.scales,
             np.asarray(1 / self.gain, np.float32),
         )
 
     def part(self, window: tuple[slice, slice]) -> "_View":
-        return replace(self, frame=self.frame[window], background=self.background.part(window))
+        return replace(
+            self,
+            frame=self.frame[window],
+            planes=np.ascontiguousarray(self.planes[:, *window]),
+            background=self.background.part(window),
+        )
 
 
 def refined_mask(
@@ -121,7 +134,8 @@ def refined_mask(
 ) -> NDArray[np.bool_]:
     """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above."""
     radius = max(1, round(min(frame.shape[:2]) / 240))
-    view = _View(frame, background, _gain(frame, background.mean), radius, settings)
+    planes = np.stack(cv2.split(frame))
+    view = _View(frame, planes, background, _gain(frame, background.mean), radius, settings)
     silhouette, pooled, scale = _detect(view)
     silhouette = _clean(silhouette, settings, region, silhouette.size)
     if not silhouette.any():
@@ -129,7 +143,7 @@ def refined_mask(
     window = _window(silhouette, margin=8 * radius)
     view, mask = view.part(window), silhouette[window]
     mask = _sharpen(view, mask)
-    mask = _decide_by_colours(view, mask, pooled[window], scale)
+    mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *window]), scale)
     mask = _sharpen(view, mask)
     region = None if region is None else region[window]
     cleaned = _clean(mask, settings, region, silhouette.size)
@@ -153,7 +167,7 @@ def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.flo
 
 
 def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
-    """Mask (H, W), pooled evidence (H, W, 4) in 1 / _UNIT of the frame's noise, and the ratio of
+    """Mask (H, W), pooled evidence (4, H, W) in 1 / _UNIT of the frame's noise, and the ratio of
     that noise to the model's, at least 1.
     """
     settings, radius = view.settings, view.radius
@@ -161,7 +175,7 @@ def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
     kernels.sampled_chroma(*view.arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
     scale = max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
-    parts, strong = np.empty((height, width, 4), np.int16), np.empty((height, width), np.bool_)
+    parts, strong = np.empty((4, height, width), np.int16), np.empty((height, width), np.bool_)
     unit, clip, beyond = (
         np.float32(value)
         for value in (_UNIT / scale, settings.chroma_pixel * scale, settings.brightness * scale)
@@ -176,7 +190,7 @@ def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
         parts,
         strong,
     )
-    pooled = np.asarray(cv2.blur(parts, (2 * radius + 1, 2 * radius + 1)), np.int16)
+    pooled = np.stack([cv2.blur(part, (2 * radius + 1, 2 * radius + 1)) for part in parts])
     mask = np.empty((height, width), np.bool_)
     kernels.decide(
         pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask

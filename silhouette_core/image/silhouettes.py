@@ -135,7 +135,7 @@ class UndistortedView:
         """Silhouette (h, w) bool as the pinhole camera sees it."""
         if self.maps is None:
             return mask
-        return cv2.remap(mask.astype(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
+        return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
 
     def undistort_part(
         self, picture: NDArray[np.uint8], corner: tuple[int, int], size: tuple[int, int]

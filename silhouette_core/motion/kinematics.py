@@ -49,8 +49,26 @@ def forward(
 
     Source: textbook.
     """
-    rotations = rotation_matrices(np.atleast_2d(root_quaternion))
-    count = len(rotations)
+    return place(
+        model,
+        np.ascontiguousarray(np.atleast_2d(root_m), float),
+        rotation_matrices(np.atleast_2d(root_quaternion)),
+        np.ascontiguousarray(np.atleast_2d(angles_rad), float),
+    )
+
+
+def place(
+    model: BodyModel, root_m: np.ndarray, root_rotation: np.ndarray, angles_rad: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `forward`, of poses in the form of `Pose`.
+
+    Args:
+        model: the body.
+        root_m: (T, 3) float64, world position of the pelvis joint.
+        root_rotation: (T, 3, 3) float64, world from body.
+        angles_rad: (T, D) float64.
+    """
+    count = len(root_m)
     part_rotation = np.empty((count, len(model.names), 3, 3))
     part_origin = np.empty((count, len(model.names), 3))
     place_bodies(
@@ -58,9 +76,9 @@ def forward(
         model.joints_m,
         model.dof_part,
         model.dof_axis,
-        rotations,
-        np.ascontiguousarray(np.atleast_2d(root_m), float),
-        np.ascontiguousarray(np.atleast_2d(angles_rad), float),
+        root_rotation,
+        root_m,
+        angles_rad,
         part_rotation,
         part_origin,
         np.empty((count, model.dof_count, 3)),

@@ -84,3 +84,16 @@ class PoseArrays:
     def poses(self) -> list[Pose]:
         """The poses one by one; they share memory with these."""
         return [Pose(*one) for one in zip(*self.arrays, strict=True)]
+
+
+def steps_of(poses: PoseArrays) -> np.ndarray:
+    """Steps (K - 1, 6 + D) from each of K poses to the next; see `Pose.minus`."""
+    turn = poses.root_rotation[1:] @ poses.root_rotation[:-1].transpose(0, 2, 1)
+    return np.concatenate(
+        [
+            np.diff(poses.root_m, axis=0),
+            Rotation.from_matrix(turn).as_rotvec(),
+            np.diff(poses.angles_rad, axis=0),
+        ],
+        axis=1,
+    )

@@ -57,7 +57,7 @@ class Observation:
     Attributes:
         views: the cameras.
         masks: C arrays (h, w) bool.
-        outside_px: C arrays (h, w) float32, distance to the silhouette, 0 inside.
+        outside_px: C arrays (h, w) float32, distance to the silhouette, see `outside_distances`.
         camera: (N,) int32, the camera of each contour point.
         ray: (N, 3) float64, unit viewing directions in the world.
         normal: (N, 3) float64, unit normals of the tangent planes, away from the body.
@@ -94,9 +94,7 @@ class Observation:
             cameras.append(np.full(len(ray), c, np.int32))
             rays.append(ray)
             normals.append(normal)
-            outside.append(
-                cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-            )
+            outside.append(outside_distances(mask))
         return cls(
             views,
             tuple(masks),
@@ -105,6 +103,26 @@ class Observation:
             np.concatenate(rays),
             np.concatenate(normals),
         )
+
+
+def outside_distances(mask: np.ndarray) -> np.ndarray:
+    """Distance (h, w) float32 of every pixel from a silhouette (h, w) bool, px; 0 inside.
+
+    Beyond half of the silhouette's longer side it stays what it is there: a surface point so far
+    away weighs next to nothing.
+    """
+    outside = (~mask).view(np.uint8)
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    if not width:
+        return cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
+    margin = max(width, height) // 2
+    right, bottom = min(left + width + margin, mask.shape[1]), min(top + height + margin, len(mask))
+    left, top = max(left - margin, 0), max(top - margin, 0)
+    near = cv2.distanceTransform(
+        np.ascontiguousarray(outside[top:bottom, left:right]), cv2.DIST_L2, cv2.DIST_MASK_5
+    )
+    edges = top, len(mask) - bottom, left, mask.shape[1] - right
+    return cv2.copyMakeBorder(near, *edges, cv2.BORDER_REPLICATE)
 
 
 def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:

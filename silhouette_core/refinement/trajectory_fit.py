@@ -17,7 +17,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import FPS, STEP_SIGMA_RAD
-from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.motion.pose import Pose, PoseArrays, steps_of
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
@@ -229,17 +229,19 @@ def _add_accelerations(
     free: NDArray[np.int64],
 ) -> None:
     """Adds the second differences; the first `fixed` poses are not unknowns."""
+    if len(poses) < 3:
+        return
     interval = np.median(np.diff(time_s)) if len(time_s) > 1 else 1 / FPS
     # A second difference grows with the square of the interval.
     precision = 1 / (sigma * max(interval * FPS, 0.25) ** 2) ** 2
+    steps_between = steps_of(PoseArrays.from_poses(poses))[:, free]
     for middle in range(1, len(poses) - 1):
         first = middle - 1 - fixed
         if first >= -fixed and first + 2 < len(time_s) and first >= 0:
             steps = np.diff(time_s[first : first + 3])
             if steps.max() > 1.5 * interval:
                 continue  # frames are missing
-        change = poses[middle + 1].minus(poses[middle]) - poses[middle].minus(poses[middle - 1])
-        change = change[free]
+        change = steps_between[middle] - steps_between[middle - 1]
         for a, factor_a in enumerate((1.0, -2.0, 1.0)):
             if first + a < 0:
                 continue

@@ -17,6 +17,8 @@ from silhouette_core.scoring.kernels import spans as span_kernels
 from silhouette_core.scoring.target import Target
 
 _FEW = 512  # distances for which starting threads costs more than it brings
+# Preparing so many entries of a table takes as long as what it saves per silhouette.
+_MOVED_PX = 2500
 _TOGETHER_PX = 1 << 24  # pixels of the images that are drawn together
 
 
@@ -35,14 +37,21 @@ class CpuBackend:
     ) -> FloatArray:
         """See `Backend.span_distances`."""
         chosen = chosen_spans(spans, which)
-        table, bases = target.sums
+        runs = spans.rows, spans.starts, spans.ends, spans.offsets
+        prefixes, bases = target.prefixes
         distances = np.empty((len(chosen), len(bases)))
+        if parallel and len(bases) > 1 and len(chosen) * _MOVED_PX < prefixes[0].size * len(bases):
+            span_kernels.moved_span_distances(
+                *(prefixes, target.shifts_px, target.margin_px, bases, target.scale),
+                *(*runs, chosen, distances),
+            )
+            return distances
+        table, _ = target.sums
         score = (
             span_kernels.span_distances_parallel
             if parallel and distances.size >= _FEW
             else span_kernels.span_distances
         )
-        runs = spans.rows, spans.starts, spans.ends, spans.offsets
         score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
         return distances
 

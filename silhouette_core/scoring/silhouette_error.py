@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.motion.kinematics import forward, quaternions, skin
+from silhouette_core.motion.kinematics import place, skin
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.backend import Backend
@@ -21,10 +21,7 @@ def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:
 
 def posed_meshes(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
     """Returns the posed vertices (K, V, 3) of K poses, world."""
-    arrays = PoseArrays.from_poses(poses)
-    rotation, origin = forward(
-        model, arrays.root_m, quaternions(arrays.root_rotation), arrays.angles_rad
-    )
+    rotation, origin = place(model, *PoseArrays.from_poses(poses).arrays)
     return np.stack([skin(model, *placed) for placed in zip(rotation, origin, strict=True)])
 
 

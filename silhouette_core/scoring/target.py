@@ -57,15 +57,23 @@ class Target:
 
         The combinations lie next to each other: one run is looked up for all of them at once.
         """
+        (prefixes, bases), margin = self.prefixes, self.margin_px
+        height, width = self.masks[0].shape
+        if len(bases) == 1 and not margin:
+            return prefixes.reshape(height, width + 1, 1), bases
+        table = np.empty((height, width + 1, len(bases)))
+        kernels.interleave(prefixes, self.shifts_px, margin, table)
+        return table, bases
+
+    @cached_property
+    def prefixes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same sums of every window, beyond it by the margin m, before they are moved: (P,
+        h + 2 m, w + 2 m + 1) float64; and the weight of each silhouette P, (C,) float64.
+        """
         (height, width), margin = self.masks[0].shape, self.margin_px
-        table = np.empty((height, width + 1, len(self.masks) * len(self.shifts_px)))
-        if table.shape[2] == 1 and not margin:
-            base = kernels.padded_prefix(self.masks[0], self.weights[0], 0, table[..., 0])
-            return table, np.array([base])
         prefixes = np.empty((len(self.masks), height + 2 * margin, width + 2 * margin + 1))
         bases = [
             kernels.padded_prefix(mask, weights, margin, prefix)
             for mask, weights, prefix in zip(self.masks, self.weights, prefixes, strict=True)
         ]
-        kernels.interleave(prefixes, self.shifts_px, margin, table)
-        return table, np.repeat(bases, len(self.shifts_px))
+        return prefixes, np.repeat(bases, len(self.shifts_px))

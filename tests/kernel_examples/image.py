@@ -18,11 +18,11 @@ def blob(rng, size=SIZE):
 
 
 def scene(rng):
-    """Frame, background, its noise figures, and gain."""
-    mean = rng.uniform(20, 240, (*SIZE, 3)).astype(np.float32)
-    length, noise = np.linalg.norm(mean, axis=2), rng.uniform(1, 3, SIZE)
-    scales = np.stack([1 / length**2, 1 / noise, length / noise], axis=2).astype(np.float32)
-    return frame(rng), mean, scales, GAIN
+    """Frame, background and its noise figures, channel by channel, and gain."""
+    mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
+    length, noise = np.linalg.norm(mean, axis=0), rng.uniform(1, 3, SIZE)
+    scales = np.stack([1 / length**2, 1 / noise, length / noise]).astype(np.float32)
+    return np.ascontiguousarray(frame(rng).transpose(2, 0, 1)), mean, scales, GAIN
 
 
 def add_moments(rng):
@@ -52,18 +52,18 @@ def sampled_chroma(rng):
 
 def evidence(rng):
     limits = (np.float32(value) for value in (100.0, 30.0, 0.5, 1.1, 8.0))
-    filled = np.empty((*SIZE, 4), np.int16), np.empty(SIZE, bool)
+    filled = np.empty((4, *SIZE), np.int16), np.empty(SIZE, bool)
     # Rounding may cut to another whole number.
     return Example((*scene(rng), *limits, *filled), atol=1)
 
 
 def decide(rng):
-    pooled = rng.integers(-3000, 3000, (*SIZE, 4), dtype=np.int16)
+    pooled = rng.integers(-3000, 3000, (4, *SIZE), dtype=np.int16)
     return Example((pooled, rng.random(SIZE) < 0.1, 2500, 2000, np.empty(SIZE, bool)))
 
 
 def doubt(rng):
-    pooled = rng.integers(-3000, 3000, (*SIZE, 4), dtype=np.int16)
+    pooled = rng.integers(-3000, 3000, (4, *SIZE), dtype=np.int16)
     bright = rng.normal(size=SIZE).astype(np.float32)
     return Example((pooled, bright, 2500, np.float32(1), np.empty(SIZE, bool)))
 
@@ -91,7 +91,7 @@ def sharpen(rng):
     around = (cv2.dilate(mask.view(np.uint8), None) > 0) & ~(
         cv2.erode(mask.view(np.uint8), None) > 0
     )
-    image, mean, _, _ = scene(rng)
+    image, mean = frame(rng), rng.uniform(20, 240, (*SIZE, 3)).astype(np.float32)
     light = np.full(3, 0.2, np.float32), np.full(3, 2, np.float32)
     regions = around, mask & ~around, ~mask & ~around
     return Example((image, mean, *light, *regions, 4, np.float32(10), mask.copy()))

@@ -33,6 +33,13 @@ def span_distances(rng):
 span_distances_parallel = span_distances
 
 
+def moved_span_distances(rng):
+    _, _, _, scale, *runs, which, _ = span_distances(rng).arguments
+    prefixes = rng.normal(size=(2, SIZE[0] + 4, SIZE[1] + 5))
+    moved = prefixes, rng.integers(-2, 3, (3, 2)), 2, rng.normal(size=6), scale
+    return Example((*moved, *runs, which, np.empty((7, 6))), rtol=1e-9, atol=1e-12)
+
+
 def sum_weights(rng):
     parts = rng.integers(0, 3, (5, *SIZE), dtype=np.uint8)
     return Example((parts, rng.normal(size=SIZE), np.empty(5)), rtol=1e-9, atol=1e-12)

@@ -10,22 +10,20 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
 @kernel
-def _split(frame, mean, scales, gain, row, column):
+def _split(colour_0, colour_1, colour_2, mean, scales, row, column):
     """Projects a pixel's colour, its channels' gain removed, onto the background's colour.
 
-    scales (H, W, 3) holds 1 / |background|^2, 1 / noise and |background| / noise. Returns the three
-    components of the residual, in noise, and the ratio of the projection to the background.
+    mean (3, H, W) is the background's colour; scales (3, H, W) holds 1 / |background|^2, 1 / noise
+    and |background| / noise. Returns the three components of the residual, in noise, and the ratio
+    of the projection to the background.
     """
-    background_0 = mean[row, column, 0]
-    background_1 = mean[row, column, 1]
-    background_2 = mean[row, column, 2]
-    colour_0 = np.float32(frame[row, column, 0]) * gain[0]
-    colour_1 = np.float32(frame[row, column, 1]) * gain[1]
-    colour_2 = np.float32(frame[row, column, 2]) * gain[2]
+    background_0 = mean[0, row, column]
+    background_1 = mean[1, row, column]
+    background_2 = mean[2, row, column]
     ratio = (colour_0 * background_0 + colour_1 * background_1 + colour_2 * background_2) * scales[
-        row, column, 0
+        0, row, column
     ]
-    scale = scales[row, column, 1]
+    scale = scales[1, row, column]
     residual_0 = (colour_0 - ratio * background_0) * scale
     residual_1 = (colour_1 - ratio * background_1) * scale
     residual_2 = (colour_2 - ratio * background_2) * scale
@@ -35,7 +33,7 @@ def _split(frame, mean, scales, gain, row, column):
 @parallel_kernel
 def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
     """Fills out (H', W') float32: length of the pooled residual at every step-th pixel."""
-    height, width = frame.shape[0], frame.shape[1]
+    height, width = frame.shape[1], frame.shape[2]
     for k in prange(out.shape[0]):
         for j in range(out.shape[1]):
             sum_0 = sum_1 = sum_2 = np.float32(0.0)
@@ -43,7 +41,13 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
             for row in range(max(k * step - radius, 0), min(k * step + radius + 1, height)):
                 for column in range(max(j * step - radius, 0), min(j * step + radius + 1, width)):
                     residual_0, residual_1, residual_2, _ = _split(
-                        frame, mean, scales, gain, row, column
+                        np.float32(frame[0, row, column]) * gain[0],
+                        np.float32(frame[1, row, column]) * gain[1],
+                        np.float32(frame[2, row, column]) * gain[2],
+                        mean,
+                        scales,
+                        row,
+                        column,
                     )
                     square = (
                         residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
@@ -62,48 +66,57 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
 def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
     """Fills the evidence to be pooled, and the pixels that need no pooling.
 
-    Fills parts (H, W, 4) int16, in 1 / unit of the noise: the chromatic residual cut to length
+    Fills parts (4, H, W) int16, in 1 / unit of the noise: the chromatic residual cut to length
     clip, and the brightness beyond [shadow, highlight] cut to twice its limit. Fills strong (H, W)
-    bool: the pixels where either is large.
+    bool: the pixels where either is large. Without branches, so that the compiler uses vectors.
     """
     height, width = strong.shape
+    gain_0, gain_1, gain_2 = gain[0], gain[1], gain[2]
+    limit = clip * clip
     for row in prange(height):
         for column in range(width):
             residual_0, residual_1, residual_2, ratio = _split(
-                frame, mean, scales, gain, row, column
+                np.float32(frame[0, row, column]) * gain_0,
+                np.float32(frame[1, row, column]) * gain_1,
+                np.float32(frame[2, row, column]) * gain_2,
+                mean,
+                scales,
+                row,
+                column,
             )
             square = residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
             beyond = (
                 max(max(shadow - ratio, ratio - highlight), np.float32(0.0))
-                * scales[row, column, 2]
+                * scales[2, row, column]
             )
-            strong[row, column] = (square > clip * clip) | (beyond > np.float32(1.5) * beyond_limit)
-            factor = unit
-            if square > clip * clip:
-                factor = unit * clip / np.sqrt(square)
-            parts[row, column, 0] = np.int16(residual_0 * factor)
-            parts[row, column, 1] = np.int16(residual_1 * factor)
-            parts[row, column, 2] = np.int16(residual_2 * factor)
-            parts[row, column, 3] = np.int16(min(beyond, np.float32(2.0) * beyond_limit) * unit)
+            strong[row, column] = (square > limit) | (beyond > np.float32(1.5) * beyond_limit)
+            factor = unit * (clip / np.sqrt(max(square, limit)))
+            parts[0, row, column] = np.int16(np.int32(residual_0 * factor))
+            parts[1, row, column] = np.int16(np.int32(residual_1 * factor))
+            parts[2, row, column] = np.int16(np.int32(residual_2 * factor))
+            parts[3, row, column] = np.int16(
+                np.int32(min(beyond, np.float32(2.0) * beyond_limit) * unit)
+            )
 
 
 @kernel
 def _chroma_square(pooled, row, column):
-    part_0 = np.int32(pooled[row, column, 0])
-    part_1 = np.int32(pooled[row, column, 1])
-    part_2 = np.int32(pooled[row, column, 2])
+    part_0 = np.int32(pooled[0, row, column])
+    part_1 = np.int32(pooled[1, row, column])
+    part_2 = np.int32(pooled[2, row, column])
     return part_0 * part_0 + part_1 * part_1 + part_2 * part_2
 
 
 @parallel_kernel
 def decide(pooled, strong, chroma_limit, beyond_limit, mask):
-    """Fills mask (H, W) bool: strong, or pooled evidence (H, W, 4) int16 over its limit."""
+    """Fills mask (H, W) bool: strong, or pooled evidence (4, H, W) int16 over its limit."""
     height, width = mask.shape
+    chroma_square, beyond = np.int32(chroma_limit * chroma_limit), np.int32(beyond_limit)
     for row in prange(height):
         for column in range(width):
-            chromatic = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
+            chromatic = _chroma_square(pooled, row, column) > chroma_square
             mask[row, column] = (
-                strong[row, column] | chromatic | (pooled[row, column, 3] > beyond_limit)
+                strong[row, column] | chromatic | (np.int32(pooled[3, row, column]) > beyond)
             )
 
 
@@ -111,9 +124,10 @@ def decide(pooled, strong, chroma_limit, beyond_limit, mask):
 def doubt(pooled, bright, chroma_limit, bright_limit, mask):
     """Fills mask (H, W) bool: pooled chroma or brightness (H, W) float32 over a limit."""
     height, width = mask.shape
+    chroma_square = np.int32(chroma_limit * chroma_limit)
     for row in prange(height):
         for column in range(width):
-            chromatic = _chroma_square(pooled, row, column) > chroma_limit * chroma_limit
+            chromatic = _chroma_square(pooled, row, column) > chroma_square
             mask[row, column] = chromatic | (abs(bright[row, column]) > bright_limit)
 
 
@@ -121,10 +135,19 @@ def doubt(pooled, bright, chroma_limit, bright_limit, mask):
 def brightness(frame, mean, scales, gain, out):
     """Fills out (H, W) float32: signed difference along the background's colour, in noise."""
     height, width = out.shape
+    gain_0, gain_1, gain_2 = gain[0], gain[1], gain[2]
     for row in prange(height):
         for column in range(width):
-            _, _, _, ratio = _split(frame, mean, scales, gain, row, column)
-            out[row, column] = (ratio - np.float32(1.0)) * scales[row, column, 2]
+            _, _, _, ratio = _split(
+                np.float32(frame[0, row, column]) * gain_0,
+                np.float32(frame[1, row, column]) * gain_1,
+                np.float32(frame[2, row, column]) * gain_2,
+                mean,
+                scales,
+                row,
+                column,
+            )
+            out[row, column] = (ratio - np.float32(1.0)) * scales[2, row, column]
 
 
 @kernel

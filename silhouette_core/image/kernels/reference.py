@@ -37,27 +37,27 @@ def median_and_deviation(stack, median, deviation):
 def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
     """Length of the mean chromatic residual of a window, each pixel's cut to length clip."""
     residual, _ = _split(frame, mean, scales, gain)
-    length = np.linalg.norm(residual, axis=2, keepdims=True)
+    length = np.linalg.norm(residual, axis=0)
     residual = residual * np.minimum(1, clip / np.maximum(length, 1e-9))
     for k, j in np.ndindex(out.shape):
         rows = slice(max(k * step - radius, 0), k * step + radius + 1)
         columns = slice(max(j * step - radius, 0), j * step + radius + 1)
-        out[k, j] = np.linalg.norm(residual[rows, columns].mean(axis=(0, 1)))
+        out[k, j] = np.linalg.norm(residual[:, rows, columns].mean(axis=(1, 2)))
 
 
 def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
     """Chromatic residual cut to length clip, and brightness beyond shadow and highlight."""
     residual, ratio = _split(frame, mean, scales, gain)
-    length = np.linalg.norm(residual, axis=2)
-    beyond = np.clip(np.maximum(shadow - ratio, ratio - highlight), 0, None) * scales[..., 2]
-    parts[..., :3] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))[..., None]
-    parts[..., 3] = unit * np.minimum(beyond, 2 * beyond_limit)
+    length = np.linalg.norm(residual, axis=0)
+    beyond = np.clip(np.maximum(shadow - ratio, ratio - highlight), 0, None) * scales[2]
+    parts[:3] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))
+    parts[3] = unit * np.minimum(beyond, 2 * beyond_limit)
     strong[:] = (length > clip) | (beyond > 1.5 * beyond_limit)
 
 
 def decide(pooled, strong, chroma_limit, beyond_limit, mask):
     """Strong pixels, and those whose pooled evidence is over a limit."""
-    mask[:] = strong | (_chroma(pooled) > chroma_limit) | (pooled[..., 3] > beyond_limit)
+    mask[:] = strong | (_chroma(pooled) > chroma_limit) | (pooled[3] > beyond_limit)
 
 
 def doubt(pooled, bright, chroma_limit, bright_limit, mask):
@@ -67,7 +67,7 @@ def doubt(pooled, bright, chroma_limit, bright_limit, mask):
 
 def brightness(frame, mean, scales, gain, out):
     """Signed difference along the background's colour, in noise."""
-    out[:] = (_split(frame, mean, scales, gain)[1] - 1) * scales[..., 2]
+    out[:] = (_split(frame, mean, scales, gain)[1] - 1) * scales[2]
 
 
 def count_colours(frame, where, shift, counts):
@@ -159,12 +159,12 @@ def _unit(colour):
 
 
 def _split(frame, mean, scales, gain):
-    """Residual (H, W, 3), in noise, after projection onto the background's colour; its multiple."""
-    colour = frame * gain.astype(np.float64)
-    ratio = (colour * mean).sum(axis=2) * scales[..., 0]
-    return (colour - ratio[..., None] * mean) * scales[..., 1:2], ratio
+    """Residual (3, H, W), in noise, after projection onto the background's colour; its multiple."""
+    colour = frame * gain.astype(np.float64)[:, None, None]
+    ratio = (colour * mean).sum(axis=0) * scales[0]
+    return (colour - ratio * mean) * scales[1], ratio
 
 
 def _chroma(pooled):
     """Lengths (H, W) of the pooled chromatic residuals."""
-    return np.linalg.norm(pooled[..., :3].astype(np.float64), axis=2)
+    return np.linalg.norm(pooled[:3].astype(np.float64), axis=0)

@@ -38,6 +38,17 @@ def span_distances(flat, width, bases, scale, rows, starts, ends, offsets, which
 span_distances_parallel = span_distances
 
 
+def moved_span_distances(
+    prefixes, shifts, margin, bases, scale, rows, starts, ends, offsets, which, distances
+):
+    """The same of prefix images, each moved by every shift."""
+    height, width = (size - 2 * margin for size in prefixes.shape[1:])
+    table = np.empty((height, width, len(bases)))
+    interleave(prefixes, shifts, margin, table)
+    runs = rows, starts, ends, offsets
+    span_distances(table.ravel(), width, bases, scale, *runs, which, distances)
+
+
 def sum_weights(parts, weights, totals):
     """Sums over the silhouettes of part images."""
     totals[:] = [weights[image > 0].sum() for image in parts]

@@ -114,3 +114,21 @@ def span_distances_parallel(
         for k in prange(len(which)):
             first, last = offsets[which[k]], offsets[which[k] + 1]
             _score_all(flat, width, bases, scale, first, last, rows, starts, ends, distances[k])
+
+
+@parallel_kernel
+def moved_span_distances(
+    prefixes, shifts, margin, bases, scale, rows, starts, ends, offsets, which, distances
+):
+    """As `span_distances`, from prefix images (P, h + 2 m, w + 2 m + 1) and shifts (S, 2) that were
+    not interleaved: for few silhouettes.
+    """
+    width, count = np.uint32(prefixes.shape[2]), len(shifts)
+    for k in prange(len(which)):
+        first, last = offsets[which[k]], offsets[which[k] + 1]
+        for c in range(len(bases)):
+            shift = shifts[c % count]
+            start = (margin + shift[1]) * prefixes.shape[2] + margin + shift[0]
+            flat = prefixes[c // count].reshape(-1)[start:]
+            total = bases[c] + _sum_runs(flat, width, first, last, rows, starts, ends)
+            distances[k, c] = scale * total

@@ -7,14 +7,12 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
-from silhouette_core.filter.limb_silhouette import SignedWeights
-from silhouette_core.filter.window import look_at
-from silhouette_core.library.rendering import STATURE_PX
+from silhouette_core.filter.observed_frame import FrameObserver
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.cpu import CPU
 from tests.silhouette_core.filter.filming import (
-    STATURE_M,
     body,
     camera_at,
     performed,
@@ -39,15 +37,19 @@ def resampler(library):
 
 
 @pytest.fixture(scope="module")
+def observer(library):
+    return FrameObserver(PinholeViews.from_rig(Rig((CAMERA,))), library, "balanced", CPU)
+
+
+@pytest.fixture(scope="module")
 def truth():
     return poses_of(performed("wave"))[16:34:3]
 
 
-def pose_frame(pose, seen, time_s):
+def pose_frame(observer, pose, seen, time_s):
     mask = silhouette(MODEL, seen, CAMERA)
     distance = float(np.linalg.norm(seen.root_m - CAMERA.center_m))
-    window = look_at(CAMERA, mask, distance, STATURE_PX / STATURE_M)
-    return PoseFrame(pose, mask, SignedWeights.from_window(window, "balanced"), distance, time_s)
+    return PoseFrame(pose, observer.observe(mask, distance, time_s))
 
 
 def apart_mm(poses, truth):
@@ -72,10 +74,10 @@ def lowered(pose):
     return Pose(pose.root_m, pose.root_rotation, angles)
 
 
-def test_an_arm_is_found_where_it_is_seen(resampler, truth):
+def test_an_arm_is_found_where_it_is_seen(resampler, observer, truth):
     wrong = [lowered(pose) for pose in truth]
     pose_frames = [
-        pose_frame(pose, seen, 0.1 * k)
+        pose_frame(observer, pose, seen, 0.1 * k)
         for k, (pose, seen) in enumerate(zip(wrong, truth, strict=True))
     ]
     result = resampler.resample(pose_frames)
@@ -83,16 +85,18 @@ def test_an_arm_is_found_where_it_is_seen(resampler, truth):
     assert before.max() > 250
     assert after.max() < 160 and after.mean() < 25
     for one, given in zip(result, pose_frames, strict=True):
-        assert (one.pose.root_m == given.pose.root_m).all() and one.mask is given.mask
+        assert (one.pose.root_m == given.pose.root_m).all() and one.observed is given.observed
 
 
-def test_what_is_right_stays(resampler, truth):
-    result = resampler.resample([pose_frame(pose, pose, 0.1 * k) for k, pose in enumerate(truth)])
+def test_what_is_right_stays(resampler, observer, truth):
+    result = resampler.resample(
+        [pose_frame(observer, pose, pose, 0.1 * k) for k, pose in enumerate(truth)]
+    )
     assert apart_mm([one.pose for one in result], truth).mean() < 15
 
 
 @pytest.mark.parametrize("continued", [False, True])
-def test_refinement_draws_poses_onto_their_contours(resampler, truth, continued):
+def test_refinement_draws_poses_onto_their_contours(resampler, observer, truth, continued):
     rng = np.random.default_rng(2)
     off = []
     for pose in truth:
@@ -102,13 +106,14 @@ def test_refinement_draws_poses_onto_their_contours(resampler, truth, continued)
         step[6:][MODEL.dof_fixed] = 0
         off.append(pose.moved(step).clipped())
     pose_frames = [
-        pose_frame(pose, seen, 0.1 * k)
+        pose_frame(observer, pose, seen, 0.1 * k)
         for k, (pose, seen) in enumerate(zip(off, truth, strict=True))
     ]
-    before = replace(pose_frames[0], pose=truth[0], time_s=-0.1) if continued else None
-    refined = resampler.refine(pose_frames, before)
-    error = [frame.weights.distances(MODEL, [frame.pose])[0] for frame in refined]
-    assert np.mean(error) < 0.5 * np.mean(
-        [frame.weights.distances(MODEL, [frame.pose])[0] for frame in pose_frames]
+    before = PoseFrame(truth[0], replace(pose_frames[0].observed, time_s=-0.1))
+    refined = resampler.refine(pose_frames, before if continued else None)
+    at_first, at_last = (
+        np.mean([one.observed.weights.distances(MODEL, [one.pose])[0] for one in frames])
+        for frames in (pose_frames, refined)
     )
+    assert at_last < 0.5 * at_first
     assert apart_mm([frame.pose for frame in refined], truth).mean() < apart_mm(off, truth).mean()

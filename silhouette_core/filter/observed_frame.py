@@ -1,0 +1,70 @@
+"""A frame's silhouette, prepared once for all that compares poses with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.filter.limb_silhouette import SignedWeights
+from silhouette_core.filter.window import look_at
+from silhouette_core.image.distance import Weighting
+from silhouette_core.library.pose_library import PoseLibrary
+from silhouette_core.library.rendering import STATURE_PX
+from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.scoring.backend import Backend
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedFrame:
+    """What a frame shows.
+
+    Attributes:
+        mask: (h, w) bool, the silhouette in the camera's image.
+        weights: signed pixel weights of the silhouette's window.
+        contour: points of the contour, and distances from the silhouette.
+        distance_m: distance of the person from the camera, about.
+        time_s: time of the frame.
+    """
+
+    mask: NDArray[np.bool_]
+    weights: SignedWeights
+    contour: Observation
+    distance_m: float
+    time_s: float
+
+
+class FrameObserver:
+    """Prepares the frames of one camera.
+
+    Args:
+        views: the camera, a pinhole without distortion.
+        library: whose window and weights are used.
+        weighting: of the pixels.
+        backend: scores the poses.
+    """
+
+    def __init__(
+        self, views: PinholeViews, library: PoseLibrary, weighting: Weighting, backend: Backend
+    ):
+        """Keeps what it is given."""
+        self.views, self._library = views, library
+        self._weighting: Weighting = weighting
+        self._backend = backend
+
+    def observe(self, mask: NDArray[np.bool_], distance_m: float, time_s: float) -> ObservedFrame:
+        """Prepares one frame.
+
+        Args:
+            mask: (h, w) bool, the silhouette, not empty.
+            distance_m: of the person from the camera.
+            time_s: time of the frame.
+        """
+        camera, stature = self.views.rig.cameras[0], self._library.model.sizes.stature_m
+        window = look_at(camera, mask, distance_m, STATURE_PX / stature)
+        weights = SignedWeights.from_window(
+            window, self._weighting, backend=self._backend, bounds_px=self._library.bounds_px
+        )
+        contour = Observation.from_masks(self.views, [mask], distance_m)
+        return ObservedFrame(mask, weights, contour, distance_m, time_s)
