@@ -65,21 +65,43 @@ class DenseEvidence(Evidence):
     Args:
         evidence: whose windows are taken.
         score: of many images.
-        drawn: nodes' images, by the level's reduction; what is missing is drawn and kept.
+        drawn: nodes' images, by the level's reduction and their number; what is missing is drawn
+            and kept.
     """
 
-    def __init__(self, evidence: Evidence, score: Score, drawn: dict[int, NDArray[np.bool_]]):
+    def __init__(
+        self, evidence: Evidence, score: Score, drawn: dict[tuple[int, int], NDArray[np.bool_]]
+    ):
         super().__init__(evidence.windows, evidence.weighting)
         self.score, self.drawn = score, drawn
 
-    def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
-        if reduction not in self.drawn:
+    def unmoved_distances(
+        self,
+        spans: Spans,
+        nodes: NDArray[np.integer],
+        reduction: int,
+        scale: NDArray[np.integer] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        images, result = self._images(spans, nodes, reduction), []
+        for window in self.windows:
+            picture, weights = relative_weights(window, self.weighting, reduction)
+            result.append(self.score(picture, images, weights.astype(np.float32)) * picture.size)
+        flat = np.stack(result)
+        best = flat.argmin(axis=0)
+        return flat[best, np.arange(len(nodes))], best
+
+    def _images(
+        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
+    ) -> NDArray[np.bool_]:
+        if (reduction, len(nodes)) not in self.drawn:
             size = self.windows[0].mask.shape
-            self.drawn[reduction] = masks_of(
+            self.drawn[reduction, len(nodes)] = masks_of(
                 spans, nodes, (size[1] // reduction, size[0] // reduction)
             )
-        images = self.drawn[reduction]
-        result = []
+        return self.drawn[reduction, len(nodes)]
+
+    def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
+        images, result = self._images(spans, nodes, reduction), []
         for window in self.windows:
             picture, weights = relative_weights(window, self.weighting, reduction)
             height, width = picture.shape
@@ -167,7 +189,7 @@ def _against(score: Score, name: str, goal: str) -> Case:
     )  # the frame for which as many nodes are scored as for the median one
     before, belief = beliefs[chosen - 1 : chosen + 1]
     metre_px = STATURE_PX / tree.library.model.sizes.stature_m
-    drawn: dict[int, NDArray[np.bool_]] = {}
+    drawn: dict[tuple[int, int], NDArray[np.bool_]] = {}
 
     def frame(dense: bool) -> Posterior:
         windows = [

@@ -49,9 +49,8 @@ from silhouette_core.refinement.surface import Surface
 
 _FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
-_PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # inverse kinematics: no contour
+_PLACING = RefineSettings(reaches_m=(0.0,) * 5)  # inverse kinematics: no contour
 _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
-_POINTS = 500
 _ROWS = 150  # samples of the posterior that are considered
 # Mean distance of the joints within which two seeds explain a silhouette alike, and within which
 # two hypotheses are the same pose.
@@ -78,6 +77,8 @@ class TrackerSettings:
             fewer are taken from the posterior and carried, see `with_modes`.
         sigma: standard deviation of a refined pose's silhouette distance, relative to the
             silhouette's weight.
+        surface_points: number of points of the body's surface that are fitted to the silhouette.
+        spacing_m: distance between points of the contour, on the body.
     """
 
     refine: bool = True
@@ -89,10 +90,16 @@ class TrackerSettings:
     kept: int = 16
     by_mode: int = 4
     sigma: float = 0.04
+    surface_points: int = 500
+    spacing_m: float = 0.025
+
+    def coarser(self) -> TrackerSettings:
+        """Settings that keep up with a camera."""
+        return replace(self, surface_points=350, spacing_m=0.04)
 
     def with_modes(self) -> TrackerSettings:
         """Settings beside a learned proposal, which finds most of the hypotheses itself."""
-        return replace(self, by_probability=2, by_fit=1, carried=1, kept=8)
+        return replace(self, by_probability=1, by_fit=0, carried=1, kept=8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +176,9 @@ class HypothesisTracker:
         """Prepares the body's surface and the costs of poses."""
         self.tree, self.camera, self.settings = tree, camera, settings
         self.views = PinholeViews.from_rig(Rig((camera,)))
-        self.observer = FrameObserver(self.views, tree.library, settings.weighting, tree.backend)
+        self.observer = FrameObserver(
+            self.views, tree.library, settings.weighting, tree.backend, settings.spacing_m
+        )
         self.costs = PoseCosts(tree.library)
         self.set_body(tree.library.model)
         self.noise = ProcessNoise(
@@ -187,7 +196,7 @@ class HypothesisTracker:
     def set_body(self, model: BodyModel) -> None:
         """Replaces the body, for example by one adapted to the person."""
         self.model = model
-        self.surface = Surface(model, _POINTS)
+        self.surface = Surface(model, self.settings.surface_points)
 
     def step(
         self,
@@ -291,6 +300,9 @@ class HypothesisTracker:
     def _seeds(self, filter_frame: FilterFrame, settings: TrackerSettings) -> list[Pose]:
         """Samples of the posterior and of the best leaves that differ from each other."""
         posterior = filter_frame.posterior
+        if settings.by_fit == 0 and settings.by_probability == 1:
+            first = candidates_of(self.tree, filter_frame, [0])
+            return [Pose(first.root_m[0], first.root_rotation[0], first.angles_rad[0])]
         by_fit = np.argsort(posterior.distance, kind="stable")[:_ROWS]
         rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), _ROWS)), by_fit]))
         samples = candidates_of(self.tree, filter_frame, rows)
@@ -325,7 +337,8 @@ class HypothesisTracker:
                 RefineStart(pose, _FROM_MODE, None, prior)
                 for pose, prior in zip(placed, expected, strict=True)
             ]
-        believed = [(pose, self._library_sigma, _FROM_LIBRARY) for pose in seeds]
+        how = _FROM_LIBRARY if modes is None else _FROM_PREDICTION
+        believed = [(pose, self._library_sigma, how) for pose in seeds]
         if previous is not None:
             sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, observed.time_s)
             order = np.argsort(previous.cost, kind="stable")

@@ -131,7 +131,9 @@ class SignedWeights:
     def distances(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Silhouette distances (K,) of whole poses, eq. (7)-(9)."""
         meshes = self._in_camera(model, poses)
-        drawn = self.backend.drawn_weights(self.signed, meshes, model.faces, self.matrix)
+        drawn = self.backend.drawn_weights(
+            self.signed, meshes, model.faces, self.matrix, cull_back=True
+        )
         return self.base + drawn
 
     def limb_distances(
@@ -177,7 +179,7 @@ class SignedWeights:
     def part_areas_many(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Areas (K, 27) of the parts in K poses, see `part_areas`."""
         meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
-        drawn = render_many(meshes, model.faces, model.face_part, self.matrix, size, False)
+        drawn = render_many(meshes, model.faces, model.face_part, self.matrix, size)
         counts = [np.bincount(one.ravel(), minlength=len(model.names) + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / size[0]) ** 2
 

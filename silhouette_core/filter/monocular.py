@@ -145,18 +145,32 @@ class MonocularEstimator:
             corrected=proposed,
         )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
+        if proposed and not settings.smooth:
+            tracking = tracking.coarser()
         trajectory = PoseTrajectory(
             tree, lens.pinhole, tracking, settings.smooth, clock, _sexes(settings)
         )
 
+        reporter.stage("background")
+        silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
+        if silhouettes.without_background:
+            reporter.note(
+                f"no picture of the empty view for {source.rig.names[0]}: the temporal median"
+                " stands in for it"
+            )
+        people = read_ahead(_people(source, silhouettes, lens, clock, coloured))
+
         def estimates() -> Iterator[FrameEstimate]:
-            for filter_frame in _filter_frames(
-                source, settings, lens, forward, clock, reporter, counts, coloured
-            ):
+            reporter.stage("tracking", source.frame_count)
+            for number, filter_frame in read_ahead(_filter_frames(people, forward, clock), 1):
+                reporter.advance()
+                if filter_frame is None:
+                    counts.absent.append(number)
+                    continue
                 counts.add(filter_frame)
                 decided = trajectory.add(filter_frame)
-                if options.refine:
-                    forward.correct(trajectory.distance_m)
+                if proposed:
+                    forward.correct(number, trajectory.distance_m)
                 yield from decided
             reporter.stage("last frames")
             yield from trajectory.finish()
@@ -222,33 +236,16 @@ def _scaled(library: PoseLibrary, stature_m: float) -> PoseLibrary:
 
 
 def _filter_frames(
-    source: FrameSource,
-    settings: Settings,
-    lens: UndistortedView,
-    forward: ForwardFilter,
-    clock: StageClock,
-    reporter: Reporter,
-    counts: _Counts,
-    coloured: bool,
-) -> Iterator[FilterFrame]:
-    """Posteriors of the frames that show a person."""
-    reporter.stage("background")
-    silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
-    name = source.rig.names[0]
-    if silhouettes.without_background:
-        reporter.note(
-            f"no picture of the empty view for {name}: the temporal median stands in for it"
-        )
-    reporter.stage("tracking", source.frame_count)
-    people = _people(source, silhouettes, lens, clock, coloured)
-    for number, seconds, person in read_ahead(people):
-        reporter.advance()
+    people: Iterable[tuple[int, float, Person | None]], forward: ForwardFilter, clock: StageClock
+) -> Iterator[tuple[int, FilterFrame | None]]:
+    """Number of every frame, and its posterior if it shows a person."""
+    for number, seconds, person in people:
         if person is None:
-            counts.absent.append(number)
+            yield number, None
             continue
         with clock("estimation"):
             filter_frame = forward.step(number, seconds, person)
-        yield filter_frame
+        yield number, filter_frame
 
 
 def _people(

@@ -43,15 +43,21 @@ class FrameObserver:
         library: whose window and weights are used.
         weighting: of the pixels.
         backend: scores the poses.
+        spacing_m: distance between points of the contour, on the body.
     """
 
     def __init__(
-        self, views: PinholeViews, library: PoseLibrary, weighting: Weighting, backend: Backend
+        self,
+        views: PinholeViews,
+        library: PoseLibrary,
+        weighting: Weighting,
+        backend: Backend,
+        spacing_m: float = 0.025,
     ):
         """Keeps what it is given."""
         self.views, self._library = views, library
         self._weighting: Weighting = weighting
-        self._backend = backend
+        self._backend, self._spacing_m = backend, spacing_m
 
     def observe(self, mask: NDArray[np.bool_], distance_m: float, time_s: float) -> ObservedFrame:
         """Prepares one frame.
@@ -66,5 +72,5 @@ class FrameObserver:
         weights = SignedWeights.from_window(
             window, self._weighting, backend=self._backend, bounds_px=self._library.bounds_px
         )
-        contour = Observation.from_masks(self.views, [mask], distance_m)
+        contour = Observation.from_masks(self.views, [mask], distance_m, self._spacing_m)
         return ObservedFrame(mask, weights, contour, distance_m, time_s)

@@ -30,7 +30,7 @@ from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
-from silhouette_core.refinement.trajectory_fit import fit_trajectory
+from silhouette_core.refinement.trajectory_fit import TrajectorySettings, fit_trajectory
 from silhouette_core.scoring.silhouette_error import mask_error
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
@@ -272,6 +272,7 @@ class PoseTrajectory:
             np.array([frame.observed.time_s for frame in pose_frames]),
             [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
             self.tracker.costs.on_floor,
+            settings=TrajectorySettings() if self.smooth else TrajectorySettings().quicker(),
             before=[frame.pose for frame in self._decided],
         )
         return [replace(frame, pose=pose) for frame, pose in zip(pose_frames, poses, strict=True)]

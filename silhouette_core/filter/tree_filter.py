@@ -15,9 +15,6 @@ from silhouette_core.library.rendering import WINDOW_PX
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
-# Nodes of a level that are moved as well: those that are likely where they are. The others' best
-# position hardly counts.
-_MOVED = 1000
 SIGMA_SCALE = 2.5
 """Factor on the motion model's sigmas (ours). With 54 joint angles, the measured sigmas would leave
 nearly all of a transition to two samples, and the filter could not recover from a wrong pose."""
@@ -35,6 +32,8 @@ class FilterSettings:
         survivors: a node's children are scored if its posterior reaches this fraction of the best
             node's.
         most: largest number of nodes kept per level.
+        moved: number of nodes per level that are moved to where they fit best, if there are more
+            than twice as many: those that are likely where they are.
         floor: fraction of the prior that is spread evenly over the library, so that the filter
             recovers from a wrong pose.
     """
@@ -43,6 +42,7 @@ class FilterSettings:
     coarse: float = 1.5
     survivors: float = 1e-3
     most: int = 1500
+    moved: int = 1000
     floor: float = 0.10
 
 
@@ -269,12 +269,12 @@ class TreeFilter:
         )
         with np.errstate(divide="ignore"):
             log_prior, least = np.log(node_prior), np.log(settings.survivors)
-        if len(nodes) <= 2 * _MOVED:
+        if len(nodes) <= 2 * settings.moved:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
             distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
             likely = 0.5 * (distance / sigma) ** 2 - log_prior
-            moved = np.sort(np.argpartition(likely, _MOVED)[:_MOVED])
+            moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
             alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
                 moved, distance, scale
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -103,18 +103,31 @@ class PoseProposal:
         Returns:
             The modes of these frames.
         """
-        if frames is None:
-            frames = np.arange(len(features))
-        flags = np.full(len(frames), causal)
-        nearby = nearby_frames(features.time_s)[frames]
-        found = self.network.mixture(network_inputs(features, frames, nearby, flags))
-        return PoseModes(
-            found.probability,
-            np.pad(found.joints, ((0, 0), (0, 0), (1, 0), (0, 0))),
-            np.pad(found.sigma, ((0, 0), (0, 0), (1, 0), (0, 0))),
-            found.offset,
-            found.offset_sigma,
+        return self.modes_many([features], causal, frames)[0]
+
+    def modes_many(
+        self,
+        sequences: Sequence[FrameFeatures],
+        causal: bool = False,
+        frames: NDArray[np.integer] | None = None,
+    ) -> list[PoseModes]:
+        """Probable poses in the same frames of several sequences, see `modes`: the network reads
+        them at once.
+        """
+        inputs = []
+        for features in sequences:
+            chosen = np.arange(len(features)) if frames is None else np.asarray(frames)
+            nearby = nearby_frames(features.time_s)[chosen]
+            inputs.append(network_inputs(features, chosen, nearby, np.full(len(chosen), causal)))
+        found = self.network.mixture(np.concatenate(inputs))
+        joints, sigma = (
+            np.pad(one, ((0, 0), (0, 0), (1, 0), (0, 0))) for one in (found.joints, found.sigma)
         )
+        ends = np.cumsum([len(one) for one in inputs])[:-1]
+        whole = found.probability, joints, sigma, found.offset, found.offset_sigma
+        return [
+            PoseModes(*parts) for parts in zip(*(np.split(one, ends) for one in whole), strict=True)
+        ]
 
     def arrays(self) -> dict[str, NDArray]:
         """All arrays by name, for a file; `from_arrays` is the inverse."""

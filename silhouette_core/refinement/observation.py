@@ -12,6 +12,8 @@ import numpy as np
 from calib.camera import Rig
 
 _BORDER_PX = 2  # contour points this near the image border bound the view, not the body
+USUAL_SPACING_M = 0.025
+"""Distance between contour points on the body for which their weights are stated."""
 _TANGENT_PX = 4  # half length of the contour piece whose direction is taken as the tangent
 
 
@@ -61,6 +63,7 @@ class Observation:
         camera: (N,) int32, the camera of each contour point.
         ray: (N, 3) float64, unit viewing directions in the world.
         normal: (N, 3) float64, unit normals of the tangent planes, away from the body.
+        spacing_m: distance between contour points on the body, about.
     """
 
     views: PinholeViews
@@ -69,6 +72,7 @@ class Observation:
     camera: np.ndarray
     ray: np.ndarray
     normal: np.ndarray
+    spacing_m: float = USUAL_SPACING_M
 
     @classmethod
     def from_masks(
@@ -76,7 +80,7 @@ class Observation:
         views: PinholeViews,
         masks: list[np.ndarray],
         distance_m: float = 4.0,
-        spacing_m: float = 0.025,
+        spacing_m: float = USUAL_SPACING_M,
     ) -> Observation:
         """Prepares the silhouettes of one frame.
 
@@ -102,6 +106,7 @@ class Observation:
             np.concatenate(cameras),
             np.concatenate(rays),
             np.concatenate(normals),
+            spacing_m,
         )
 
 

@@ -28,7 +28,7 @@ from silhouette_core.refinement.landmark_prior import (
     LandmarkPriors,
     add_landmark_priors,
 )
-from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation
 from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
 
 _LIMIT_RAD = np.radians(3.0)
@@ -43,7 +43,8 @@ class RefineSettings:
     Attributes:
         reaches_m: largest accepted distance between contour and surface, one entry per step, m.
         contour_m: standard deviation of a contour residual with the right correspondence, m.
-        independence: fraction of contour points that count as independent of their neighbours.
+        independence: fraction of contour points that count as independent of their neighbours, for
+            the usual spacing; of fewer points each counts for more.
         outside_weight: weight of a surface point outside a silhouette, relative to a contour point.
         usual: weight of the prior around the resting stance.
     """
@@ -266,6 +267,12 @@ def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> 
     return weights
 
 
+def _of_spacing(observation: Observation) -> np.ndarray:
+    """Factors (3,) on `contour_weights`: of fewer contour points each counts for more."""
+    factor = observation.spacing_m / USUAL_SPACING_M
+    return np.array([1.0, factor, factor])
+
+
 def add_silhouettes(
     surface: Surface,
     posed: PosedSurfaces,
@@ -291,6 +298,7 @@ def add_silhouettes(
         contour points that were matched.
     """
     matched, gap, away, toward = _correspondences(posed, observation, reach_m)
+    weights = weights * _of_spacing(observation)
     totals = np.empty((len(matrix), 3))
     add_silhouette_terms(
         (matched, gap, observation.normal),
@@ -363,7 +371,7 @@ def residuals(
     Source: weights of Geman and McClure (1987); correspondences own.
     """
     reach = np.array([reach_m])
-    (scale, base, base_outside), *_ = contour_weights([settings], reach)
+    scale, base, base_outside = contour_weights([settings], reach)[0] * _of_spacing(observation)
     one = PosedSurfaces(
         posed.part_rotation[None],
         posed.part_origin[None],

@@ -7,7 +7,7 @@ accelerations are small, and a foot that stands does not move.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,10 @@ class TrajectorySettings:
     stand_m: float = 0.16
     floor_m: float = 0.02
     hover_m: float = 0.08
+
+    def quicker(self) -> TrajectorySettings:
+        """Settings that keep up with a camera: one round less."""
+        return replace(self, contour=replace(self.contour, reaches_m=(0.12, 0.08)))
 
 
 def fit_trajectory(
@@ -128,7 +132,7 @@ def fit_trajectory(
             banded.add(t, t, matrix[t][np.ix_(free, free)])
         banded.gradient += gradient[:, free]
         _add_accelerations(banded, [*fixed, *poses], len(fixed), time_s, sigma[free], free)
-        if floor:
+        if floor and count > 1:
             _add_standing(banded, model, posed, free, settings)
         steps = banded.solve()
         poses = [_moved(pose, step, free, model) for pose, step in zip(poses, steps, strict=True)]

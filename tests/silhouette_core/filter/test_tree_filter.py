@@ -12,7 +12,7 @@ from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.library.transitions import transitions
 from tests.silhouette_core.filter.filming import STATURE_M, camera_at, films, performed
 
-EVERY_NODE = FilterSettings(survivors=0.0, most=10**9)
+EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +72,20 @@ def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, prio
     assert result.probability.sum() == pytest.approx(1.0)
     assert result.samples[0] == expected.argmax()
     assert np.abs(filled(result, len(library)) - expected).sum() < 0.05
+
+
+def test_moving_only_likely_nodes_changes_nothing_that_counts(library, tree, evidence, prior):
+    few = TreeFilter(library, tree.transitions, replace(tree.settings, moved=30))
+    assert len(library.levels[0]) > 2 * few.settings.moved
+    result, every = (one.update(prior, evidence) for one in (few, tree))
+    assert result.samples[0] == every.samples[0]
+    shares = [filled(one, len(library)) for one in (result, every)]
+    assert np.abs(shares[0] - shares[1]).sum() < 0.1
+    moved, unmoved = (
+        evidence.distances(library.levels[0].spans, np.arange(9), 4).distance,
+        evidence.unmoved_distances(library.levels[0].spans, np.arange(9), 4)[0],
+    )
+    assert (moved <= unmoved + 1e-9).all() and (moved < unmoved).any()
 
 
 @pytest.mark.parametrize("most", [1, 7])

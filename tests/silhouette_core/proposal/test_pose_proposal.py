@@ -92,6 +92,18 @@ def test_causal_modes_do_not_read_later_frames(proposal, rng, causal):
         assert same[:21].all() if causal else same[:9].all() and not same[9:].any()
 
 
+def test_several_sequences_are_read_like_each_alone(proposal, rng):
+    one, other = features(rng), features(rng)
+    frames = np.array([3, 39])
+    for alone, together in zip(
+        [proposal.modes(seen, True, frames) for seen in (one, other)],
+        proposal.modes_many([one, other], True, frames),
+        strict=True,
+    ):
+        np.testing.assert_allclose(together.joints, alone.joints, rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(together.probability, alone.probability, rtol=1e-3, atol=1e-6)
+
+
 def test_the_causal_ones_differ_from_the_others(proposal, rng):
     given = features(rng)
     assert not np.allclose(proposal.modes(given).joints, proposal.modes(given, True).joints)

@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
 from calib.camera import Rig
-from silhouette_core.refinement.observation import Observation, PinholeViews, contour_points
+from silhouette_core.refinement.observation import (
+    Observation,
+    PinholeViews,
+    contour_points,
+    outside_distances,
+)
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.carving.carving_scenes import look_at
 from tests.voxelpose.matching.matching_scenes import (
@@ -57,6 +63,18 @@ def test_distance_outside_grows_from_the_edge():
             and (outside[mask] == 0).all()
             and (outside[~mask] >= 0.9).all()
         )
+
+
+def test_far_away_the_distance_outside_stays_what_it_is():
+    mask = np.zeros((300, 400), bool)
+    mask[100:160, 120:150] = True
+    result = outside_distances(mask)
+    every = distance_transform_edt(~mask)
+    near = np.zeros_like(mask)
+    near[70:190, 90:180] = True
+    np.testing.assert_allclose(result[near], every[near], rtol=0.03)  # a chamfer's distances
+    assert (result[190:, 130] == result[189, 130]).all() and result[0, 0] == result[70, 90]
+    assert (outside_distances(np.zeros((9, 9), bool)) > 9).all()
 
 
 def test_contour_of_a_square_with_a_hole():

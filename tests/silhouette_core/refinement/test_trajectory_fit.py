@@ -26,7 +26,8 @@ def walk():
     poses = poses_of(performed("walk"))[5:20]
     rng = np.random.default_rng(0)
     observations = [
-        Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)]) for pose in poses
+        Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)], spacing_m=0.04)
+        for pose in poses
     ]
     precision = np.tile(np.eye(3) / NOISE_M**2, (15, 1, 1))
     priors = []
