@@ -10,6 +10,7 @@ import sys
 from benchmarks import (  # noqa: F401
     carving,
     cases,
+    causal,
     filter,
     fitting,
     large_library,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -163,15 +164,14 @@ class MonocularEstimator:
         def estimates() -> Iterator[FrameEstimate]:
             reporter.stage("tracking", source.frame_count)
             for number, filter_frame in read_ahead(_filter_frames(people, forward, clock), 1):
-                reporter.advance()
                 if filter_frame is None:
                     counts.absent.append(number)
-                    continue
-                counts.add(filter_frame)
-                decided = trajectory.add(filter_frame)
-                if proposed:
-                    forward.correct(number, trajectory.distance_m)
-                yield from decided
+                else:
+                    counts.add(filter_frame)
+                    yield from trajectory.add(filter_frame)
+                    if proposed:
+                        forward.correct(number, trajectory.distance_m)
+                reporter.advance()
             reporter.stage("last frames")
             yield from trajectory.finish()
 
@@ -264,9 +264,10 @@ def _people(
             if coloured and person is not None:
                 person = replace(person, colours=_colours(lens, frames[name], person.mask))
         if person is not None:
-            area = float(np.count_nonzero(person.mask))
+            moments = cv2.moments(person.mask.view(np.uint8), binaryImage=True)
+            area = moments["m00"]
             usual_px = area if usual_px is None else 0.9 * usual_px + 0.1 * area
-            near_px = np.array([axis.mean() for axis in np.nonzero(person.mask)[::-1]])
+            near_px = np.array([moments["m10"], moments["m01"]]) / area
         yield number, seconds, person
 
 

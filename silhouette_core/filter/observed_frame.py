@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.filter.limb_silhouette import SignedWeights
-from silhouette_core.filter.window import look_at
+from silhouette_core.filter.window import Window, look_at
 from silhouette_core.image.distance import Weighting
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.library.rendering import STATURE_PX
@@ -59,16 +59,24 @@ class FrameObserver:
         self._weighting: Weighting = weighting
         self._backend, self._spacing_m = backend, spacing_m
 
-    def observe(self, mask: NDArray[np.bool_], distance_m: float, time_s: float) -> ObservedFrame:
+    def observe(
+        self,
+        mask: NDArray[np.bool_],
+        distance_m: float,
+        time_s: float,
+        window: Window | None = None,
+    ) -> ObservedFrame:
         """Prepares one frame.
 
         Args:
             mask: (h, w) bool, the silhouette, not empty.
             distance_m: of the person from the camera.
             time_s: time of the frame.
+            window: of the silhouette at about that distance; None: it is made here.
         """
-        camera, stature = self.views.rig.cameras[0], self._library.model.sizes.stature_m
-        window = look_at(camera, mask, distance_m, STATURE_PX / stature)
+        if window is None:
+            camera, stature = self.views.rig.cameras[0], self._library.model.sizes.stature_m
+            window = look_at(camera, mask, distance_m, STATURE_PX / stature)
         weights = SignedWeights.from_window(
             window, self._weighting, backend=self._backend, bounds_px=self._library.bounds_px
         )

@@ -27,6 +27,7 @@ from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_modes import FrameModes, ModeFinder, ModeView
 from silhouette_core.filter.tree_filter import TreeFilter
+from silhouette_core.filter.window import Window
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
@@ -37,7 +38,9 @@ _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow
 _LONGEST_GAP_S = 1.0
 _ROWS = 150  # samples kept of a frame's posterior
 _MEMORY_S = 0.5  # of frames that the proposal reads without later ones
-_BLOCKS_KEPT, _FRAMES_KEPT = 0.5, 0.98  # weights of earlier pictures in the head's colours
+# Weights of earlier pictures in the head's colours; without later frames these are learned from
+# every fifth frame.
+_BLOCKS_KEPT, _FRAMES_KEPT, _COLOURS_EVERY = 0.5, 0.9, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +77,13 @@ class _PendingFrame:
     Attributes:
         filter_frame: the frame with its posterior, without its pictures.
         bits: (h, w / 8) uint8, the silhouette, packed.
+        window: of the silhouette, if the frame is decided at once.
         view: what the proposal reads of it, if there is one.
     """
 
     filter_frame: FilterFrame
     bits: NDArray[np.uint8]
+    window: Window | None
     view: ModeView | None
 
 
@@ -138,7 +143,8 @@ class PoseTrajectory:
             with self.clock("proposal"):
                 view = self._view(filter_frame)
         bits = np.packbits(filter_frame.person.mask, axis=1)
-        self._pending.append(_PendingFrame(slim(filter_frame, _ROWS), bits, view))
+        window = None if self.smooth or view is None else filter_frame.windows[0]
+        self._pending.append(_PendingFrame(slim(filter_frame, _ROWS), bits, window, view))
         if not self.smooth:
             return self._decide(1)
         return self._decide(_BLOCK) if len(self._pending) >= _BLOCK + _AHEAD else []
@@ -172,6 +178,7 @@ class PoseTrajectory:
                     mask,
                     frame.filter_frame.distance_m if own is None else own.distance_m,
                     frame.filter_frame.time_s,
+                    frame.window,
                 )
                 for frame, mask, own in zip(self._pending, masks, modes, strict=True)
             ]
@@ -184,7 +191,7 @@ class PoseTrajectory:
         if self.settings.refine:
             with self.clock("refinement"):
                 pose_frames = self._refined(pose_frames, beams, chosen)
-        if not self.smooth:
+        if not self.smooth and self._pending[0].filter_frame.number % _COLOURS_EVERY == 0:
             joints = [beam.joints[k] for beam, k in zip(beams, chosen, strict=True)]
             person = replace(self._pending[0].filter_frame.person, mask=masks[0])
             self._colours.learn([person], joints, _FRAMES_KEPT)

@@ -42,7 +42,7 @@ class FilterSettings:
     coarse: float = 1.5
     survivors: float = 1e-3
     most: int = 1500
-    moved: int = 1000
+    moved: int = 500
     floor: float = 0.10
 
 

@@ -55,7 +55,7 @@ class ViewTreeFilter(TreeFilter):
         library: poses and their trees; N samples, each a leaf.
         weights: what follows every sample.
         settings: parameters of likelihood and pruning; of `most`, `FOLLOWED` is the limit where it
-            is less.
+            is less, of `moved` where it is more.
         backend: scores the nodes, and the poses of whoever follows what they lead to.
 
     Source: Okada and Stenger, section 6; the tree for every view is ours.
@@ -70,6 +70,8 @@ class ViewTreeFilter(TreeFilter):
     ):
         """Finds the node of every sample."""
         nothing = csr_matrix((len(library), len(library)), dtype=np.float32)
+        settings = settings or FilterSettings()
+        settings = replace(settings, moved=max(settings.moved, FOLLOWED[-1]))
         super().__init__(library, nothing, settings, backend)
         self.weights = weights
         first, second = library.levels[0], library.levels[1]

@@ -39,7 +39,10 @@ def clean(
         check_array("region", region, mask.shape, np.bool_)
     kept = mask.copy() if region is None else mask & region
     if min_area_px > 1 or min_share > 0:
-        kept = _large_components(kept, min_area_px, min_share)
+        rows, columns = (np.flatnonzero(kept.any(axis=axis)) for axis in (1, 0))
+        if len(rows):
+            box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+            kept[box] = _large_components(kept[box], min_area_px, min_share)
     if max_hole_px > 0:
         _fill_holes(kept, max_hole_px)
     return kept

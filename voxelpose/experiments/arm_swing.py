@@ -262,7 +262,9 @@ def track_arm(
     matrix = transitions(
         library, method.occlusion_aware, 1.0, NEIGHBOURS, reading.normalised, interval_s
     )
-    tree = TreeFilter(library, matrix, FilterSettings(sigma=reading.sigma, floor=FLOOR))
+    tree = TreeFilter(
+        library, matrix, FilterSettings(sigma=reading.sigma, moved=len(library), floor=FLOOR)
+    )
     tracker = ForwardFilter(
         tree, video.camera, False, method.weighting, video.distance_m, interval_s
     )

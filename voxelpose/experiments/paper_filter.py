@@ -95,7 +95,9 @@ class PaperFilter:
         if self._tree is None:
             weights = pixel_weights(window.mask, weighting, library.bounds_px)
             sigma = self._sigma * float(weights[window.mask].sum()) / window.mask.size
-            settings = FilterSettings(sigma=sigma, coarse=1.0, most=len(library), floor=0.0)
+            settings = FilterSettings(
+                sigma=sigma, coarse=1.0, most=len(library), moved=len(library), floor=0.0
+            )
             self._tree = TreeFilter(library, self._transitions, settings)
         if self._last is None:
             prior = initial_prior(library)

@@ -28,7 +28,7 @@ from tests.silhouette_core.filter.filming import (
 from tests.silhouette_core.filter.test_ablation import expected_error_m
 
 CAMERA = camera_at((0, -4.0, 1.4))
-EVERY_NODE = FilterSettings(survivors=0.0, most=10**9)
+EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
 
 
 @pytest.fixture(scope="module")
