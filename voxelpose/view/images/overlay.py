@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import errno
-import os
 import shutil
+from collections import deque
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 
 import cv2
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
+from silhouette_core.jit import cores
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter
 from voxelpose.view.images.canvas import INK, PAPER, WARNING, Image, png, write_text
@@ -23,6 +24,7 @@ from voxelpose.view.images.contact_sheet import ContactSheet
 from voxelpose.view.images.figure import FigurePainter
 
 _LONGEST_PX = 960
+_PAINTED_AHEAD = 2  # time steps
 # MPEG-4 part 2: the only codec that every OpenCV wheel writes. VP9 would take longer than the fit.
 _CODEC = "mp4v"
 
@@ -32,7 +34,8 @@ def draw_pictures(
 ) -> None:
     """Writes `overlay_CAMERA.mp4` for every camera and `contact_sheet.png`.
 
-    Reads the frames again; one time step is held in memory at a time.
+    Reads the frames again. Few time steps are held in memory at a time: while one is written, the
+    next ones are painted.
 
     Args:
         source: the frames that the motion was estimated from.
@@ -49,18 +52,34 @@ def draw_pictures(
     sheet = ContactSheet(motion, rotation, origin, list(source.rig))
     videos = [_Video(folder, camera, motion, source.fps) for camera in source.rig]
     reporter.stage("pictures", source.frame_count)
-    with ThreadPoolExecutor(max_workers=min(len(videos), os.cpu_count() or 1)) as pool:
+    painted: deque[list[Future[Image]]] = deque()
+
+    def write_oldest() -> None:
+        for video, image in zip(videos, painted.popleft(), strict=True):
+            video.add(image.result())
+        reporter.advance()
+
+    with ThreadPoolExecutor(cores()) as pool:
         try:
             for frame, time_s, images in source:
                 row = rows.get(frame)
                 pose = None if row is None else (rotation[row], origin[row])
                 caption = f"frame {frame} · {time_s:.2f} s"
-                own = [images[video.camera.name] for video in videos]
-                list(pool.map(_Video.add, videos, own, repeat(pose), repeat(caption)))
+                painted.append(
+                    [
+                        pool.submit(video.painted, images[video.camera.name], pose, caption)
+                        for video in videos
+                    ]
+                )
                 if row is not None:
                     sheet.add(row, images)
-                reporter.advance()
+                if len(painted) > _PAINTED_AHEAD:
+                    write_oldest()
+            while painted:
+                write_oldest()
         finally:
+            for image in chain.from_iterable(painted):
+                image.cancel()
             for video in videos:
                 video.writer.release()
     for video in videos:
@@ -87,17 +106,22 @@ class _Video:
                 str(self.path),
             )
 
-    def add(
+    def painted(
         self,
         frame: Frame,
         pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
         caption: str,
-    ) -> None:
+    ) -> Image:
+        """Picture of a frame with its pose; any thread may paint it."""
         image = self.painter.resized(frame)
         if pose is not None:
             self.painter.paint(image, *pose)
         warning = "" if pose is not None else "no pose found"
         _mark(image, f"{self.camera.name} · {caption}", warning)
+        return image
+
+    def add(self, image: Image) -> None:
+        """Writes the next picture."""
         self.writer.write(image[: self.size[1], : self.size[0]])
         self.frames += 1
 
