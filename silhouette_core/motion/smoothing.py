@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 # Voluntary human movement has little power above 6 Hz (Winter, Biomechanics and Motor Control).
 _CUTOFF_HZ = 7.0
@@ -24,6 +23,9 @@ def smooth(values: np.ndarray, fps: float) -> np.ndarray:
     """
     if len(values) < _SHORTEST or 0.4 * fps < _CUTOFF_HZ:
         return values
+    # Imported here, since that takes a second, and only finished motions are smoothed.
+    from scipy.signal import butter, sosfiltfilt
+
     return sosfiltfilt(butter(_ORDER, _CUTOFF_HZ, fs=fps, output="sos"), values, axis=0)
 
 

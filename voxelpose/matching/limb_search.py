@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.raster import render_parts
+from silhouette_core.image.raster import render_many
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.scoring.silhouette_error import posed_mesh
@@ -51,7 +51,8 @@ def place_limb(
         around_rad: Searches at most this far from `pose`; None: the whole range.
     """
     upper, lower = chain
-    images = _pixel_values(body_volume.model, observation, pose, chain)
+    covering = _Covering(body_volume.model, observation)
+    images = covering.explained(_pixel_values(observation), pose, chain, rest=True)
     above = sample_angles(upper, pose.angles_rad, _STEP_RAD, around_rad)
     first = _scores(body_volume, observation, images, upper, pose, above)
     below = sample_hinge(lower, above, _STEP_RAD, around_rad)
@@ -67,34 +68,61 @@ def place_limb(
         if not np.isfinite(bound[k]):
             break
         placed = Pose(pose.root_m, pose.root_rotation, above[k])
-        images = _pixel_values(body_volume.model, observation, placed, (lower,))
-        rest = _scores(body_volume, observation, images, lower, pose, below[k])
+        left = covering.explained(images, placed, (upper,), rest=False)
+        rest = _scores(body_volume, observation, left, lower, pose, below[k])
         m = int(np.where(possible[k], rest, -np.inf).argmax())
         if first[k] + rest[m] > best:
             best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, below[k, m])
     return result
 
 
-def _pixel_values(
-    model: BodyModel, observation: Observation, pose: Pose, limbs: tuple[Limb, ...]
-) -> np.ndarray:
-    """Value (C, h, w) int8 of each pixel for the limbs that are to be placed."""
-    free = [model.names.index(name) for part in limbs for name in part.parts]
-    kept = ~np.isin(model.face_part, free)
-    faces, face_part = model.faces[kept], model.face_part[kept]
-    vertices = posed_mesh(model, pose)
-    views = observation.views
-    height, width = (max(mask.shape[axis] for mask in observation.masks) for axis in (0, 1))
-    images = np.zeros((len(observation.masks), height, width), np.int8)
-    for c, mask in enumerate(observation.masks):
-        in_camera = vertices @ views.rotation[c].T + views.translation_m[c]
-        rest, _ = render_parts(
-            in_camera, faces, face_part, views.rig.cameras[c].matrix, views.rig.cameras[c].size
-        )
-        images[c, : mask.shape[0], : mask.shape[1]] = np.where(
-            mask, np.where(rest > 0, _EXPLAINED, _UNEXPLAINED), _OUTSIDE
-        )
+def _pixel_values(observation: Observation) -> np.ndarray:
+    """Value (C, h, w) int8 of each pixel for a limb, where no other part covers it."""
+    masks = observation.masks
+    height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
+    images = np.zeros((len(masks), height, width), np.int8)
+    for image, mask in zip(images, masks, strict=True):
+        image[: mask.shape[0], : mask.shape[1]] = np.where(mask, _UNEXPLAINED, _OUTSIDE)
     return images
+
+
+class _Covering:
+    """Draws parts of a body into all views of a frame at once."""
+
+    def __init__(self, model: BodyModel, observation: Observation):
+        views = observation.views
+        matrices = np.stack([camera.matrix for camera in views.rig])
+        self.model = model
+        # Pixel positions times depth: all cameras are drawn by the same matrix.
+        self._turn = views.rotation.transpose(0, 2, 1) @ matrices.transpose(0, 2, 1)
+        self._shift = np.einsum("ci,cji->cj", views.translation_m, matrices)[:, None]
+
+    def explained(
+        self, images: np.ndarray, pose: Pose, limbs: tuple[Limb, ...], rest: bool
+    ) -> np.ndarray:
+        """Pixel values (C, h, w) int8 of which those that parts of the body cover are explained.
+
+        Args:
+            images: (C, h, w) int8, values so far.
+            pose: of the body.
+            limbs: whose parts are drawn.
+            rest: all parts but those are drawn instead.
+        """
+        model = self.model
+        parts = [model.names.index(name) for limb in limbs for name in limb.parts]
+        drawn = np.isin(model.face_part, parts) != rest
+        meshes = posed_mesh(model, pose) @ self._turn + self._shift
+        # An opened body shows its inside: both sides of the faces are drawn.
+        covered = render_many(
+            meshes,
+            model.faces[drawn],
+            model.face_part[drawn],
+            np.eye(3),
+            images.shape[:0:-1],
+            cull_back=False,
+        )
+        highest = np.where(covered > 0, np.int8(_EXPLAINED), np.int8(127))
+        return np.minimum(images, highest)
 
 
 def _scores(
