@@ -49,7 +49,7 @@ from silhouette_core.refinement.surface import Surface
 
 _FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
-_PLACING = RefineSettings(reaches_m=(0.0,) * 5)  # inverse kinematics: no contour
+_PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # inverse kinematics: no contour
 _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
 _ROWS = 150  # samples of the posterior that are considered
 # Mean distance of the joints within which two seeds explain a silhouette alike, and within which
