@@ -18,7 +18,10 @@ from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
 
 _FRAMES = 10
-_STATURE_SIGMA_M = 0.008
+_STATURE_SIGMA_M = 0.005
+# The proposal errs alike in all frames of a take: they count for a third of their number.
+_INDEPENDENT = 1 / 3
+_DECIMALS = 2  # of probabilities that are compared: the last digits are noise
 _WEIGHTS = RefineSettings(contour_m=0.02, independence=0.15)
 _POINTS = 500
 
@@ -43,7 +46,7 @@ def adapted_body(
         masks: T silhouettes (h, w) bool.
         modes: T frames' modes.
     """
-    sure = np.array([frame.probability.max() for frame in modes])
+    sure = np.round([frame.probability.max() for frame in modes], _DECIMALS)
     blocks = np.array_split(np.arange(len(modes)), min(_FRAMES, len(modes)))
     frames = [int(block[sure[block].argmax()]) for block in blocks]
     priors = [modes[t].priors[int(modes[t].probability.argmax())] for t in frames]
@@ -59,7 +62,7 @@ def adapted_body(
             poses,
             Stature(template.sizes.stature_m, _STATURE_SIGMA_M),
             template.shape,
-            clothed_covariance(),
+            clothed_covariance() * _INDEPENDENT,
             _WEIGHTS,
             priors,
         )
