@@ -18,9 +18,7 @@ from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
 
 _FRAMES = 10
-_STATURE_SIGMA_M = 0.005
-# The proposal errs alike in all frames of a take: they count for a third of their number.
-_INDEPENDENT = 1 / 3
+_STATURE_SIGMA_M = 0.008
 _DECIMALS = 2  # of probabilities that are compared: the last digits are noise
 _WEIGHTS = RefineSettings(contour_m=0.02, independence=0.15)
 _POINTS = 500
@@ -62,7 +60,7 @@ def adapted_body(
             poses,
             Stature(template.sizes.stature_m, _STATURE_SIGMA_M),
             template.shape,
-            clothed_covariance() * _INDEPENDENT,
+            clothed_covariance(),
             _WEIGHTS,
             priors,
         )

@@ -134,7 +134,7 @@ def refined_mask(
 ) -> NDArray[np.bool_]:
     """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above."""
     radius = max(1, round(min(frame.shape[:2]) / 240))
-    planes = np.stack(cv2.split(frame))
+    planes = np.asarray(cv2.split(frame), np.uint8)
     view = _View(frame, planes, background, _gain(frame, background.mean), radius, settings)
     silhouette, pooled, scale = _detect(view)
     silhouette = _clean(silhouette, settings, region, silhouette.size)
@@ -190,7 +190,9 @@ def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
         parts,
         strong,
     )
-    pooled = np.stack([cv2.blur(part, (2 * radius + 1, 2 * radius + 1)) for part in parts])
+    pooled = np.asarray(
+        [cv2.blur(part, (2 * radius + 1, 2 * radius + 1)) for part in parts], np.int16
+    )
     mask = np.empty((height, width), np.bool_)
     kernels.decide(
         pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask

@@ -47,7 +47,7 @@ class ColourCrop:
 
 def quantise(picture: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Numbers (h, w) uint16, below 8192, of the colours of a picture (h, w, 3) uint8, BGR."""
-    lab = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2LAB))
+    lab = np.asarray(cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2LAB)), np.uint8)
     one, two, three = (axis >> shift for axis, shift in zip(lab, _SHIFTS, strict=True))
     return (
         np.multiply(one, _BINS[1] * _BINS[2], dtype=np.uint16)
