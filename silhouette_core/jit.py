@@ -48,6 +48,17 @@ def one_thread() -> Iterator[None]:
         numba.set_num_threads(before)
 
 
+@contextmanager
+def fewer_threads() -> Iterator[None]:
+    """Keeps kernels of the calling thread off one core, for a thread that works beside it."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(max(before - 1, 1))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
 def cores() -> int:
     """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -25,7 +26,7 @@ from silhouette_core.filter.view_tree_filter import tree_filter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting
 from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
-from silhouette_core.jit import set_threads
+from silhouette_core.jit import fewer_threads, set_threads
 from silhouette_core.library.default import default_library
 from silhouette_core.library.pose_library import PoseLibrary, require_body
 from silhouette_core.library.store import read_library
@@ -159,11 +160,14 @@ class MonocularEstimator:
                 f"no picture of the empty view for {source.rig.names[0]}: the temporal median"
                 " stands in for it"
             )
-        people = read_ahead(_people(source, silhouettes, lens, clock, coloured))
+        people = _people(source, silhouettes, lens, clock, coloured)
+        if settings.smooth:  # otherwise the hypotheses need the other core
+            people = read_ahead(people)
+        filter_frames = read_ahead(_filter_frames(people, forward, clock), 1)
 
         def estimates() -> Iterator[FrameEstimate]:
             reporter.stage("tracking", source.frame_count)
-            for number, filter_frame in read_ahead(_filter_frames(people, forward, clock), 1):
+            for number, filter_frame in filter_frames:
                 if filter_frame is None:
                     counts.absent.append(number)
                 else:
@@ -175,7 +179,8 @@ class MonocularEstimator:
             reporter.stage("last frames")
             yield from trajectory.finish()
 
-        motion = _motion(estimates(), trajectory, hypotheses, source.fps, settings.smooth)
+        with nullcontext() if settings.smooth else fewer_threads():
+            motion = _motion(estimates(), trajectory, hypotheses, source.fps, settings.smooth)
         if motion is None:
             raise InputError(
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
