@@ -142,7 +142,7 @@ def refined_mask(
         return silhouette
     window = _window(silhouette, margin=8 * radius)
     view, mask = view.part(window), silhouette[window]
-    mask = _sharpen(view, mask, every_px=2)  # for the colours' sake
+    mask = _sharpen(view, mask)
     mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *window]), scale)
     mask = _sharpen(view, mask)
     region = None if region is None else region[window]
@@ -240,9 +240,9 @@ def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArra
     return fractions
 
 
-def _sharpen(view: _View, mask: NDArray[np.bool_], every_px: int = 1) -> NDArray[np.bool_]:
+def _sharpen(view: _View, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask with edges moved by at most `radius` pixels, to where person and background each make up
-    half of a pixel; their colours are read at least every so many pixels.
+    half of a pixel.
     """
     radius = view.radius
     grown, shrunk = _grown(mask, radius), ~_grown(~mask, radius)
@@ -253,9 +253,7 @@ def _sharpen(view: _View, mask: NDArray[np.bool_], every_px: int = 1) -> NDArray
     images = view.frame, view.background.mean
     regions = grown & ~shrunk, inside, outside
     contrast = np.float32(view.settings.contrast)
-    reach = 2 * radius
-    stride = max(every_px, reach // 4)
-    kernels.sharpen(*images, *light, *regions, reach, stride, contrast, moved)
+    kernels.sharpen(*images, *light, *regions, 2 * radius, contrast, moved)
     return moved
 
 

@@ -94,9 +94,7 @@ def sharpen(rng):
     image, mean = frame(rng), rng.uniform(20, 240, (*SIZE, 3)).astype(np.float32)
     light = np.full(3, 0.2, np.float32), np.full(3, 2, np.float32)
     regions = around, mask & ~around, ~mask & ~around
-    return Example(
-        (image, mean, *light, *regions, 4, int(rng.integers(1, 3)), np.float32(10), mask.copy())
-    )
+    return Example((image, mean, *light, *regions, 4, np.float32(10), mask.copy()))
 
 
 def mesh(rng, *poses):

@@ -212,26 +212,16 @@ def look_up(frame, table, shift, out):
 
 @parallel_kernel
 def sharpen(
-    frame,
-    mean,
-    least_light,
-    greatest_light,
-    band,
-    inside,
-    outside,
-    reach,
-    stride,
-    least_contrast,
-    mask,
+    frame, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):
     """Sets mask in the band: whether more than half of a pixel's colour is the person's.
 
-    The window reaches so far to every side, and every stride-th of its pixels is read. The person's
-    colour is the mean of its inside pixels. The background's is the model's,
+    The person's colour is the mean of the window's inside pixels. The background's is the model's,
     times the gain that light and shadow have on the window's outside pixels. Pixels with too few
     of either, or too little contrast, keep their label.
     """
     height, width = mask.shape
+    stride = max(1, reach // 4)
     for row in prange(height):
         person = np.empty(3, np.float32)
         observed = np.empty(3, np.float32)

@@ -89,19 +89,10 @@ def look_up(frame, table, shift, out):
 
 
 def sharpen(
-    frame,
-    mean,
-    least_light,
-    greatest_light,
-    band,
-    inside,
-    outside,
-    reach,
-    stride,
-    least_contrast,
-    mask,
+    frame, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):
     """Pixels more than half of whose colour is the person's, along the line between the means."""
+    stride = max(1, reach // 4)
     for row, column in np.argwhere(band):
         window = (
             slice(max(row - reach, 0), row + reach + 1, stride),
