@@ -40,19 +40,21 @@ def set_threads(threads: int | None = None) -> int:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Keeps kernels to the calling thread: for work so small that waking others would cost more."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
+    with _threads(1):
         yield
-    finally:
-        numba.set_num_threads(before)
 
 
 @contextmanager
 def fewer_threads() -> Iterator[None]:
     """Keeps kernels of the calling thread off one core, for a thread that works beside it."""
+    with _threads(max(numba.get_num_threads() - 1, 1)):
+        yield
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[None]:
     before = numba.get_num_threads()
-    numba.set_num_threads(max(before - 1, 1))
+    numba.set_num_threads(count)
     try:
         yield
     finally:

@@ -107,11 +107,7 @@ def _store_silhouettes(
     """Stores the silhouettes of all frames; frame numbers (T,) and times (T,) s."""
     reporter.stage("background")
     silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
-    if silhouettes.without_background:
-        reporter.note(
-            f"no picture of the empty view for {', '.join(silhouettes.without_background)}: the"
-            " temporal median stands in for it"
-        )
+    silhouettes.note(reporter)
     reporter.stage("silhouettes", source.frame_count)
     numbers, times = np.zeros(source.frame_count, np.int64), np.zeros(source.frame_count)
     frames: Mapping[str, Frame]

@@ -43,7 +43,7 @@ from silhouette_core.motion.dynamics import (
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 
@@ -91,7 +91,7 @@ class TrackerSettings:
     by_mode: int = 4
     sigma: float = 0.04
     surface_points: int = 500
-    spacing_m: float = 0.025
+    spacing_m: float = USUAL_SPACING_M
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""

@@ -155,11 +155,7 @@ class MonocularEstimator:
 
         reporter.stage("background")
         silhouettes = Silhouettes(source, settings.background, _LONG_SIDE_PX)
-        if silhouettes.without_background:
-            reporter.note(
-                f"no picture of the empty view for {source.rig.names[0]}: the temporal median"
-                " stands in for it"
-            )
+        silhouettes.note(reporter)
         people = _people(source, silhouettes, lens, clock, coloured)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)

@@ -12,7 +12,7 @@ from silhouette_core.filter.window import Window, look_at
 from silhouette_core.image.distance import Weighting
 from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.library.rendering import STATURE_PX
-from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation, PinholeViews
 from silhouette_core.scoring.backend import Backend
 
 
@@ -52,7 +52,7 @@ class FrameObserver:
         library: PoseLibrary,
         weighting: Weighting,
         backend: Backend,
-        spacing_m: float = 0.025,
+        spacing_m: float = USUAL_SPACING_M,
     ):
         """Keeps what it is given."""
         self.views, self._library = views, library

@@ -143,7 +143,7 @@ class PoseTrajectory:
             with self.clock("proposal"):
                 view = self._view(filter_frame)
         bits = np.packbits(filter_frame.person.mask, axis=1)
-        window = None if self.smooth or view is None else filter_frame.windows[0]
+        window = None if self.smooth or view is None else _nearest_window(filter_frame)
         self._pending.append(_PendingFrame(slim(filter_frame, _ROWS), bits, window, view))
         if not self.smooth:
             return self._decide(1)
@@ -156,9 +156,7 @@ class PoseTrajectory:
     def _view(self, filter_frame: FilterFrame) -> ModeView:
         """What the proposal reads of a frame; corrects the distance from it and its past."""
         assert self.finder is not None
-        gap = [abs(np.log(w.distance_m / filter_frame.distance_m)) for w in filter_frame.windows]
-        window = filter_frame.windows[int(np.argmin(gap))]
-        view = self.finder.view(window, filter_frame.time_s)
+        view = self.finder.view(_nearest_window(filter_frame), filter_frame.time_s)
         if not self.smooth:
             view = self._coloured(view, filter_frame.person)
         self._views = [one for one in self._views if view.time_s - one.time_s <= _MEMORY_S] + [view]
@@ -313,3 +311,9 @@ class PoseTrajectory:
             probability,
             joints,
         )
+
+
+def _nearest_window(filter_frame: FilterFrame) -> Window:
+    """The window whose assumed distance is nearest to the estimated one."""
+    gap = [abs(np.log(w.distance_m / filter_frame.distance_m)) for w in filter_frame.windows]
+    return filter_frame.windows[int(np.argmin(gap))]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.progress import Reporter
 
 _BACKGROUND_FRAMES = 120
 _MEDIAN_FRAMES = 40
@@ -67,6 +68,14 @@ class Silhouettes:
         if self.without_background:
             for name, frames in self._samples(source).items():
                 self._models[name] = BackgroundModel.from_median(frames, settings)
+
+    def note(self, reporter: Reporter) -> None:
+        """Tells which cameras have no pictures of the empty scene."""
+        if self.without_background:
+            reporter.note(
+                f"no picture of the empty view for {', '.join(self.without_background)}: the"
+                " temporal median stands in for it"
+            )
 
     def of(self, frames: Mapping[str, Frame]) -> dict[str, NDArray[np.bool_]]:
         """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name."""
