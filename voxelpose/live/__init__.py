@@ -1,0 +1,1 @@
+"""Live estimation: cameras in, a moving figure out, at the cameras' rate."""
