@@ -156,7 +156,12 @@ class BackgroundModel:
         variance = np.square(1.4826 * deviation, dtype=np.float64)
         return cls(_ColourStatistics(mean, variance, mean / length, variance / length**2), settings)
 
-    def silhouette(self, frame: np.ndarray, region: np.ndarray | None = None) -> np.ndarray:
+    def silhouette(
+        self,
+        frame: np.ndarray,
+        region: np.ndarray | None = None,
+        near: tuple[slice, slice] | None = None,
+    ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
 
         With the method "paper", a pixel of colour :math:`c` (3,) is foreground where the density of
@@ -176,6 +181,8 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
+            near: rows and columns to which the refined method keeps, for speed: noise and exposure
+                are still those of the whole frame; None: the whole image.
 
         Returns:
             Silhouette, (H, W) bool.
@@ -187,7 +194,7 @@ class BackgroundModel:
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
         if self.settings.method == "refined":
-            return refined_mask(frame, self._background, self.settings.refined, region)
+            return refined_mask(frame, self._background, self.settings.refined, region, near)
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(self.settings.log_likelihood), np.float32(self.settings.raw_difference)
         kernels.paper_mask(

@@ -131,24 +131,36 @@ def refined_mask(
     background: Background,
     settings: RefinedSettings,
     region: NDArray[np.bool_] | None = None,
+    near: tuple[slice, slice] | None = None,
 ) -> NDArray[np.bool_]:
-    """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above."""
+    """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above.
+
+    Args:
+        frame: the frame.
+        background: of its size.
+        settings: thresholds.
+        region: (H, W) bool, where the person may be; None: everywhere.
+        near: rows and columns outside of which nothing is looked for; None: everywhere.
+    """
     radius = max(1, round(min(frame.shape[:2]) / 240))
     planes = np.asarray(cv2.split(frame), np.uint8)
     view = _View(frame, planes, background, _gain(frame, background.mean), radius, settings)
-    silhouette, pooled, scale = _detect(view)
-    silhouette = _clean(silhouette, settings, region, silhouette.size)
-    if not silhouette.any():
+    scale, silhouette = _noise_scale(view), np.zeros(frame.shape[:2], np.bool_)
+    if near is not None:
+        view = view.part(near)
+        region = None if region is None else region[near]
+    mask, pooled = _detect(view, scale)
+    mask = _clean(mask, settings, region, silhouette.size)
+    if not mask.any():
         return silhouette
-    window = _window(silhouette, margin=8 * radius)
-    view, mask = view.part(window), silhouette[window]
+    window = _window(mask, margin=8 * radius)
+    view, mask = view.part(window), mask[window]
     mask = _sharpen(view, mask)
     mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *window]), scale)
     mask = _sharpen(view, mask)
     region = None if region is None else region[window]
-    cleaned = _clean(mask, settings, region, silhouette.size)
-    silhouette[:] = False
-    silhouette[window] = cleaned
+    part = silhouette if near is None else silhouette[near]
+    part[window] = _clean(mask, settings, region, silhouette.size)
     return silhouette
 
 
@@ -166,15 +178,19 @@ def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.flo
     return np.clip(gain, 0.5, 2.0)
 
 
-def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
-    """Mask (H, W), pooled evidence (4, H, W) in 1 / _UNIT of the frame's noise, and the ratio of
-    that noise to the model's, at least 1.
-    """
-    settings, radius = view.settings, view.radius
+def _noise_scale(view: _View) -> float:
+    """Ratio of the frame's noise to the model's, at least 1."""
     height, width = view.frame.shape[:2]
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
-    kernels.sampled_chroma(*view.arrays, np.float32(settings.chroma_pixel), radius, _GRID, sampled)
-    scale = max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
+    clip = np.float32(view.settings.chroma_pixel)
+    kernels.sampled_chroma(*view.arrays, clip, view.radius, _GRID, sampled)
+    return max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
+
+
+def _detect(view: _View, scale: float) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
+    """Mask (H, W) and pooled evidence (4, H, W) in 1 / _UNIT of the frame's noise."""
+    settings, radius = view.settings, view.radius
+    height, width = view.frame.shape[:2]
     parts, strong = np.empty((4, height, width), np.int16), np.empty((height, width), np.bool_)
     unit, clip, beyond = (
         np.float32(value)
@@ -197,7 +213,7 @@ def _detect(view: _View) -> tuple[NDArray[np.bool_], NDArray[np.int16], float]:
     kernels.decide(
         pooled, strong, round(settings.chroma * _UNIT), round(settings.brightness * _UNIT), mask
     )
-    return mask, pooled, scale
+    return mask, pooled
 
 
 def _decide_by_colours(

@@ -77,15 +77,26 @@ class Silhouettes:
                 " temporal median stands in for it"
             )
 
-    def of(self, frames: Mapping[str, Frame]) -> dict[str, NDArray[np.bool_]]:
-        """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name."""
-        return {name: self._silhouette(name, frame) for name, frame in frames.items()}
+    def of(
+        self, frames: Mapping[str, Frame], near: Mapping[str, tuple[slice, slice]] | None = None
+    ) -> dict[str, NDArray[np.bool_]]:
+        """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name.
 
-    def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
+        Args:
+            frames: by camera name.
+            near: rows and columns of the silhouettes outside of which nothing is looked for, by
+                camera name; None: everywhere.
+        """
+        near = near or {}
+        return {name: self._silhouette(name, frame, near.get(name)) for name, frame in frames.items()}
+
+    def _silhouette(
+        self, name: str, frame: Frame, near: tuple[slice, slice] | None
+    ) -> NDArray[np.bool_]:
         region = self._regions.get(name)
         frame = self._scaled(name, frame)
         if not self._given:
-            return self._models[name].silhouette(frame, region)
+            return self._models[name].silhouette(frame, region, near)
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
