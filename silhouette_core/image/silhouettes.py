@@ -88,7 +88,9 @@ class Silhouettes:
                 camera name; None: everywhere.
         """
         near = near or {}
-        return {name: self._silhouette(name, frame, near.get(name)) for name, frame in frames.items()}
+        return {
+            name: self._silhouette(name, frame, near.get(name)) for name, frame in frames.items()
+        }
 
     def _silhouette(
         self, name: str, frame: Frame, near: tuple[slice, slice] | None
