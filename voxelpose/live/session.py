@@ -1,0 +1,348 @@
+"""A live session: capture, silhouettes, estimation and sending, each in threads of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Rig
+from calib.errors import InputError
+from silhouette_core.filter.monocular_stages import LONG_SIDE_PX
+from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.jit import set_threads
+from voxelpose.live.camera_source import CameraReader, CameraSource
+from voxelpose.live.live_estimators import LiveEstimator
+from voxelpose.live.live_frame import LiveFrame, Phase, PosedBody, SessionState
+from voxelpose.live.live_recorder import LiveRecorder
+from voxelpose.live.live_silhouettes import EmptyView, LiveSilhouettes
+from voxelpose.live.shots import Newest, Shot, ShotMatcher
+from voxelpose.live.stage_times import StageTimes
+from voxelpose.recording.subject import Subject
+
+Picture = NDArray[np.uint8]
+
+_LEARNED_FRAMES = 45  # of the empty view
+_MESSAGES: dict[Phase, str] = {
+    "no background": "the empty view is not known yet: press Background and step out of the picture",
+    "countdown": "step out of the picture",
+    "learning": "learning the empty view: stay out of the picture",
+    "searching": "looking for a person",
+    "following": "following",
+    "stopped": "stopped",
+}
+
+
+@dataclass(frozen=True)
+class SessionSettings:
+    """Settings of a session.
+
+    Attributes:
+        rig: the cameras, as they take their pictures.
+        sources: of the cameras' pictures, by camera name.
+        empty: pictures of the empty view by camera name; cameras that are missing make the session
+            begin with learning the background.
+        regions: (H, W) bool, where the person may be, by camera name.
+        silhouettes_given: whether the pictures are silhouettes already.
+        subject: what is known about the person.
+        fps: rate at which files are played; None: their own.
+        loop: whether files begin again at their end.
+        countdown_s: from the button to the learning of the background.
+        record: recording folders to be made, one after the other, are this path and numbers after
+            it; None: recording is not possible.
+        private: whether silhouettes alone are recorded.
+    """
+
+    rig: Rig
+    sources: Mapping[str, CameraSource]
+    empty: Mapping[str, Sequence[Picture]] = field(default_factory=dict)
+    regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    silhouettes_given: bool = False
+    subject: Subject = field(default_factory=Subject)
+    fps: float | None = None
+    loop: bool = False
+    countdown_s: float = 5.0
+    record: Path | None = None
+    private: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """A moment between silhouettes and estimation."""
+
+    shot: Shot
+    masks: Mapping[str, NDArray[np.bool_]]
+    evidence: object
+    stage_s: Mapping[str, float]
+    note: str
+
+
+class LiveSession:
+    """Runs from `start` to `close`; the controls may be used by any thread.
+
+    Args:
+        settings: cameras, sources, person, recording.
+        estimator: finds the person.
+        show: receives every frame, and returns at once.
+
+    Attributes:
+        times: durations of the stages since the session's start.
+    """
+
+    def __init__(
+        self,
+        settings: SessionSettings,
+        estimator: LiveEstimator,
+        show: Callable[[LiveFrame], None],
+    ):
+        """Prepares the cameras; nothing runs yet."""
+        self.settings, self.times = settings, StageTimes()
+        self._estimator, self._show = estimator, show
+        self._started_s, self._started_unix_s = time.monotonic(), time.time()
+        names = settings.rig.names
+        self._matcher = ShotMatcher(names, self._started_s, min(2, len(names)))
+        self._observed: Newest[_Observed] = Newest()
+        self._readers = [
+            CameraReader(
+                settings.sources[camera.name],
+                camera.size,
+                self._matcher.deliver,
+                self._started_s,
+                settings.fps,
+                settings.loop,
+            )
+            for camera in settings.rig
+        ]
+        self._threads = [
+            threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
+            for name, work in (("silhouettes", self._observe), ("estimation", self._estimate))
+        ]
+        self._failure: BaseException | None = None
+        self._over = threading.Event()
+        self._lock = threading.Lock()
+        self._phase: Phase = "no background"
+        self._until_s, self._notice = 0.0, ""
+        self._silhouettes: LiveSilhouettes | None = None
+        self._empty: Mapping[str, Sequence[Picture]] = settings.empty
+        self._learned: deque[Mapping[str, Picture]] = deque(maxlen=_LEARNED_FRAMES)
+        self._recorder: LiveRecorder | None = None
+        self._recordings = 0
+
+    def start_cameras(self) -> None:
+        """Starts all threads."""
+        if self.settings.silhouettes_given or set(self._empty) >= set(self.settings.rig.names):
+            self._subtract()
+        for thread in self._threads:
+            thread.start()
+        for reader in self._readers:
+            reader.start()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Waits for the session's end, at most so long; whether it has ended.
+
+        Raises:
+            BaseException: what a stage raised.
+        """
+        over = self._over.wait(timeout_s)
+        if self._failure is not None:
+            raise self._failure
+        if all(reader.ended for reader in self._readers):
+            time.sleep(0.2)  # the last pictures are still under way
+            return True
+        return over
+
+    def close(self) -> None:
+        """Ends all threads, releases the cameras and completes the recording."""
+        self._over.set()
+        for reader in self._readers:
+            reader.stop()
+        self._matcher.shots.close()
+        self._observed.close()
+        for thread in self._threads:
+            if thread.ident is not None:
+                thread.join()
+        for reader in self._readers:
+            reader.join()
+        self.end_recording()
+        self._estimator.close()
+
+    @property
+    def state(self) -> SessionState:
+        """See `Controls.state`."""
+        with self._lock:
+            phase, notice, recorder = self._phase, self._notice, self._recorder
+            left_s = self._until_s - self._now()
+        message = _MESSAGES[phase]
+        if phase == "countdown":
+            message = f"{message}: {max(left_s, 0):.0f} s"
+        if recorder is not None and recorder.failure:
+            notice = recorder.failure
+        cameras = {reader.source.name: reader.state for reader in self._readers}
+        if phase in ("searching", "following") and sum(s == "ok" for s in cameras.values()) < min(
+            2, len(cameras)
+        ):
+            message = "waiting for cameras"
+        return SessionState(
+            phase,
+            f"{message}. {notice}" if notice else message,
+            recorder is not None and not recorder.failure,
+            self.times.frames,
+            self._matcher.shots.dropped + self._observed.dropped,
+            self.times.fps,
+            self.times.recent("total"),
+            self.times.medians(),
+            cameras,
+        )
+
+    def learn_background(self) -> None:
+        """See `Controls.learn_background`."""
+        with self._lock:
+            self._phase, self._notice = "countdown", ""
+            self._until_s = self._now() + self.settings.countdown_s
+            self._learned.clear()
+
+    def start(self) -> None:
+        """See `Controls.start`."""
+        with self._lock:
+            if self._silhouettes is None:
+                self._notice = "the empty view must be learned first"
+            elif self._phase == "stopped":
+                self._phase, self._notice = "searching", ""
+
+    def stop(self) -> None:
+        """See `Controls.stop`."""
+        with self._lock:
+            if self._phase in ("searching", "following"):
+                self._phase = "stopped"
+
+    def record(self) -> None:
+        """See `Controls.record`."""
+        settings = self.settings
+        with self._lock:
+            if settings.record is None:
+                self._notice = "recording needs a folder: start with --record FOLDER"
+                return
+            if self._recorder is not None and not self._recorder.failure:
+                return
+            self._recordings += 1
+            folder = settings.record
+            if self._recordings > 1:
+                folder = folder.with_name(f"{folder.name}_{self._recordings}")
+            try:
+                self._recorder = LiveRecorder(
+                    folder, settings.rig, settings.subject, self._empty, settings.private
+                )
+                self._notice = ""
+            except InputError as error:
+                self._notice = str(error)
+
+    def end_recording(self) -> None:
+        """See `Controls.end_recording`."""
+        with self._lock:
+            recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            recorder.close()
+            note = recorder.failure or f"{recorder.folder}: {recorder.written} frames recorded"
+            with self._lock:
+                self._notice = note
+
+    def _now(self) -> float:
+        return time.monotonic() - self._started_s
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Runs a stage; what it raises ends the session."""
+        try:
+            set_threads(1)
+            work()
+        except BaseException as error:
+            self._failure = error
+            self._over.set()
+
+    def _observe(self) -> None:
+        """Stage of the silhouettes."""
+        while (shot := self._matcher.shots.take()) is not None:
+            begun_s = self._now()
+            silhouettes, phase = self._prepare(shot)
+            if silhouettes is None or phase not in ("searching", "following"):
+                self._keep(shot, None)
+                self._show(self._frame(shot, {}, None, {}, ""))
+                continue
+            masks = silhouettes.of(shot.pictures)
+            evidence = self._estimator.observe(shot, masks)
+            done_s = self._now()
+            self._keep(shot, masks)
+            note = "somebody else is in the picture" if len(silhouettes.others) >= min(
+                2, len(masks)
+            ) else ""
+            stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
+            self._observed.put(_Observed(shot, masks, evidence, stage_s, note))
+
+    def _prepare(self, shot: Shot) -> tuple[LiveSilhouettes | None, Phase]:
+        """Silhouettes and phase for a moment; learns the background in between."""
+        with self._lock:
+            if self._phase == "countdown" and self._now() >= self._until_s:
+                self._phase = "learning"
+            phase = self._phase
+            if phase == "learning" and set(shot.pictures) == set(self.settings.rig.names):
+                self._learned.append(shot.pictures)
+            learned = phase == "learning" and len(self._learned) == _LEARNED_FRAMES
+        if learned:
+            self._empty = {
+                name: [pictures[name] for pictures in self._learned]
+                for name in self.settings.rig.names
+            }
+            self._learned.clear()
+            self._subtract()
+        return self._silhouettes, phase
+
+    def _subtract(self) -> None:
+        """Makes the background models; the search for a person begins."""
+        settings = self.settings
+        view = EmptyView(settings.rig, self._empty, settings.regions, settings.silhouettes_given)
+        silhouettes = Silhouettes(view, "refined", LONG_SIDE_PX)
+        with self._lock:
+            self._silhouettes, self._phase = LiveSilhouettes(silhouettes), "searching"
+
+    def _estimate(self) -> None:
+        """Stage of the estimation, and of what is done with its result."""
+        while (observed := self._observed.take()) is not None:
+            begun_s = self._now()
+            body = self._estimator.estimate(observed.evidence)
+            done_s = self._now()
+            with self._lock:
+                if self._phase in ("searching", "following"):
+                    self._phase = "searching" if body is None else "following"
+            shot = observed.shot
+            stage_s = {
+                **observed.stage_s,
+                "waiting": begun_s - shot.time_s - sum(observed.stage_s.values()),
+                "estimation": done_s - begun_s,
+            }
+            frame = self._frame(shot, observed.masks, body, stage_s, observed.note)
+            self._show(frame)
+            sent_s = self._now()
+            self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
+
+    def _frame(
+        self,
+        shot: Shot,
+        masks: Mapping[str, NDArray[np.bool_]],
+        body: PosedBody | None,
+        stage_s: Mapping[str, float],
+        note: str,
+    ) -> LiveFrame:
+        taken = self._started_unix_s + shot.time_s
+        return LiveFrame(
+            shot.number, shot.time_s, shot.pictures, masks, body, stage_s, note, taken
+        )
+
+    def _keep(self, shot: Shot, masks: Mapping[str, NDArray[np.bool_]] | None) -> None:
+        with self._lock:
+            if self._recorder is not None:
+                self._recorder.put(shot, masks)

@@ -1,0 +1,145 @@
+"""Pictures of several cameras that were taken at one moment, matched by their time stamps."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+_KEPT = 4  # pictures of each camera that wait for the others'
+_SILENT_S = 0.4  # without a picture, or three of its intervals, after which a camera is left out
+_TOLERANCE = 0.6  # of the shortest interval, by which time stamps may differ
+_SMOOTHING = 0.1
+
+_Item = TypeVar("_Item")
+
+
+class Newest(Generic[_Item]):
+    """Place for one item between two threads: a newer one replaces it.
+
+    Attributes:
+        dropped: number of items that were replaced before they were taken.
+    """
+
+    def __init__(self) -> None:
+        """Starts empty."""
+        self.dropped = 0
+        self._item: _Item | None = None
+        self._closed = False
+        self._changed = threading.Condition()
+
+    def put(self, item: _Item) -> None:
+        """Puts an item there."""
+        with self._changed:
+            self.dropped += self._item is not None
+            self._item = item
+            self._changed.notify()
+
+    def take(self) -> _Item | None:
+        """Waits for an item and takes it; None after `close`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._item is not None or self._closed)
+            item, self._item = self._item, None
+            return None if self._closed else item
+
+    def close(self) -> None:
+        """Wakes whoever waits."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """Pictures taken at one moment.
+
+    Attributes:
+        number: counted from 0, shots that nobody took included.
+        time_s: of the moment, s since the session's start.
+        pictures: (H, W, 3) uint8 BGR by camera name.
+        matched_s: when the last of them had come, s since the session's start.
+    """
+
+    number: int
+    time_s: float
+    pictures: Mapping[str, NDArray[np.uint8]]
+    matched_s: float
+
+
+@dataclass(eq=False)
+class _Stream:
+    """Latest pictures of one camera, oldest first, and the usual time between two."""
+
+    pictures: deque[tuple[float, NDArray[np.uint8]]]
+    interval_s: float = 0.0
+
+    @property
+    def newest_s(self) -> float:
+        return self.pictures[-1][0] if self.pictures else -np.inf
+
+    def add(self, time_s: float, picture: NDArray[np.uint8]) -> None:
+        step = time_s - self.newest_s
+        if np.isfinite(step):
+            old = self.interval_s
+            self.interval_s = step if not old else old + _SMOOTHING * (step - old)
+        self.pictures.append((time_s, picture))
+
+    def nearest(self, time_s: float) -> tuple[float, NDArray[np.uint8]]:
+        return min(self.pictures, key=lambda one: abs(one[0] - time_s))
+
+
+class ShotMatcher:
+    """Matches pictures by their time stamps, as soon as every camera that delivers has one.
+
+    A camera that has been silent for a while is left out until it delivers again.
+
+    Args:
+        names: of the cameras, in the calibration's order.
+        started_s: `time.monotonic()` of the session's start.
+        least: fewest cameras that make a shot.
+
+    Attributes:
+        shots: where the newest shot waits.
+    """
+
+    def __init__(self, names: Sequence[str], started_s: float, least: int = 1):
+        """Starts without pictures."""
+        self.shots: Newest[Shot] = Newest()
+        self._started_s, self._least = started_s, least
+        self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}
+        self._lock = threading.Lock()
+        self._last_s, self._count = -np.inf, 0
+
+    def deliver(self, name: str, time_s: float, picture: NDArray[np.uint8]) -> None:
+        """Takes one picture of one camera; called by any thread."""
+        with self._lock:
+            self._streams[name].add(time_s, picture)
+            shot = self._match(time.monotonic() - self._started_s)
+            if shot is not None:
+                self.shots.put(shot)
+
+    def _match(self, now_s: float) -> Shot | None:
+        delivering = {
+            name: stream
+            for name, stream in self._streams.items()
+            if now_s - stream.newest_s <= max(_SILENT_S, 3 * stream.interval_s)
+        }
+        if len(delivering) < self._least:
+            return None
+        moment = min(stream.newest_s for stream in delivering.values())
+        shortest = min(stream.interval_s for stream in delivering.values())
+        chosen = {name: stream.nearest(moment) for name, stream in delivering.items()}
+        if moment <= self._last_s or (
+            shortest > 0 and any(abs(t - moment) > _TOLERANCE * shortest for t, _ in chosen.values())
+        ):
+            return None
+        self._last_s = moment
+        shot = Shot(self._count, moment, {name: p for name, (_, p) in chosen.items()}, now_s)
+        self._count += 1
+        return shot
