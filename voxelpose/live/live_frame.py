@@ -58,6 +58,7 @@ class LiveFrame:
         body: the person; None where none was found.
         stage_s: seconds that each stage took, by its name.
         note: one line about this frame for the user, such as a second person; empty: nothing.
+        captured_unix_s: time of capture, Unix time, for receivers on other clocks; nan: unknown.
     """
 
     number: int
@@ -67,6 +68,7 @@ class LiveFrame:
     body: PosedBody | None = None
     stage_s: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
+    captured_unix_s: float = float("nan")
 
 
 @dataclass(frozen=True)
