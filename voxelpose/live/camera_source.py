@@ -1,9 +1,8 @@
-"""Where a live camera's pictures come from: a webcam, a stream, or a file played at its own rate."""
+"""Pictures of a live camera: from a webcam, a stream, or a file played at its own rate."""
 
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader, size_text
+from voxelpose.recording.frame_reader import FrameReader, size_text
 
 Frame = NDArray[np.uint8]
 Deliver = Callable[[str, float, Frame], None]
@@ -52,8 +51,8 @@ class CameraSource:
         source = cls(name.strip(), address.strip())
         if not source.address:
             raise InputError(
-                f"--source {text} names no camera: give NAME=NUMBER of a webcam, NAME=rtsp://..., or"
-                " NAME=FILE"
+                f"--source {text} names no camera: give NAME=NUMBER of a webcam, NAME=rtsp://...,"
+                " or NAME=FILE"
             )
         if source.kind == "file" and not Path(source.address).exists():
             raise InputError(
@@ -77,7 +76,7 @@ class CameraReader:
         source: where the pictures come from.
         size: (width, height) px for which the camera is calibrated.
         deliver: receives every picture.
-        started_s: `time.monotonic()` of the session's start.
+        now: seconds since the session's start.
         fps: rate at which a file is played; None: the file's own.
         loop: whether a file begins again at its end.
 
@@ -91,13 +90,13 @@ class CameraReader:
         source: CameraSource,
         size: tuple[int, int],
         deliver: Deliver,
-        started_s: float,
+        now: Callable[[], float],
         fps: float | None = None,
         loop: bool = False,
     ):
         """Starts nothing yet."""
         self.source, self.state, self.pictures = source, "connecting", 0
-        self._size, self._deliver, self._started_s = size, deliver, started_s
+        self._size, self._deliver, self._now = size, deliver, now
         self._fps, self._loop = fps, loop
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"camera {source.name}", daemon=True)
@@ -154,7 +153,7 @@ class CameraReader:
             capture = cv2.VideoCapture(self.source.address, cv2.CAP_FFMPEG, limits)
         try:
             while not self._stop.is_set() and capture.grab():
-                taken_s = time.monotonic() - self._started_s
+                taken_s = self._now()
                 good, picture = capture.retrieve()
                 if not good:
                     return
@@ -168,7 +167,7 @@ class CameraReader:
         fps = self._fps or reader.fps or 30.0
         for number, picture in enumerate(self._pictures(reader)):
             due_s = number / fps
-            late_s = time.monotonic() - self._started_s - due_s
+            late_s = self._now() - due_s
             if late_s > 2 / fps:
                 continue
             if self._stop.wait(max(-late_s, 0.0)):
@@ -202,8 +201,3 @@ class CameraReader:
         self.state = "ok"
         self.pictures += 1
         self._deliver(self.source.name, taken_s, picture)
-
-
-def is_playable(path: Path) -> bool:
-    """Whether a file is a video or an image by its name."""
-    return path.suffix.lower() in VIDEOS | STILLS

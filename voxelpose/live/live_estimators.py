@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+import signal
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import get_context
 from typing import Protocol, cast
 
 import numpy as np
@@ -30,8 +32,9 @@ from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.shots import Shot
-from voxelpose.matching.follower import FollowSettings, PoseFollower
+from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.observe import body_rule
+from voxelpose.matching.track_jobs import FollowSettings
 
 Masks = Mapping[str, NDArray[np.bool_]]
 
@@ -59,6 +62,12 @@ class LiveEstimator(Protocol):
         ...
 
 
+def _begin_process() -> None:
+    """Keeps a process to one core, and leaves interrupts to the one that began it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_threads(1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Silhouetted:
     """Silhouettes (h, w) bool of a moment in pinhole cameras."""
@@ -80,8 +89,8 @@ class LiveMultiView:
         self.rig = rig
         self._lenses = {c.name: UndistortedView.from_camera(c, LONG_SIDE_PX) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
-        # Kernels of the second thread stay on one core: the others are needed for every frame.
-        self._pool = ThreadPoolExecutor(1, "search", set_threads, (1,))
+        # A process of its own: as a thread it would take the interpreter from the frames' stages.
+        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin_process)
         self._follower = PoseFollower(self._pinholes, settings, self._pool)
         self._frame = 0
         self._hull: NDArray[np.float32] | None = None
@@ -119,8 +128,9 @@ class LiveMultiView:
 class _Untimed(StageClock):
     """Keeps no durations: a session may last for days."""
 
-    def __call__(self, stage: str) -> AbstractContextManager[None]:
-        return nullcontext()
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        yield
 
 
 class LiveMonocular:
@@ -134,7 +144,9 @@ class LiveMonocular:
         reporter: told about the library.
     """
 
-    def __init__(self, rig: Rig, settings: Settings, fps: float, pictures: bool, reporter: Reporter):
+    def __init__(
+        self, rig: Rig, settings: Settings, fps: float, pictures: bool, reporter: Reporter
+    ):
         """Reads or makes the library, which may take minutes at the first use."""
         self.rig = rig
         options = read_options(MonocularOptions, settings.options, "monocular")

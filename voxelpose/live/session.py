@@ -30,7 +30,7 @@ Picture = NDArray[np.uint8]
 
 _LEARNED_FRAMES = 45  # of the empty view
 _MESSAGES: dict[Phase, str] = {
-    "no background": "the empty view is not known yet: press Background and step out of the picture",
+    "no background": "the empty view is not known: press Background and step out of the picture",
     "countdown": "step out of the picture",
     "learning": "learning the empty view: stay out of the picture",
     "searching": "looking for a person",
@@ -89,31 +89,27 @@ class LiveSession:
     Args:
         settings: cameras, sources, person, recording.
         estimator: finds the person.
-        show: receives every frame, and returns at once.
 
     Attributes:
+        receivers: each is called with every frame, by the stages' threads, and returns at once.
         times: durations of the stages since the session's start.
     """
 
-    def __init__(
-        self,
-        settings: SessionSettings,
-        estimator: LiveEstimator,
-        show: Callable[[LiveFrame], None],
-    ):
+    def __init__(self, settings: SessionSettings, estimator: LiveEstimator):
         """Prepares the cameras; nothing runs yet."""
         self.settings, self.times = settings, StageTimes()
-        self._estimator, self._show = estimator, show
+        self._estimator = estimator
+        self.receivers: list[Callable[[LiveFrame], None]] = []
         self._started_s, self._started_unix_s = time.monotonic(), time.time()
         names = settings.rig.names
-        self._matcher = ShotMatcher(names, self._started_s, min(2, len(names)))
+        self._matcher = ShotMatcher(names, self._now, min(2, len(names)))
         self._observed: Newest[_Observed] = Newest()
         self._readers = [
             CameraReader(
                 settings.sources[camera.name],
                 camera.size,
                 self._matcher.deliver,
-                self._started_s,
+                self._now,
                 settings.fps,
                 settings.loop,
             )
@@ -138,6 +134,7 @@ class LiveSession:
         """Starts all threads."""
         if self.settings.silhouettes_given or set(self._empty) >= set(self.settings.rig.names):
             self._subtract()
+        self._started_s, self._started_unix_s = time.monotonic(), time.time()
         for thread in self._threads:
             thread.start()
         for reader in self._readers:
@@ -277,9 +274,11 @@ class LiveSession:
             evidence = self._estimator.observe(shot, masks)
             done_s = self._now()
             self._keep(shot, masks)
-            note = "somebody else is in the picture" if len(silhouettes.others) >= min(
-                2, len(masks)
-            ) else ""
+            note = (
+                "somebody else is in the picture"
+                if len(silhouettes.others) >= min(2, len(masks))
+                else ""
+            )
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
             self._observed.put(_Observed(shot, masks, evidence, stage_s, note))
 
@@ -329,6 +328,10 @@ class LiveSession:
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
 
+    def _show(self, frame: LiveFrame) -> None:
+        for receive in self.receivers:
+            receive(frame)
+
     def _frame(
         self,
         shot: Shot,
@@ -338,9 +341,7 @@ class LiveSession:
         note: str,
     ) -> LiveFrame:
         taken = self._started_unix_s + shot.time_s
-        return LiveFrame(
-            shot.number, shot.time_s, shot.pictures, masks, body, stage_s, note, taken
-        )
+        return LiveFrame(shot.number, shot.time_s, shot.pictures, masks, body, stage_s, note, taken)
 
     def _keep(self, shot: Shot, masks: Mapping[str, NDArray[np.bool_]] | None) -> None:
         with self._lock:

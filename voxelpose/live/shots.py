@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -101,17 +100,17 @@ class ShotMatcher:
 
     Args:
         names: of the cameras, in the calibration's order.
-        started_s: `time.monotonic()` of the session's start.
+        now: seconds since the session's start.
         least: fewest cameras that make a shot.
 
     Attributes:
         shots: where the newest shot waits.
     """
 
-    def __init__(self, names: Sequence[str], started_s: float, least: int = 1):
+    def __init__(self, names: Sequence[str], now: Callable[[], float], least: int = 1):
         """Starts without pictures."""
         self.shots: Newest[Shot] = Newest()
-        self._started_s, self._least = started_s, least
+        self._now, self._least = now, least
         self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}
         self._lock = threading.Lock()
         self._last_s, self._count = -np.inf, 0
@@ -120,7 +119,7 @@ class ShotMatcher:
         """Takes one picture of one camera; called by any thread."""
         with self._lock:
             self._streams[name].add(time_s, picture)
-            shot = self._match(time.monotonic() - self._started_s)
+            shot = self._match(self._now())
             if shot is not None:
                 self.shots.put(shot)
 
@@ -136,7 +135,8 @@ class ShotMatcher:
         shortest = min(stream.interval_s for stream in delivering.values())
         chosen = {name: stream.nearest(moment) for name, stream in delivering.items()}
         if moment <= self._last_s or (
-            shortest > 0 and any(abs(t - moment) > _TOLERANCE * shortest for t, _ in chosen.values())
+            shortest > 0
+            and any(abs(t - moment) > _TOLERANCE * shortest for t, _ in chosen.values())
         ):
             return None
         self._last_s = moment

@@ -136,6 +136,36 @@ class Recording:
             silhouettes_given,
         )
 
+    @classmethod
+    def without_frames(
+        cls, folder: Path | str, cameras: Sequence[str] | None = None, unit: str | None = None
+    ) -> "Recording":
+        """Opens a folder of which calibration, background, regions and subject are wanted alone.
+
+        Args:
+            folder: the recording folder; its videos, if any, are not opened.
+            cameras: names of the cameras; None: all that are calibrated.
+            unit: as of `open`.
+
+        Raises:
+            InputError: the folder or its calibration is missing, or lacks a camera.
+        """
+        folder = Path(folder)
+        calibration = _calibration_path(folder)
+        if calibration is None:
+            raise InputError(
+                f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml;"
+                " see docs/recordings.md)"
+            )
+        rig = read_rig(calibration, unit=unit)
+        for name in cameras or ():
+            if name not in rig:
+                known = ", ".join(rig.names)
+                raise InputError(f"there is no camera {name}: {calibration} knows {known}")
+        rig = rig.select([name for name in rig.names if cameras is None or name in cameras])
+        subject = read_subject(folder / "subject.toml")
+        return cls(folder, calibration, rig, {}, 0, 0, 1.0, np.zeros(0), subject)
+
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
         """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.
 

@@ -1,0 +1,168 @@
+"""voxelpose live."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+from calib.errors import InputError
+from voxelpose.cli.arguments import Cameras, Fps, OptionalLength, Sex, Unit, camera_names
+
+if TYPE_CHECKING:
+    from voxelpose.live.session import LiveSession
+
+_STATUS_EVERY_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Live:
+    """Arguments of `voxelpose live`."""
+
+    help: ClassVar[str] = """Follows a person before running cameras, shows and sends the motion.
+
+FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
+played at their own rate where no --source is given. With several cameras the body is followed in
+space; with --camera NAME, or a single source, by the pose library as in `voxelpose track`.
+Ctrl-C ends the session.
+
+  voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
+  voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
+  voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
+  voxelpose live walk --loop --record rehearsal --private
+"""
+
+    folder: Annotated[Positional[Path | None], arg(metavar="FOLDER")] = None
+    """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
+    source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
+    """Number of a webcam, address of a stream (rtsp://, http://) or a video; may be repeated."""
+    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    """Use this camera alone."""
+    cameras: Cameras = None
+    stature: OptionalLength = None
+    """Height in metres. Default: from subject.toml, else estimated (several cameras) or 1.70."""
+    chest: OptionalLength = None
+    """Chest girth in metres. Default: from subject.toml, else average for the stature."""
+    sex: Sex = "unknown"
+    library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
+    """Pose library of one camera. Default: the program's own."""
+    start: Literal["facing", "any"] = "any"
+    """Assumption about the first pose before one camera: facing it upright, or none."""
+    outline_only: Annotated[bool, arg(name="outline-only")] = False
+    """With one camera, leave out the colours inside the outline."""
+    send: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="ADDRESS")] = ()
+    """Receiver of the motion: vmc://HOST:PORT or ws://HOST:PORT/PATH; may be repeated."""
+    page: bool = True
+    """Serve the page that shows the figure; --no-page leaves it out."""
+    browser: bool = True
+    """Open the page; --no-browser only prints its address."""
+    host: Annotated[str, arg(metavar="NAME")] = "127.0.0.1"
+    """Address at which the page is served; any but this machine's own needs --token."""
+    port: Annotated[int, arg(metavar="N")] = 8080
+    """Port of the page; the next free one if it is taken."""
+    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
+    """Secret without which the page is not served."""
+    record: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    """Recording folder to be made; recording begins at once, or with --no-record-now by button."""
+    record_now: Annotated[bool, arg(name="record-now")] = True
+    """Begin to record with the first picture."""
+    private: bool = False
+    """Record silhouettes instead of pictures."""
+    loop: bool = False
+    """Begin videos again at their end."""
+    countdown: Annotated[float, arg(metavar="S")] = 5.0
+    """Seconds to step out of the picture before the empty view is learned."""
+    duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    """End after so many seconds. Default: with the videos, or at Ctrl-C."""
+    unit: Unit = None
+    fps: Fps = None
+
+    def run(self) -> int:
+        """Runs the session; returns the exit code."""
+        from dataclasses import replace
+
+        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.session_status import print_session
+
+        if self.camera is not None and self.cameras is not None:
+            raise InputError("--camera and --cameras exclude each other: give one of them")
+        if self.record is not None and self.record.exists():
+            raise InputError(f"{self.record} exists: give --record another name")
+        if self.private and self.record is None:
+            raise InputError("--private says how to record: give --record OUT too")
+        with Progress() as progress:
+            progress.note_compilation()
+            progress.stage("opening")
+            from silhouette_core.estimator import Settings
+            from voxelpose.live.camera_source import CameraSource
+            from voxelpose.live.senders import Senders
+            from voxelpose.live.session import LiveSession
+            from voxelpose.live.setup import make_estimator, open_input
+
+            sources = [CameraSource.parse(text) for text in self.source]
+            names = (self.camera,) if self.camera is not None else camera_names(self.cameras)
+            live = open_input(self.folder, sources, names, self.unit, self.fps)
+            known = live.recording.subject
+            subject = replace(
+                known,
+                stature_m=self.stature or known.stature_m,
+                chest_girth_m=self.chest or known.chest_girth_m,
+                sex=self.sex if self.sex != "unknown" else known.sex,
+            )
+            options: dict[str, bool | int | float | str] = {
+                "start": self.start,
+                "outline_only": self.outline_only,
+            }
+            if self.library is not None:
+                options["library"] = str(self.library)
+            settings = Settings(
+                stature_m=subject.stature_m,
+                chest_m=subject.chest_girth_m,
+                sex=subject.sex,  # type: ignore[arg-type]
+                smooth=False,
+                options=options if len(live.recording.rig) == 1 else {},
+            )
+            session_settings = replace(
+                live.settings(subject),
+                loop=self.loop,
+                countdown_s=self.countdown,
+                record=self.record,
+                private=self.private,
+            )
+            estimator = make_estimator(live, settings, progress)
+            session = LiveSession(session_settings, estimator)
+            senders = Senders(self.send)
+        session.receivers.append(senders.send)
+        try:
+            self._serve(session)
+        except KeyboardInterrupt:
+            if self.duration is not None:
+                raise
+        finally:
+            session.close()
+            senders.close()
+        print_session(session)
+        return 0
+
+    def _serve(self, session: LiveSession) -> None:
+        """Runs the session until its end."""
+        import time
+
+        from voxelpose.cli.session_status import StateLine
+
+        line = StateLine()
+        try:
+            session.start_cameras()
+            if session.state.phase == "no background":
+                session.learn_background()
+            if self.record is not None and self.record_now:
+                session.record()
+            end_s = None if self.duration is None else time.monotonic() + self.duration
+            while not session.wait(_STATUS_EVERY_S):
+                line.show(session.state)
+                if end_s is not None and time.monotonic() >= end_s:
+                    break
+        finally:
+            line.close()

@@ -1,0 +1,152 @@
+"""From a folder and the addresses of cameras to the settings of a session."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from calib.camera import Rig
+from calib.errors import InputError
+from silhouette_core.estimator import Settings
+from silhouette_core.jit import one_thread
+from silhouette_core.progress import Reporter
+from voxelpose.live.camera_source import CameraSource
+from voxelpose.live.live_estimators import LiveEstimator, LiveMonocular, LiveMultiView
+from voxelpose.live.session import SessionSettings
+from voxelpose.matching.track_jobs import FollowSettings
+from voxelpose.recording.folder import Recording, default_camera
+from voxelpose.recording.subject import Subject
+
+_BACKGROUND_FRAMES = 60
+_USUAL_SIZE = (640, 480)  # of a webcam without a calibration
+_USUAL_FPS = 30.0
+
+
+@dataclass(frozen=True)
+class LiveInput:
+    """What a session works on, opened.
+
+    Attributes:
+        recording: calibration, background, regions and subject; without frames where the pictures
+            come from elsewhere.
+        sources: by camera name.
+        fps: rate of the cameras, as far as known.
+    """
+
+    recording: Recording
+    sources: dict[str, CameraSource]
+    fps: float
+
+    def settings(self, subject: Subject) -> SessionSettings:
+        """Settings of a session; the empty view is read from background/."""
+        recording = self.recording
+        calibrated = recording.calibration_path is not None
+        readers = recording.backgrounds() if calibrated or recording.readers else {}
+        empty = {
+            name: [picture.copy() for picture in islice(reader, _BACKGROUND_FRAMES)]
+            for name, reader in readers.items()
+        }
+        return SessionSettings(
+            recording.rig,
+            self.sources,
+            empty,
+            recording.regions() if calibrated or recording.readers else {},
+            recording.silhouettes_given,
+            subject,
+            self.fps if recording.readers else None,
+        )
+
+
+def open_input(
+    folder: Path | None,
+    sources: Sequence[CameraSource],
+    cameras: Sequence[str] | None,
+    unit: str | None = None,
+    fps: float | None = None,
+) -> LiveInput:
+    """Opens the cameras' calibration, and the videos that stand in for cameras.
+
+    Args:
+        folder: a recording folder, whose videos are played if there are no sources; None: a single
+            source without calibration.
+        sources: addresses of the cameras.
+        cameras: names of the cameras to use; None: all.
+        unit: of the calibration's lengths, where its file does not state it.
+        fps: rate of the cameras; None: as the files state, or 30.
+
+    Raises:
+        InputError: something is missing, or does not fit.
+    """
+    if not sources:
+        if folder is None:
+            raise InputError("no cameras: give a recording folder, or --source NUMBER of a webcam")
+        recording = Recording.open(folder, None, cameras, unit, fps)
+        played = {
+            name: CameraSource(name, str(reader.path)) for name, reader in recording.readers.items()
+        }
+        return LiveInput(recording, played, recording.fps)
+    named = _named(sources, folder, unit)
+    if cameras is not None:
+        named = {name: source for name, source in named.items() if name in cameras}
+    if folder is None:
+        name = next(iter(named))
+        rig = Rig((default_camera(name, _USUAL_SIZE),))
+        nothing = Path()  # a folder without background and regions is not looked for
+        recording = Recording(nothing, None, rig, {}, 0, 0, 1.0, np.zeros(0), Subject())
+    else:
+        recording = Recording.without_frames(folder, list(named), unit)
+    return LiveInput(recording, named, fps or _USUAL_FPS)
+
+
+def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> LiveEstimator:
+    """Estimator for one camera or for several.
+
+    Args:
+        live: the cameras.
+        settings: what is known about the person, and options of the monocular estimator.
+        reporter: told about the library of one camera.
+    """
+    recording = live.recording
+    if len(recording.rig) > 1:
+        return LiveMultiView(
+            recording.rig, FollowSettings(settings.stature_m, settings.chest_m, settings.sex)
+        )
+    with one_thread():
+        return LiveMonocular(
+            recording.rig, settings, live.fps, not recording.silhouettes_given, reporter
+        )
+
+
+def _named(
+    sources: Sequence[CameraSource], folder: Path | None, unit: str | None
+) -> dict[str, CameraSource]:
+    """Sources by camera name; a single one may be without."""
+    if len(sources) == 1 and not sources[0].name:
+        name = "camera"
+        if folder is not None:
+            names = Recording.without_frames(folder, unit=unit).rig.names
+            if len(names) > 1:
+                raise InputError(
+                    f"--source {sources[0].address} could be any of {', '.join(names)}: write"
+                    f" {names[0]}={sources[0].address}"
+                )
+            name = names[0]
+        return {name: CameraSource(name, sources[0].address)}
+    for source in sources:
+        if not source.name:
+            raise InputError(
+                f"--source {source.address} belongs to no camera: write NAME={source.address}, with"
+                " the name in the calibration"
+            )
+    if folder is None:
+        raise InputError(
+            "several cameras need their calibration: give the folder that holds calibration.toml"
+        )
+    named = {source.name: source for source in sources}
+    if len(named) < len(sources):
+        raise InputError("two sources have one name: give every camera its own")
+    return named

@@ -1,0 +1,151 @@
+"""What takes longer than a frame: finding a body, its limbs, its proportions; catching up.
+
+Functions of their arguments alone, so that another process can do them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.camera import Rig
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.adaptation import Stature, adapt_shape
+from silhouette_core.refinement.refine import RefineSettings
+from silhouette_core.refinement.surface import Surface
+from voxelpose.carving.bounds import place_grid
+from voxelpose.matching.body_track import STEP, BodyTrack, Masks, Moment, observed_near, views_of
+from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observe import FrameObservation, HullObserver, body_rule
+from voxelpose.matching.pose_search import BodyGeometry, find_pose, move_limbs
+
+LOST = 0.45
+"""Largest error of a pose that is kept."""
+BETTER = 0.97
+"""A pose replaces another where its error is below this fraction of the other's."""
+_VOXEL_M = 0.025
+_FIRST_STEP = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+_GIVEN_SIGMA_M, _HULL_SIGMA = 0.006, 0.05
+
+
+@dataclass(frozen=True)
+class FollowSettings:
+    """What is known about the person.
+
+    Attributes:
+        stature_m: height; None: estimated from the hull.
+        chest_m: chest girth; None: usual for the stature.
+        sex: which decides the proportions.
+    """
+
+    stature_m: float | None = None
+    chest_m: float | None = None
+    sex: str = "unknown"
+
+
+def search(
+    rig: Rig, settings: FollowSettings, body: BodyGeometry | None, moment: Moment, count: int
+) -> BodyTrack | None:
+    """Searches a pose without a prior; None where there is no body.
+
+    Args:
+        rig: pinhole cameras.
+        settings: what is known about the person.
+        body: the body; None: one as the settings say.
+        moment: the silhouettes.
+        count: placements of the torso to try.
+    """
+    masks = moment.masks()
+    frame = _hull(rig, masks)
+    if frame is None:
+        return None
+    body = body or _body(settings, frame)
+    fits = find_pose(body, frame, MatchSettings(), count)
+    return BodyTrack(body, moment.time_s, fits[0]) if fits else None
+
+
+def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None:
+    """Searches every arm and leg in the track's latest frame; None where none is better."""
+    masks = moment.masks()
+    pose = track.fit.pose
+    observation = observed_near(track.body, views_of(rig, tuple(masks)), masks, pose)
+    moved = move_limbs(track.body, observation, track.fit)
+    return replace(track, fit=moved) if moved.error < BETTER * track.fit.error else None
+
+
+def adapt_body(
+    rig: Rig,
+    settings: FollowSettings,
+    track: BodyTrack,
+    samples: Sequence[tuple[Moment, Pose]],
+) -> BodyTrack:
+    """Track with a body whose proportions are adapted to some frames.
+
+    Args:
+        rig: pinhole cameras.
+        settings: which say whether the stature was given.
+        track: the track.
+        samples: frames and their poses.
+    """
+    model = track.body.model
+    stature = model.sizes.stature_m
+    sigma = _GIVEN_SIGMA_M if settings.stature_m is not None else _HULL_SIGMA * stature
+    observations = []
+    for moment, pose in samples:
+        masks = moment.masks()
+        observations.append(observed_near(track.body, views_of(rig, tuple(masks)), masks, pose))
+    surface, _ = adapt_shape(
+        track.body.surface,
+        observations,
+        [pose for _, pose in samples],
+        Stature(stature, sigma),
+        model.shape,
+    )
+    return replace(track, body=BodyGeometry.from_surface(surface, _VOXEL_M))
+
+
+def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack | None:
+    """Track in the last of some moments that followed on its latest frame; None where it is lost.
+
+    Args:
+        rig: pinhole cameras.
+        track: the track.
+        moments: in order; every second is passed over while there are many.
+    """
+    settings = _FIRST_STEP if track.before is None else STEP
+    waiting = list(moments)
+    while waiting:
+        moment = waiting.pop(1 if len(waiting) > 2 else 0)
+        waiting = [one for one in waiting if one.time_s > moment.time_s]
+        track = track.step(rig, moment.time_s, moment.masks(), settings)
+        settings = STEP
+        if track.fit.error > LOST:
+            return None
+    return track
+
+
+def _body(settings: FollowSettings, frame: FrameObservation) -> BodyGeometry:
+    """Body of the stature given, or of the hull's height."""
+    stature = settings.stature_m
+    if stature is None:
+        rows = np.flatnonzero(frame.occupancy.any((0, 1)))
+        stature = float(np.clip((np.ptp(rows) + 1) * frame.grid.voxel_size_m, 0.6, 2.4))
+    sex = "male" if settings.sex == "unknown" else settings.sex
+    model = BodyModel.from_sizes(BodySizes(stature, settings.chest_m, sex))
+    return BodyGeometry.from_surface(Surface(model), _VOXEL_M)
+
+
+def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
+    """Silhouettes of one body and its hull; None where they do not meet in space."""
+    views, images = views_of(rig, tuple(masks)), list(masks.values())
+    rule = body_rule(len(images), 0)
+    try:
+        grid = place_grid(views.rig, images, voxel_size_m=2 * _VOXEL_M, rule=rule)
+    except InputError:
+        return None
+    return HullObserver(views, grid, _VOXEL_M, rule).observe(images)
