@@ -17,11 +17,8 @@ import numpy as np
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
 from silhouette_core.motion.pose import Pose, PoseArrays
-from silhouette_core.refinement.kernels.refine import (
-    add_silhouette_terms,
-    match_contours,
-    measure_outside,
-)
+from silhouette_core.refinement.kernels.contours import match_contours
+from silhouette_core.refinement.kernels.refine import add_silhouette_terms, measure_outside
 from silhouette_core.refinement.kernels.steps import add_pose_terms, bounded_steps, move_poses
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
@@ -282,7 +279,15 @@ def add_silhouettes(
     matrix: np.ndarray,
     gradient: np.ndarray,
 ) -> np.ndarray:
-    """Adds the residuals of K poses to their normal equations, in place; see `residuals`.
+    r"""Adds the residuals of K poses to their normal equations, in place; see `residuals`.
+
+    A residual along :math:`n` of a point that part p moves with weight :math:`\omega_p` to
+    :math:`x_p` has the wrenches :math:`h_p = \omega_p (n,\, x_p \times n)`, and unknown d, whose
+    twist is :math:`s_d`, changes it by :math:`s_d \cdot \sum_{p \in D(d)} h_p`, with the parts
+    :math:`D(d)` that it moves. So
+
+    .. math:: (J^T W J)_{de} = s_d^T \Bigl(\sum_{p \in D(d)} \sum_{q \in D(e)} M_{pq}\Bigr) s_e,
+        \qquad M_{pq} = \sum_i w_i h_{ip} h_{iq}^T
 
     Args:
         surface: the body's sampled surface.

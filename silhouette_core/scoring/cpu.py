@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.raster import render_many
+from silhouette_core.image.raster import NEAR_M, render_many
 from silhouette_core.image.spans import Spans
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import FloatArray, Grid, checked_placements, chosen_spans
@@ -81,16 +81,22 @@ class CpuBackend:
     ) -> FloatArray:
         """See `Backend.silhouette_errors`."""
         check_array("vertices_cam", vertices_cam, ("K", len(masks), "V", 3))
-        labels, errors = np.zeros(len(faces), np.int32), np.ones(len(vertices_cam))
+        # Pixel positions times depth: all cameras are drawn by the same matrix, each in a window.
+        meshes = vertices_cam @ np.swapaxes(matrices, 1, 2)
         height, width = np.max([mask.shape for mask in masks], axis=0)
-        for k, meshes in enumerate(vertices_cam @ np.swapaxes(matrices, 1, 2)):
-            # Pixel positions times depth: all cameras are drawn at once, by the same matrix.
-            images = render_many(meshes, faces, labels, np.eye(3), (width, height))
-            ratios = [
-                apart / either
-                for apart, either in map(silhouettes.count_disagreement, images, masks)
-                if either
-            ]
+        corners, size = _windows(meshes, (width, height))
+        meshes[..., :2] -= corners[:, :, None] * meshes[..., 2:]
+        labels, errors = np.zeros(len(faces), np.int32), np.ones(len(vertices_cam))
+        images = render_many(meshes.reshape(-1, *meshes.shape[2:]), faces, labels, np.eye(3), size)
+        totals = [np.count_nonzero(mask) for mask in masks]
+        for k, own in enumerate(images.reshape(*corners.shape[:2], *images.shape[1:])):
+            ratios = []
+            for image, mask, total, (left, top) in zip(own, masks, totals, corners[k], strict=True):
+                seen = mask[top : top + size[1], left : left + size[0]]
+                apart, either = silhouettes.count_disagreement(image, seen)
+                missed = total - np.count_nonzero(seen)
+                if either + missed:
+                    ratios.append((apart + missed) / (either + missed))
             errors[k] = np.mean(ratios or 1.0)
         return errors
 
@@ -145,6 +151,26 @@ class CpuBackend:
         empty, taken = np.empty(len(rotations), np.int64), np.empty(len(rotations), np.int64)
         voxels.voxel_cover(numbers, grid.origin_m, grid.voxel_size_m, *placed, bits, empty, taken)
         return bits, empty, taken
+
+
+def _windows(
+    meshes: FloatArray, size: tuple[int, int]
+) -> tuple[NDArray[np.int64], tuple[int, int]]:
+    """Upper left corners (K, C, 2) of windows of one size (width, height) within images of a given
+    size, that hold meshes (K, C, V, 3) given in pixels times depth.
+    """
+    x, y, depth = np.moveaxis(meshes, -1, 0)
+    whole = ~(depth.min(-1) >= NEAR_M)  # a mesh that is clipped may be drawn anywhere
+    inverse = 1.0 / np.where(whole[..., None], 1.0, depth)
+    pixels = x * inverse, y * inverse
+    low = np.stack([np.where(whole, 0, one.min(-1)) for one in pixels], -1)
+    high = np.stack(
+        [np.where(whole, most, one.max(-1)) for one, most in zip(pixels, size, strict=True)], -1
+    )
+    low = np.clip(np.floor(low) - 1, 0, size).astype(np.int64)
+    high = np.clip(np.ceil(high) + 2, 0, size).astype(np.int64)
+    width, height = np.maximum((high - low).max((0, 1), initial=1), 1)
+    return low, (int(width), int(height))
 
 
 CPU = CpuBackend()

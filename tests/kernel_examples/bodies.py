@@ -22,4 +22,6 @@ def skinned(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
     """Returns vertices (V, 3), the parts (V, 4) on which they hang, and their weights (V, 4)."""
     weights = rng.dirichlet(np.ones(4), count)
     weights[: count // 2, 2:] = 0
-    return rng.normal(size=(count, 3)), rng.integers(0, len(PARENTS), (count, 4)), weights
+    weights /= weights.sum(axis=1, keepdims=True)
+    parts = rng.permuted(np.tile(np.arange(len(PARENTS)), (count, 1)), axis=1)[:, :4]
+    return rng.normal(size=(count, 3)), parts, weights

@@ -14,6 +14,7 @@ import numpy as np
 from silhouette_core.jit import kernel, parallel_kernel, prange
 
 SUBPIXELS = 256
+_NARROW = 12  # pixels
 LIMIT = SUBPIXELS << 21  # keeps products of two coordinate differences inside int64
 
 
@@ -25,12 +26,25 @@ def _to_screen(pixel):
 
 
 @kernel
-def _row_span(dx, dy, start_x, start_y, row, first, last):
-    """Pixels of [first, last] in a row on the inner side of an edge from `start` along (dx, dy)."""
+def _edge(dx, dy, start_x, start_y, row):
+    """Edge from `start` along (dx, dy) in a row: a pixel is on its inner side where the first
+    number plus the second times its column is not negative.
+    """
     # Left edges and flat top edges own the pixel centres on them.
     inclusive = dy < 0 or (dy == 0 and dx > 0)
     constant = dx * (row * SUBPIXELS - start_y) + dy * start_x - (0 if inclusive else 1)
-    slope = -dy * SUBPIXELS  # inside where constant + slope * column >= 0
+    return constant, -dy * SUBPIXELS
+
+
+@kernel
+def _sign(e, f, g):
+    """A negative number if one of three is negative."""
+    return e | f | g
+
+
+@kernel
+def _row_span(constant, slope, first, last):
+    """Pixels of [first, last] on the inner side of an edge in a row."""
     if slope > 0:
         first = max(first, -(constant // slope))
     elif slope < 0:
@@ -60,9 +74,21 @@ def _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, label, cull, parts, depth):
     w_dx = ((bw - aw) * (cy - ay) - (cw - aw) * (by - ay)) / area
     w_dy = ((cw - aw) * (bx - ax) - (bw - aw) * (cx - ax)) / area
     for row in range(top, bottom + 1):
-        first, last = _row_span(bx - ax, by - ay, ax, ay, row, left, right)
-        first, last = _row_span(cx - bx, cy - by, bx, by, row, first, last)
-        first, last = _row_span(ax - cx, ay - cy, cx, cy, row, first, last)
+        e, e_dx = _edge(bx - ax, by - ay, ax, ay, row)
+        f, f_dx = _edge(cx - bx, cy - by, bx, by, row)
+        g, g_dx = _edge(ax - cx, ay - cy, cx, cy, row)
+        first, last = left, right
+        if right - left < _NARROW:  # cheaper than the divisions of three spans
+            while (
+                first <= last and (e + e_dx * first) | (f + f_dx * first) | (g + g_dx * first) < 0
+            ):
+                first += 1
+            while last > first and (e + e_dx * last) | (f + f_dx * last) | (g + g_dx * last) < 0:
+                last -= 1
+        else:
+            first, last = _row_span(e, e_dx, first, last)
+            first, last = _row_span(f, f_dx, first, last)
+            first, last = _row_span(g, g_dx, first, last)
         for column in range(first, last + 1):
             w = aw + w_dx * (column * SUBPIXELS - ax) + w_dy * (row * SUBPIXELS - ay)
             # Slivers have steep planes: stay within the corners.

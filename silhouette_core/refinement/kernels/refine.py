@@ -1,80 +1,13 @@
 """Residuals of the continuous refinement, their Jacobian, and the normal equations.
 
-Source: articulated iterative closest points on contours, as in Rosenhahn, Brox and Weickert,
-"Three-dimensional shape knowledge for joint image segmentation and pose tracking" (2007); the
-tangent planes and the choice of the rim are ours. Gauss-Newton is textbook. Reference:
+Source: Gauss-Newton is textbook; sums of products of wrenches by part, as the composite rigid
+bodies of Featherstone, "Rigid body dynamics algorithms" (2008). Reference:
 `silhouette_core.refinement.kernels.reference`.
 """
 
 import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
-
-_CHUNK = 32  # contour points that are matched together
-
-
-@kernel
-def _match_chunk(camera, center, ray, normal, points, point_normals, reach, matched, gap):
-    """Part of `match_contours`: the contour points of one pose that are given.
-
-    Distances are computed for all surface points at once, by vector instructions; most of them are
-    out of reach.
-    """
-    count = points.shape[0]
-    x, y, z = np.empty(count), np.empty(count), np.empty(count)
-    square, distance2 = np.empty(count), np.empty(count)
-    seen_by = -1
-    for i in range(camera.shape[0]):
-        d, n = ray[i], normal[i]
-        if camera[i] != seen_by:
-            seen_by = camera[i]
-            o = center[seen_by]
-            for v in range(count):
-                x[v], y[v], z[v] = points[v, 0] - o[0], points[v, 1] - o[1], points[v, 2] - o[2]
-                square[v] = x[v] * x[v] + y[v] * y[v] + z[v] * z[v]
-        for v in range(count):
-            along = x[v] * d[0] + y[v] * d[1] + z[v] * d[2]
-            distance2[v] = square[v] - along * along if along > 0.0 else np.inf
-        best, limit, index = 1e30, reach * reach, -1
-        for v in range(count):
-            if distance2[v] >= limit:
-                continue
-            m = point_normals[v]
-            facing = m[0] * n[0] + m[1] * n[1] + m[2] * n[2]
-            cost = distance2[v] + 0.01 * (1.0 - facing)
-            if facing >= 0.5 and cost < best:
-                best, limit, index = cost, min(cost, limit), v
-        matched[i], gap[i] = index, 0.0
-        if index >= 0:
-            gap[i] = x[index] * n[0] + y[index] * n[1] + z[index] * n[2]
-
-
-@parallel_kernel
-def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
-    """Fills matched (K, N): the point of each of K posed surfaces that should touch each contour
-    point's tangent plane.
-
-    That is, among surface points (K, V, 3) whose normal points out of the plane (the rim as seen
-    from that camera), the one nearest to the viewing ray, a deviating normal counting as distance;
-    -1 if it is farther than `reach` (K,), m. Fills gap (K, N) with the signed distance from plane
-    to point, positive outside.
-    """
-    count = camera.shape[0]
-    chunks = (count + _CHUNK - 1) // _CHUNK
-    for task in prange(points.shape[0] * chunks):
-        k, first = task // chunks, task % chunks * _CHUNK
-        last = min(first + _CHUNK, count)
-        _match_chunk(
-            camera[first:last],
-            center,
-            ray[first:last],
-            normal[first:last],
-            points[k],
-            point_normals[k],
-            reach[k],
-            matched[k, first:last],
-            gap[k, first:last],
-        )
 
 
 @kernel
@@ -271,13 +204,102 @@ def fill_jacobian(
 
 
 @kernel
-def _add_row(columns, values, count, weight, gap, matrix, gradient):
-    """Adds one weighted residual to the lower triangle of matrix and to gradient."""
-    for a in range(count):
-        scaled = weight * values[a]
-        gradient[columns[a]] += scaled * gap
-        for b in range(a + 1):
-            matrix[columns[a], columns[b]] += scaled * values[b]
+def _add_residual(v, n, weight, gap, body, part_rotation, part_origin, wrench, moments, forces):
+    """Adds a weighted residual along n of point v to moments (P, P, 6, 6), whose first part has
+    the greater number, and to forces (P, 6); wrench (4, 6) is overwritten.
+    """
+    rest, joints, skin_parts, skin_weights = body[0], body[1], body[2], body[3]
+    for k in range(4):
+        w = skin_weights[v, k]
+        if w == 0.0:
+            continue
+        p, h = skin_parts[v, k], wrench[k]
+        x, y, z = rest[v, 0] - joints[p, 0], rest[v, 1] - joints[p, 1], rest[v, 2] - joints[p, 2]
+        turn, origin = part_rotation[p], part_origin[p]
+        px = w * (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + origin[0])
+        py = w * (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + origin[1])
+        pz = w * (turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + origin[2])
+        h[0], h[1], h[2] = w * n[0], w * n[1], w * n[2]
+        h[3], h[4] = py * n[2] - pz * n[1], pz * n[0] - px * n[2]
+        h[5] = px * n[1] - py * n[0]
+        for a in range(6):
+            forces[p, a] += weight * gap * h[a]
+        for j in range(k + 1):
+            if skin_weights[v, j] == 0.0:
+                continue
+            q, other = skin_parts[v, j], wrench[j]
+            if p >= q:
+                block, left, right = moments[p, q], h, other
+            else:
+                block, left, right = moments[q, p], other, h
+            for a in range(6):
+                scaled = weight * left[a]
+                for b in range(6):
+                    block[a, b] += scaled * right[b]
+
+
+@kernel
+def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradient):
+    """Adds to matrix (n, n) and gradient (n,) what residuals gave to moments and forces.
+
+    Unknown d moves the parts that descend from its own by the twist (o x a, a) of its axis a
+    through o; the root's six move all parts.
+    """
+    descends, dof_part = body[4], body[5]
+    parts, size = len(forces), len(gradient)
+    composite, met = np.zeros((parts + 1, parts, 6, 6)), np.zeros((parts + 1, parts), np.bool_)
+    twist, force = np.zeros((size, 6)), np.zeros((parts + 1, 6))
+    for k in range(parts):
+        for m in range(k + 1):
+            block = moments[k, m]
+            if block[0, 0] + block[1, 1] + block[2, 2] == 0.0:
+                continue
+            for s in range(parts + 1):
+                if s == parts or descends[s, k]:
+                    composite[s, m] += block
+                    met[s, m] = True
+                if k != m and (s == parts or descends[s, m]):
+                    composite[s, k] += block.T
+                    met[s, k] = True
+        for s in range(parts + 1):
+            if s == parts or descends[s, k]:
+                force[s] += forces[k]
+    o = part_origin[0]
+    for a in range(3):
+        twist[a, a] = 1.0
+        twist[3 + a, 3 + a] = 1.0
+    twist[3, 1], twist[3, 2] = o[2], -o[1]
+    twist[4, 0], twist[4, 2] = -o[2], o[0]
+    twist[5, 0], twist[5, 1] = o[1], -o[0]
+    for d in range(len(dof_part)):
+        o, a, t = part_origin[dof_part[d]], world_axis[d], twist[6 + d]
+        t[0], t[1] = o[1] * a[2] - o[2] * a[1], o[2] * a[0] - o[0] * a[2]
+        t[2] = o[0] * a[1] - o[1] * a[0]
+        t[3:] = a
+    moved, response = np.empty((parts, 6)), np.empty((parts + 1, 6))
+    for d in range(size):
+        s, t = dof_part[d - 6] if d >= 6 else parts, twist[d]
+        for a in range(6):
+            gradient[d] += t[a] * force[s, a]
+        response[:] = 0.0
+        for m in range(parts):
+            if not met[s, m]:
+                continue
+            own = moved[m]
+            own[:] = 0.0
+            for a in range(6):
+                for b in range(6):
+                    own[b] += t[a] * composite[s, m, a, b]
+            for q in range(parts + 1):
+                if q == parts or descends[q, m]:
+                    for b in range(6):
+                        response[q, b] += own[b]
+        for e in range(d + 1):
+            other = response[dof_part[e - 6] if e >= 6 else parts]
+            total = 0.0
+            for b in range(6):
+                total += twist[e, b] * other[b]
+            matrix[d, e] += total
 
 
 @parallel_kernel
@@ -293,16 +315,20 @@ def add_silhouette_terms(
     is left out. body is rest, joints, skin_parts, skin_weights, descends and dof_part of
     `fill_jacobian`; placed is part_rotation, part_origin and world_axis, each of K poses. Fills
     totals (K, 3): sums of w r² and of w, and the number of matched contour points.
+
+    The residuals are summed by the parts that move them before they are related to the unknowns,
+    of which they depend on many more.
     """
     matched, gap, normal = contour
     away, toward = outside
     rotations, origins, axes = placed
-    size = matrix.shape[1]
+    parts = rotations.shape[1]
     for k in prange(matched.shape[0]):
         totals[k] = 0.0
         if weights[k, 1] == 0.0:
             continue
-        columns, values = np.empty(size, np.int64), np.empty(size)
+        wrench = np.empty((4, 6))
+        moments, forces = np.zeros((parts, parts, 6, 6)), np.zeros((parts, 6))
         square, total, hits = 0.0, 0.0, 0
         for i in range(matched.shape[1]):
             v = matched[k, i]
@@ -313,10 +339,9 @@ def add_silhouette_terms(
             w = weights[k, 1] / (1 + (r / weights[k, 0]) ** 2) ** 2
             square += w * r * r
             total += w
-            count = _fill_row(
-                v, normal[i], body, rotations[k], origins[k], axes[k], columns, values
+            _add_residual(
+                v, normal[i], w, r, body, rotations[k], origins[k], wrench, moments, forces
             )
-            _add_row(columns, values, count, w, r, matrix[k], gradient[k])
         for c in range(away.shape[1]):
             for v in range(away.shape[2]):
                 r = away[k, c, v]
@@ -325,12 +350,11 @@ def add_silhouette_terms(
                 w = weights[k, 2] / (1 + (r / outside_m) ** 2) ** 2
                 square += w * r * r
                 total += w
-                count = _fill_row(
-                    v, toward[k, c, v], body, rotations[k], origins[k], axes[k], columns, values
-                )
-                _add_row(columns, values, count, w, r, matrix[k], gradient[k])
+                n = toward[k, c, v]
+                _add_residual(v, n, w, r, body, rotations[k], origins[k], wrench, moments, forces)
         totals[k, 0], totals[k, 1], totals[k, 2] = square, total, hits
-        for a in range(size):
+        _add_moments(moments, forces, body, origins[k], axes[k], matrix[k], gradient[k])
+        for a in range(matrix.shape[1]):
             for b in range(a):
                 matrix[k, b, a] = matrix[k, a, b]
 
