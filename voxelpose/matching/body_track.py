@@ -20,6 +20,8 @@ from voxelpose.matching.pose_search import BodyGeometry, PoseFit, refine_fit
 Masks = Mapping[str, NDArray[np.bool_]]
 
 STEP = RefineSettings(reaches_m=(0.18, 0.12, 0.08, 0.06))
+_AGAIN = RefineSettings(reaches_m=(0.30, 0.20, 0.15, 0.10, 0.07))
+_POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
 _SPACING_M = 0.05  # between contour points: half as many as off line
 _RECENT = 12  # frames whose median error is the usual one
 _NEAR_M, _REDUCED = 0.30, 8
@@ -98,6 +100,11 @@ class BodyTrack:
         observation = observed_near(self.body, views, masks, predicted)
         prior = PosePrior(predicted, POSE_STEP_SIGMA * interval)
         fit = refine_fit(self.body, observation, predicted, prior, settings)
+        if fit.error > _POOR * self.usual + _POOR_BY:
+            # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
+            prior = PosePrior(self.fit.pose, 3 * POSE_STEP_SIGMA * interval)
+            again = refine_fit(self.body, observation, self.fit.pose, prior, _AGAIN)
+            fit = min(fit, again, key=lambda one: one.error)
         errors = (*self.errors[1 - _RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
 
@@ -133,5 +140,12 @@ def observed_near(body: BodyGeometry, views: PinholeViews, masks: Masks, pose: P
         size = small.shape[1] * _REDUCED, small.shape[0] * _REDUCED
         whole = cv2.resize(cv2.dilate(small, disc), size, interpolation=cv2.INTER_NEAREST)
         near.append(mask & whole[:height, :width].view(bool))
-    distance = float(np.median(np.linalg.norm(views.center_m - pose.root_m, axis=1)))
-    return Observation.from_masks(views, near, distance, _SPACING_M)
+    return observation_at(views, near, pose.root_m)
+
+
+def observation_at(
+    views: PinholeViews, masks: list[NDArray[np.bool_]], place_m: NDArray[np.float64]
+) -> Observation:
+    """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs."""
+    distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
+    return Observation.from_masks(views, masks, distance, _SPACING_M)

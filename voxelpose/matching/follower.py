@@ -20,6 +20,7 @@ from voxelpose.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.matching.track_jobs import (
     BETTER,
     LOST,
+    SUSPECT,
     FollowSettings,
     adapt_body,
     catch_up,
@@ -31,7 +32,7 @@ _FIRST_PLACEMENTS, _PLACEMENTS = 4, 10  # of the torso, in a first search and in
 _LONGEST_GAP_S = 0.5
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
 _BAD, _BAD_BY = 1.4, 0.03  # the same over the least usual error, which make a search due
-_SEARCH_AGAIN_S, _LIMBS_AGAIN_S = 2.0, 1.5
+_SEARCH_AGAIN_S, _LIMBS_AGAIN_S = 0.7, 1.5
 _ADAPTED, _APART_S = 8, 0.4  # frames to which proportions are adapted, and the time between them
 _FOREGROUND = 0.002  # least fraction of a picture that a person takes
 _CAUGHT_UP = 2  # frames that may still be missing
@@ -139,9 +140,11 @@ class PoseFollower:
         if clear and now - sampled_s > _APART_S:
             person.samples.append((moment, track.fit.pose))
         bad = track.usual > max(_BAD * person.least, person.least + _BAD_BY)
-        if (bad or person.searched_s == -np.inf) and now - person.searched_s > _SEARCH_AGAIN_S:
+        suspect = track.usual > SUSPECT
+        if (bad or suspect) and now - person.searched_s > _SEARCH_AGAIN_S:
             person.searched_s = now
-            self._submit(search, self.rig, self.settings, track.body, moment, _PLACEMENTS)
+            body = None if suspect else track.body  # a wrong pose has spoiled the proportions
+            self._submit(search, self.rig, self.settings, body, moment, _PLACEMENTS)
         elif not person.adapted and len(person.samples) >= _ADAPTED:
             person.adapted = True
             self._submit(adapt_body, self.rig, self.settings, track, person.samples)

@@ -18,19 +18,35 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.adaptation import Stature, adapt_shape
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.carving.bounds import place_grid
-from voxelpose.matching.body_track import STEP, BodyTrack, Masks, Moment, observed_near, views_of
-from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.body_track import (
+    STEP,
+    BodyTrack,
+    Masks,
+    Moment,
+    observation_at,
+    observed_near,
+    views_of,
+)
+from voxelpose.matching.matcher import match
 from voxelpose.matching.observe import FrameObservation, HullObserver, body_rule
-from voxelpose.matching.pose_search import BodyGeometry, find_pose, move_limbs
+from voxelpose.matching.pose_search import BodyGeometry, PoseFit, move_limbs, refine_fit
+from voxelpose.matching.torso_search import find_torso
 
 LOST = 0.45
 """Largest error of a pose that is kept."""
 BETTER = 0.97
 """A pose replaces another where its error is below this fraction of the other's."""
+SUSPECT = 0.16
+"""Error above which a pose may be a wrong one, or the body another."""
 _VOXEL_M = 0.025
 _FIRST_STEP = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
 _GIVEN_SIGMA_M, _HULL_SIGMA = 0.006, 0.05
+# Of people of usual girth the hull of four to eight cameras has this many times the volume.
+_HULL_OVER_BODY, _COUNTED_M = 1.75, 0.02
+_USUAL_CHEST = 0.55  # chest girth over stature
+_STOUT = 0.9, 1.5  # range of girths tried, relative to the usual one
 
 
 @dataclass(frozen=True)
@@ -65,8 +81,14 @@ def search(
     if frame is None:
         return None
     body = body or _body(settings, frame)
-    fits = find_pose(body, frame, MatchSettings(), count)
-    return BodyTrack(body, moment.time_s, fits[0]) if fits else None
+    fits = _first_poses(body, frame, count)
+    tracks = [BodyTrack(body, moment.time_s, fit) for fit in fits]
+    if tracks and tracks[0].fit.error > SUSPECT:
+        # Of another body than this one, the right pose need not be the one that fits best.
+        tracks += [
+            adapt_body(rig, settings, track, [(moment, track.fit.pose)]) for track in tracks[:3]
+        ]
+    return min(tracks, key=lambda track: track.fit.error, default=None)
 
 
 def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None:
@@ -99,14 +121,18 @@ def adapt_body(
     for moment, pose in samples:
         masks = moment.masks()
         observations.append(observed_near(track.body, views_of(rig, tuple(masks)), masks, pose))
-    surface, _ = adapt_shape(
+    surface, poses = adapt_shape(
         track.body.surface,
         observations,
         [pose for _, pose in samples],
         Stature(stature, sigma),
         model.shape,
     )
-    return replace(track, body=BodyGeometry.from_surface(surface, _VOXEL_M))
+    body = BodyGeometry.from_surface(surface, _VOXEL_M)
+    if samples[-1][0].time_s != track.time_s:
+        return replace(track, body=body)
+    error = silhouette_error(surface.model, poses[-1], observations[-1], body.body_volume.backend)
+    return replace(track, body=body, fit=PoseFit(poses[-1], error))
 
 
 def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack | None:
@@ -129,14 +155,36 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
     return track
 
 
+def _first_poses(body: BodyGeometry, frame: FrameObservation, count: int) -> list[PoseFit]:
+    """As `find_pose`, with fewer contour points and without the search of limbs on silhouettes."""
+    middle = frame.grid.occupied_points(frame.occupancy).mean(0)
+    observation = observation_at(frame.views, frame.masks, middle)
+
+    def matched(start: Pose) -> PoseFit:
+        pose = match(body.body_volume, frame.grid, frame.occupancy, start).pose
+        return refine_fit(body, observation, pose, None, _FIRST_STEP)
+
+    starts = find_torso(body.body_volume, frame.grid, frame.occupancy, count)
+    fits = sorted(map(matched, starts), key=lambda fit: fit.error)
+    # With the torso now well placed the limbs are matched again.
+    again = [matched(fit.pose) for fit in fits[:2]]
+    return sorted([*again, *fits], key=lambda fit: fit.error)
+
+
 def _body(settings: FollowSettings, frame: FrameObservation) -> BodyGeometry:
-    """Body of the stature given, or of the hull's height."""
+    """Body of the stature and chest girth given, or of the hull's height and volume."""
     stature = settings.stature_m
     if stature is None:
         rows = np.flatnonzero(frame.occupancy.any((0, 1)))
         stature = float(np.clip((np.ptp(rows) + 1) * frame.grid.voxel_size_m, 0.6, 2.4))
     sex = "male" if settings.sex == "unknown" else settings.sex
     model = BodyModel.from_sizes(BodySizes(stature, settings.chest_m, sex))
+    if settings.chest_m is None:
+        hull_m3 = np.count_nonzero(frame.occupancy) * frame.grid.voxel_size_m**3
+        usual_m3 = _HULL_OVER_BODY * model.part_volumes_m3(_COUNTED_M).sum()
+        stout = float(np.clip(np.sqrt(hull_m3 / usual_m3), *_STOUT))
+        chest = stout * _USUAL_CHEST * stature
+        model = BodyModel.from_sizes(BodySizes(stature, chest, sex))
     return BodyGeometry.from_surface(Surface(model), _VOXEL_M)
 
 
