@@ -1,0 +1,213 @@
+"""The page's gate over raw sockets: nothing passes without the token, not even a byte."""
+
+import base64
+import re
+import socket
+import threading
+from collections.abc import Iterator
+
+import pytest
+import viser
+import websockets.sync.client
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from calib.errors import InputError
+from voxelpose.live.gate import Gate
+from voxelpose.live.page_server import PageServer
+from voxelpose.view.viewer.browser import Address
+
+TOKEN = "open & sesame"
+QUERY = "/?token=open%20%26%20sesame"
+SUBPROTOCOL = f"viser-v{viser.__version__}"
+
+
+@pytest.fixture(scope="module")
+def guarded() -> Iterator[PageServer]:
+    """A server with a token, on an address that this machine alone can reach."""
+    before = set(threading.enumerate())
+    server = PageServer(Address("127.0.0.1", 0), TOKEN)
+    server.viser.gui.add_html("the room")
+    yield server
+    server.close()
+    assert set(threading.enumerate()) <= before
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[PageServer]:
+    """A server without a token."""
+    server = PageServer(Address("127.0.0.1", 0), None)
+    server.viser.gui.add_html("the room")
+    yield server
+    server.close()
+
+
+def ask(server: PageServer, target: str, *headers: str, method: str = "GET") -> str:
+    """Sends one request; returns all that comes back until the connection ends."""
+    port = server.gate.port
+    if not any(header.lower().startswith("host:") for header in headers):
+        headers = (f"Host: 127.0.0.1:{port}", *headers)
+    request = "\r\n".join([f"{method} {target} HTTP/1.1", *headers, "", ""])
+    return talk(port, request.encode())
+
+
+def talk(port: int, data: bytes) -> str:
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as link:
+        link.sendall(data)
+        answer = b""
+        while piece := link.recv(65536):
+            answer += piece
+            if answer.startswith(b"HTTP/1.1 101"):
+                break
+    return answer.decode("latin-1")
+
+
+def upgrade(*more: str) -> tuple[str, ...]:
+    return (
+        "Connection: Upgrade",
+        "Upgrade: websocket",
+        "Sec-WebSocket-Version: 13",
+        f"Sec-WebSocket-Key: {base64.b64encode(b'0123456789abcdef').decode()}",
+        f"Sec-WebSocket-Protocol: {SUBPROTOCOL}",
+        *more,
+    )
+
+
+def cookie_of(server: PageServer) -> str:
+    answer = ask(server, QUERY)
+    assert answer.startswith("HTTP/1.1 303 See Other\r\n") and "Location: /\r\n" in answer
+    found = re.search(r"Set-Cookie: (.*?=.*?); Path=/; HttpOnly; SameSite=Lax\r\n", answer)
+    assert found is not None and "sesame" not in found[1]
+    return found[1]
+
+
+def assert_refused(answer: str, status: str) -> None:
+    assert answer.startswith(f"HTTP/1.1 {status}")
+    head, _, body = answer.partition("\r\n\r\n")
+    assert body.count("\n") == 1 and body.endswith("\n") and "<" not in body
+    assert "Set-Cookie" not in head and "Sec-WebSocket" not in head
+
+
+@pytest.mark.parametrize("headers", [(), upgrade()], ids=["page", "websocket"])
+@pytest.mark.parametrize(
+    "target",
+    [
+        "/",
+        "/?token=",
+        "/?token=open",
+        "/?token=open%20%26%20sesame%00",
+        "/?Token=open%20%26%20sesame",
+        "/?token=wrong&token=open%20%26%20sesame",
+        "/assets/index.js",
+        "/%3ftoken=open%20%26%20sesame",
+    ],
+)
+def test_without_the_token_nothing_is_sent(guarded, target, headers):
+    assert_refused(ask(guarded, target, *headers), "401")
+
+
+@pytest.mark.parametrize("headers", [(), upgrade()], ids=["page", "websocket"])
+def test_a_wrong_cookie_is_refused(guarded, headers):
+    name, _, value = cookie_of(guarded).partition("=")
+    for crumb in (f"{name}={value[:-1]}", f"{name}=", f"other={value}", f"{name}={TOKEN}"):
+        assert_refused(ask(guarded, "/", f"Cookie: {crumb}", *headers), "401")
+
+
+def test_the_token_opens_page_and_websocket(guarded):
+    cookie = f"Cookie: first=1; {cookie_of(guarded)}; last=2"
+    page = ask(guarded, "/", cookie)
+    assert page.startswith("HTTP/1.1 200") and "<html" in page
+    assert ask(guarded, "/", cookie, *upgrade()).startswith("HTTP/1.1 101")
+    assert ask(guarded, QUERY, *upgrade()).startswith("HTTP/1.1 101")
+    url = guarded.url.replace("http://", "ws://")
+    with websockets.sync.client.connect(url, subprotocols=[SUBPROTOCOL]) as link:  # type: ignore[list-item]
+        assert link.recv(5)  # viser's first message
+
+
+def test_the_url_has_the_token(guarded):
+    assert guarded.url == f"http://127.0.0.1:{guarded.gate.port}{QUERY}"
+
+
+def test_the_redirect_stays_on_this_host(guarded):
+    answer = ask(guarded, "//elsewhere.org/a?token=open%20%26%20sesame&x=1")
+    assert "elsewhere" not in re.search(r"Location: (.*)\r\n", answer)[1].split("/")[0]  # type: ignore[index]
+    assert "Location: /" in answer and "Location: //" not in answer
+
+
+def test_another_sites_page_is_refused_even_with_the_cookie(guarded, local):
+    cookie = f"Cookie: {cookie_of(guarded)}"
+    for origin in ("http://elsewhere.org", "null", "http://127.0.0.1:1", ""):
+        headers = upgrade(f"Origin: {origin}")
+        assert_refused(ask(guarded, "/", cookie, *headers), "403")
+        assert_refused(ask(local, "/", *headers), "403")
+    own = upgrade(f"Origin: http://127.0.0.1:{local.gate.port}")
+    assert ask(local, "/", *own).startswith("HTTP/1.1 101")
+
+
+def test_without_a_token_only_names_of_this_machine_open_the_page(local):
+    assert "<html" in ask(local, "/")
+    for name in ("localhost:8080", "[::1]:80", "LOCALHOST"):
+        assert ask(local, "/", f"Host: {name}").startswith("HTTP/1.1 200")
+    for name in ("rebound.example:80", "192.168.0.9", "localhost.evil.example", "[::2]:1"):
+        assert_refused(ask(local, "/", f"Host: {name}"), "403")
+    assert local.url == f"http://127.0.0.1:{local.gate.port}"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"GET / HTTP/1.0\r\nHost: localhost\r\n\r\n",
+        b"GET / HTTP/1.1\r\n\r\n",
+        b"nonsense\r\n\r\n",
+        b"GET http://localhost/ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost : localhost\r\n\r\n",
+        b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\n\r\nhello",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + 20000 * b"x" + b"\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\r\n\r\n",
+    ],
+)
+def test_what_is_not_understood_is_refused(guarded, local, data):
+    for server in (guarded, local):
+        assert_refused(talk(server.gate.port, data), "400")
+
+
+def test_a_second_request_on_a_connection_is_not_relayed(local):
+    request = f"GET / HTTP/1.1\r\nHost: localhost:{local.gate.port}\r\n\r\n".encode()
+    assert talk(local.gate.port, 3 * request).count("HTTP/1.1 ") == 1
+
+
+def test_viser_itself_sends_nothing_past_the_gate(guarded):
+    """viser's own port is open to all programs of this machine: they get no message."""
+    url = f"ws://127.0.0.1:{guarded.viser.get_port()}"
+    with (
+        websockets.sync.client.connect(url, subprotocols=[SUBPROTOCOL]) as link,  # type: ignore[list-item]
+        pytest.raises(ConnectionClosed, match="through its gate"),
+    ):
+        link.recv(5)
+    assert not guarded.watched
+
+
+def test_the_right_library_version_alone_opens_nothing(guarded):
+    url = f"ws://127.0.0.1:{guarded.gate.port}"
+    with pytest.raises(InvalidStatus):
+        websockets.sync.client.connect(url, subprotocols=[SUBPROTOCOL])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.168.0.9", "studio"])
+def test_other_machines_need_a_token(host):
+    with pytest.raises(InputError, match="--token"):
+        Gate(host, 0, None, 9)
+    with pytest.raises(InputError, match="--token is short"):
+        PageServer(Address(host, 0), "1234")
+
+
+def test_the_next_free_port_is_taken_and_an_impossible_address_is_one_line(guarded):
+    gate = Gate("127.0.0.1", guarded.gate.port, TOKEN, 9)
+    assert gate.port > guarded.gate.port
+    gate.close()
+    gate.close()
+    with pytest.raises(InputError, match=r"--host 203\.0\.113\.1 --port 8080: .*choose another"):
+        Gate("203.0.113.1", 8080, TOKEN, 9)
+    with pytest.raises(InputError, match="choose another"):
+        Gate("127.0.0.1", 99999, TOKEN, 9)

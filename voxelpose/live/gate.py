@@ -1,0 +1,187 @@
+"""The page's gate: it stands before viser's server, which has no access control of its own.
+
+It listens at the outer address, checks every request before it answers anything, and relays those
+that may pass, byte by byte. A connection carries one request: a page's file, or the upgrade to a
+WebSocket and all that follows.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import threading
+from asyncio import StreamReader, StreamWriter
+from concurrent.futures import Future
+from contextlib import suppress
+
+from calib.errors import InputError
+from voxelpose.live.gate_request import GateKeys, GateRequest, Reply, is_loopback
+
+_HEAD_BYTES = 16384
+_HEAD_S = 10.0
+_WRONG_TOKEN_S = 0.2  # slows down who tries many
+_MOST_LINKS = 100
+_MOST_PORTS = 20
+_LEAST_TOKEN = 8
+
+
+class Gate:
+    """Relays the requests that may pass to a server of this machine.
+
+    Attributes:
+        host: where it listens.
+        port: likewise.
+        peers: addresses of its own connections to the server behind it: all others are strangers.
+    """
+
+    def __init__(self, host: str, port: int, token: str | None, inner_port: int) -> None:
+        """Listens, from a thread of its own.
+
+        Args:
+            host: name or number of the address; "0.0.0.0" for all of this machine.
+            port: the first free one from this number on is used, of twenty; 0: any.
+            token: who wants to pass must know it; None: only this machine's own addresses.
+            inner_port: of the server behind it, at 127.0.0.1.
+
+        Raises:
+            InputError: other machines could pass without a token; the token is short; or the
+                address cannot be used.
+        """
+        check_access(host, token)
+        self.host, self.port = host, port
+        self.peers: set[tuple[str, int]] = set()
+        self._token, self._inner_port = token, inner_port
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._loop = asyncio.new_event_loop()
+        self._stopped = asyncio.Event()
+        ready: Future[int] = Future()
+        self._thread = threading.Thread(
+            target=self._run, args=(ready,), name="gate of the page", daemon=True
+        )
+        self._thread.start()
+        try:
+            self.port = ready.result()
+        except (OSError, OverflowError) as error:
+            self._thread.join()
+            raise InputError(
+                f"--host {host} --port {port}: the page cannot be served there"
+                f" ({getattr(error, 'strerror', None) or error}): choose another"
+            ) from None
+
+    def close(self) -> None:
+        """Ends all connections and the thread."""
+        with suppress(RuntimeError):  # closed already
+            self._loop.call_soon_threadsafe(self._stopped.set)
+        self._thread.join()
+
+    def _run(self, ready: Future[int]) -> None:
+        try:
+            self._loop.run_until_complete(self._serve(ready))
+        finally:
+            self._loop.close()
+
+    async def _serve(self, ready: Future[int]) -> None:
+        try:
+            server = await self._listen()
+        except (OSError, OverflowError) as error:
+            ready.set_exception(error)
+            return
+        port = int(server.sockets[0].getsockname()[1])
+        # Browsers send cookies to all ports of a host: the name tells sessions apart.
+        self._keys = GateKeys(self._token, f"voxelpose_{port}", secrets.token_urlsafe(32))
+        ready.set_result(port)
+        await self._stopped.wait()
+        server.close()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _listen(self) -> asyncio.Server:
+        for tried in range(_MOST_PORTS):
+            try:
+                return await asyncio.start_server(
+                    self._meet, self.host, self.port and self.port + tried, limit=_HEAD_BYTES
+                )
+            except OSError:
+                if tried == _MOST_PORTS - 1:
+                    raise
+        raise OSError("no port is free")
+
+    async def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
+        task = asyncio.current_task()
+        if task is None:
+            return
+        self._tasks.add(task)
+        try:
+            await self._answer(reader, writer)
+        except (OSError, asyncio.CancelledError):
+            pass  # the other side is gone, or the session ends
+        finally:
+            self._tasks.discard(task)
+            writer.close()
+
+    async def _answer(self, reader: StreamReader, writer: StreamWriter) -> None:
+        try:
+            async with asyncio.timeout(_HEAD_S):
+                head = await reader.readuntil(b"\r\n\r\n")
+            request = GateRequest.parse(head)
+            reply = request.reply(self._keys)
+        except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
+            reply = Reply("400 Bad Request", "This is not understood.")
+        else:
+            if reply is None and len(self._tasks) > _MOST_LINKS:
+                reply = Reply("503 Service Unavailable", "Too many pages are open: close some.")
+            if reply is None:
+                await self._relay(head, request.upgrade, reader, writer)
+                return
+        if reply.status.startswith("401"):
+            await asyncio.sleep(_WRONG_TOKEN_S)
+        writer.write(reply.encoded())
+        await writer.drain()
+
+    async def _relay(
+        self, head: bytes, both_ways: bool, reader: StreamReader, writer: StreamWriter
+    ) -> None:
+        """Passes a request on, then the answer, and for a WebSocket whatever follows either way."""
+        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", self._inner_port)
+        own = inner_writer.get_extra_info("sockname")[:2]
+        self.peers.add(own)
+        try:
+            inner_writer.write(head)
+            ways = [asyncio.create_task(_copy(inner_reader, writer))]
+            if both_ways:
+                ways.append(asyncio.create_task(_copy(reader, inner_writer)))
+            try:
+                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for way in ways:
+                    way.cancel()
+                await asyncio.gather(*ways, return_exceptions=True)
+        finally:
+            inner_writer.close()
+            self.peers.discard(own)
+
+
+def check_access(host: str, token: str | None) -> None:
+    """Refuses to serve the page to other machines without a token.
+
+    Args:
+        host: where the page is to be served.
+        token: the user's.
+
+    Raises:
+        InputError: the token is missing or short.
+    """
+    if token is None and not is_loopback(host):
+        raise InputError(
+            f"--host {host} shows the cameras to other machines: protect the page with --token"
+            " TOKEN, a word that only its viewers know"
+        )
+    if token is not None and len(token) < _LEAST_TOKEN:
+        raise InputError(f"--token is short: take at least {_LEAST_TOKEN} characters")
+
+
+async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
+    while data := await reader.read(65536):
+        writer.write(data)
+        await writer.drain()

@@ -1,0 +1,163 @@
+"""Requests at the page's gate: who may pass, and what others are told."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+from dataclasses import dataclass
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+_SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
+
+
+@dataclass(frozen=True)
+class GateKeys:
+    """What opens the gate.
+
+    Attributes:
+        token: the user's; None: whoever can reach the gate may pass.
+        cookie: name of the cookie that is set for those who had the token.
+        secret: its value, made anew for every session, so that no cookie tells the token.
+    """
+
+    token: str | None
+    cookie: str
+    secret: str
+
+
+@dataclass(frozen=True)
+class Reply:
+    """Answer of the gate itself: nothing is relayed.
+
+    Attributes:
+        status: of HTTP, such as "401 Unauthorized".
+        text: one line.
+        headers: further ones.
+    """
+
+    status: str
+    text: str
+    headers: tuple[tuple[str, str], ...] = ()
+
+    def encoded(self) -> bytes:
+        """The reply as it is sent, after which the connection is closed."""
+        body = (self.text + "\n").encode()
+        headers = (
+            ("Content-Type", "text/plain; charset=utf-8"),
+            ("Content-Length", str(len(body))),
+            ("Cache-Control", "no-store"),
+            ("Referrer-Policy", "no-referrer"),
+            ("Connection", "close"),
+            *self.headers,
+        )
+        lines = [f"HTTP/1.1 {self.status}", *(f"{name}: {value}" for name, value in headers)]
+        return "\r\n".join([*lines, "", ""]).encode() + body
+
+
+@dataclass(frozen=True)
+class GateRequest:
+    """Head of a request.
+
+    Attributes:
+        method: such as "GET".
+        target: path and query.
+        headers: value by name in small letters; cookies are joined.
+    """
+
+    method: str
+    target: str
+    headers: dict[str, str]
+
+    @classmethod
+    def parse(cls, head: bytes) -> GateRequest:
+        """Request of a head that ends with an empty line.
+
+        Raises:
+            ValueError: it is not one of HTTP/1.1, or says something twice.
+        """
+        first, *lines = head.decode("latin-1").removesuffix("\r\n\r\n").split("\r\n")
+        method, target, version = first.split(" ")
+        if version != "HTTP/1.1" or not target.startswith("/"):
+            raise ValueError(first)
+        headers: dict[str, str] = {}
+        for line in lines:
+            name, colon, value = line.partition(":")
+            name = name.lower()
+            if not colon or not name or name != name.strip() or "\n" in line or "\r" in line:
+                raise ValueError(line)
+            if name in headers and name in _SINGLE:
+                raise ValueError(line)
+            before = headers.get(name)
+            headers[name] = value.strip() if before is None else f"{before}; {value.strip()}"
+        return cls(method, target, headers)
+
+    @property
+    def upgrade(self) -> bool:
+        """Whether a WebSocket is asked for."""
+        return "upgrade" in self.headers
+
+    def reply(self, keys: GateKeys) -> Reply | None:
+        """Answer of the gate; None: the request may pass.
+
+        Another site's page is turned away by its Origin, and a name that somebody has pointed at
+        this machine (DNS rebinding) by its Host.
+        """
+        host = self.headers.get("host", "")
+        body = self.headers.get("content-length", "0") != "0" or "transfer-encoding" in self.headers
+        if not host or self.method != "GET" or body:
+            return Reply("400 Bad Request", "This is the page of a live session: GET only.")
+        origin = self.headers.get("origin")
+        if origin is not None and origin.lower().partition("://")[2] != host.lower():
+            return Reply("403 Forbidden", "Another site's page may not open this one.")
+        if keys.token is None:
+            if not is_loopback(_host_name(host)):
+                return Reply(
+                    "403 Forbidden", "Open the page at http://localhost, not by this name."
+                )
+            return None
+        return self._check_token(keys, keys.token)
+
+    def _check_token(self, keys: GateKeys, token: str) -> Reply | None:
+        parts = urlsplit(self.target)
+        query = parse_qsl(parts.query, keep_blank_values=True)
+        given = [value for name, value in query if name == "token"]
+        if given:
+            if not all([_same(value, token) for value in given]):
+                return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
+            if self.upgrade:
+                return None
+            rest = urlencode([(name, value) for name, value in query if name != "token"])
+            # Never "//": a browser would take what follows for another host.
+            path = "/" + parts.path.lstrip("/") + ("?" + rest if rest else "")
+            cookie = f"{keys.cookie}={keys.secret}; Path=/; HttpOnly; SameSite=Lax"
+            return Reply(
+                "303 See Other", "The token is right.", (("Location", path), ("Set-Cookie", cookie))
+            )
+        for crumb in self.headers.get("cookie", "").split(";"):
+            name, _, value = crumb.strip().partition("=")
+            if name == keys.cookie and _same(value, keys.secret):
+                return None
+        return Reply(
+            "401 Unauthorized", "This page needs its token: open http://HOST:PORT/?token=TOKEN."
+        )
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address or name is this machine's own, which no other machine can reach."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _same(given: str, right: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "replace"), right.encode())
+
+
+def _host_name(host: str) -> str:
+    """Host header without its port, nor the brackets of a number of IPv6."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.partition(":")[0]
