@@ -32,7 +32,7 @@ from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.trajectory_fit import TrajectorySettings, fit_trajectory
-from silhouette_core.scoring.silhouette_error import mask_error
+from silhouette_core.scoring.silhouette_error import mask_errors
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
 _LONGEST_GAP_S = 1.0
@@ -293,7 +293,9 @@ class PoseTrajectory:
     ) -> FrameEstimate:
         """Result of a frame, whose pose comes from one of its hypotheses."""
         pose, observed = pose_frame.pose, pose_frame.observed
-        error = mask_error(self.model, pose, self.tracker.views, [observed.mask], self.tree.backend)
+        error = mask_errors(
+            self.model, [pose], self.tracker.views, [observed.mask], self.tree.backend
+        )[0]
         occluded = beam.occluded[chosen]
         if self.finder is None:  # other limbs have been chosen
             areas = observed.weights.part_areas(self.model, pose)

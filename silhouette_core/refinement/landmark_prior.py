@@ -140,6 +140,8 @@ def add_landmark_priors(
 
     Source: iteratively reweighted least squares for Student's t (Lange, Little and Taylor 1989).
     """
+    if not priors.given[: len(matrix)].any():
+        return
     local = model.landmarks_m - model.joints_m[LANDMARK_PART]
     add_landmark_terms(
         (LANDMARK_PART, local, DESCENDS, model.dof_part),

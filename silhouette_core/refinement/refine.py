@@ -10,11 +10,13 @@ is written out here: a general least-squares solver would evaluate each step on 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.contours import match_contours
@@ -161,13 +163,22 @@ def refine_many(
 ) -> list[RefinedPose]:
     """Fits K poses to one frame's silhouettes, each from its own start; see `refine`.
 
-    They take their steps together, so that the kernels can work on all of them in parallel.
+    They take their steps together, so that the kernels can work on all of them in parallel. One
+    alone is refined by the calling thread: its steps are too short to wake others.
 
     Args:
         surface: the body's sampled surface.
         observation: the frame.
         starts: K starts.
     """
+    with one_thread() if len(starts) == 1 else nullcontext():
+        return _refined_together(surface, observation, starts)
+
+
+def _refined_together(
+    surface: Surface, observation: Observation, starts: Sequence[RefineStart]
+) -> list[RefinedPose]:
+    """As `refine_many`, with the threads that are set."""
     steps = np.array([len(start.settings.reaches_m) for start in starts])
     order = np.argsort(-steps, kind="stable")  # those that take most steps come first
     starts, steps = [starts[k] for k in order], steps[order]

@@ -31,18 +31,18 @@ def silhouette_error(
     """Unexplained fraction of the silhouettes, the mean over the cameras of |XOR| / |OR| between
     the pose's and the observed ones: 0 perfect, 1 apart. See `Backend.silhouette_errors`.
     """
-    return mask_error(model, pose, observation.views, observation.masks, backend)
+    return float(mask_errors(model, [pose], observation.views, observation.masks, backend)[0])
 
 
-def mask_error(
+def mask_errors(
     model: BodyModel,
-    pose: Pose,
+    poses: Sequence[Pose],
     views: PinholeViews,
     masks: Sequence[np.ndarray],
     backend: Backend = CPU,
-) -> float:
-    """As `silhouette_error`, of the silhouettes (h, w) bool of C views."""
-    in_cameras = posed_mesh(model, pose) @ views.rotation.transpose(0, 2, 1)
+) -> np.ndarray:
+    """As `silhouette_error` (K,) float64 of K poses, of the silhouettes (h, w) bool of C views."""
+    in_cameras = posed_meshes(model, poses)[:, None] @ views.rotation.transpose(0, 2, 1)
     in_cameras += views.translation_m[:, None]
     matrices = np.stack([camera.matrix for camera in views.rig])
-    return float(backend.silhouette_errors(masks, matrices, in_cameras[None], model.faces)[0])
+    return backend.silhouette_errors(masks, matrices, in_cameras, model.faces)

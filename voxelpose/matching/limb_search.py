@@ -8,6 +8,7 @@ B: part by part along the body tree, but scored on the images.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
@@ -30,7 +31,7 @@ CHAINS = tuple(
 
 _STEP_RAD = np.radians(15.0)
 _UNEXPLAINED, _EXPLAINED, _OUTSIDE = 2, 0, -3
-_POINTS = 60
+_POINTS = 40
 _FINALISTS = 12
 
 
@@ -55,6 +56,9 @@ def place_limb(
     images = covering.explained(_pixel_values(observation), pose, chain, rest=True)
     above = sample_angles(upper, pose.angles_rad, _STEP_RAD, around_rad)
     first = _scores(body_volume, observation, images, upper, pose, above)
+    # The upper part alone rules out most of the range.
+    likely = np.argsort(-first, kind="stable")[: max(len(first) // 2, 1)]
+    above, first = above[likely], first[likely]
     below = sample_hinge(lower, above, _STEP_RAD, around_rad)
     possible = within_limits(below)
     second = _scores(
@@ -65,7 +69,7 @@ def place_limb(
     # Folded onto the upper part, the lower one would count the same pixels again: the likeliest
     # placements are scored again without those.
     for k in np.argsort(-bound, kind="stable")[:_FINALISTS]:
-        if not np.isfinite(bound[k]):
+        if bound[k] <= best or not np.isfinite(bound[k]):
             break
         placed = Pose(pose.root_m, pose.root_rotation, above[k])
         left = covering.explained(images, placed, (upper,), rest=False)
@@ -87,12 +91,17 @@ def _pixel_values(observation: Observation) -> np.ndarray:
 
 
 class _Covering:
-    """Draws parts of a body into all views of a frame at once."""
+    """Draws parts of a body into all views of a frame at once, where the silhouettes are."""
 
     def __init__(self, model: BodyModel, observation: Observation):
         views = observation.views
         matrices = np.stack([camera.matrix for camera in views.rig])
         self.model = model
+        boxes = np.array([cv2.boundingRect(mask.view(np.uint8)) for mask in observation.masks])
+        self._corners = boxes[:, :2]
+        width, height = np.maximum(boxes[:, 2:].max(0), 1)
+        self._size = int(width), int(height)
+        matrices[:, :2] -= self._corners[:, :, None] * matrices[:, 2:]
         # Pixel positions times depth: all cameras are drawn by the same matrix.
         self._turn = views.rotation.transpose(0, 2, 1) @ matrices.transpose(0, 2, 1)
         self._shift = np.einsum("ci,cji->cj", views.translation_m, matrices)[:, None]
@@ -103,7 +112,7 @@ class _Covering:
         """Pixel values (C, h, w) int8 of which those that parts of the body cover are explained.
 
         Args:
-            images: (C, h, w) int8, values so far.
+            images: (C, h, w) int8, values so far; outside of the silhouettes they stay.
             pose: of the body.
             limbs: whose parts are drawn.
             rest: all parts but those are drawn instead.
@@ -118,11 +127,15 @@ class _Covering:
             model.faces[drawn],
             model.face_part[drawn],
             np.eye(3),
-            images.shape[:0:-1],
+            self._size,
             cull_back=False,
         )
-        highest = np.where(covered > 0, np.int8(_EXPLAINED), np.int8(127))
-        return np.minimum(images, highest)
+        images = images.copy()
+        for image, own, (left, top) in zip(images, covered, self._corners, strict=True):
+            window = image[top : top + own.shape[0], left : left + own.shape[1]]
+            own = own[: window.shape[0], : window.shape[1]]
+            window[(own > 0) & (window > _EXPLAINED)] = _EXPLAINED
+        return images
 
 
 def _scores(

@@ -226,15 +226,26 @@ class HullObserver:
                 * grid.voxel_size_m
                 / max(float(np.nanmin(depth, initial=np.inf)), 0.1)
             )
-            pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
-            height, width = mask.shape
-            pixels = pixels[((pixels >= 0) & (pixels < (width, height))).all(1)]
-            footprint = np.zeros(mask.shape, np.bool_)
-            footprint[pixels[:, 1], pixels[:, 0]] = True
             # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
             # misses at the edge.
-            confirmed.append(mask & _dilate(footprint, int(np.ceil(2 * size_px)) | 1))
+            side = int(np.ceil(2 * size_px)) | 1
+            rows, columns = _window(mask, side // 2)
+            corner, size = (columns.start, rows.start), (columns.stop, rows.stop)
+            pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
+            pixels = pixels[((pixels >= corner) & (pixels < size)).all(1)] - corner
+            result, own = np.zeros_like(mask), mask[rows, columns]
+            footprint = np.zeros(own.shape, np.bool_)
+            footprint[pixels[:, 1], pixels[:, 0]] = True
+            result[rows, columns] = own & _dilate(footprint, side)
+            confirmed.append(result)
         return confirmed
+
+
+def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
+    """Rows and columns of a mask with foreground, and a margin around them."""
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    rows = slice(max(top - margin_px, 0), min(top + height + margin_px, mask.shape[0]))
+    return rows, slice(max(left - margin_px, 0), min(left + width + margin_px, mask.shape[1]))
 
 
 def _dilate(mask: np.ndarray, side_px: int) -> np.ndarray:
@@ -249,5 +260,9 @@ def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:
     """Connected components of a mask of at most `most_px` pixels."""
-    components = label_components(mask)
-    return mask & (components.sizes <= most_px)[components.labels]
+    result, window = np.zeros_like(mask), _window(mask, 0)
+    if not mask[window].size:
+        return result
+    components = label_components(mask[window])
+    result[window] = mask[window] & (components.sizes <= most_px)[components.labels]
+    return result

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine
+from silhouette_core.refinement.refine import (
+    PosePrior,
+    RefineSettings,
+    RefineStart,
+    refine_many,
+)
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
-from silhouette_core.scoring.silhouette_error import silhouette_error
+from silhouette_core.scoring.silhouette_error import mask_errors
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.limb_search import CHAINS, place_limb
 from voxelpose.matching.matcher import MatchSettings, match
@@ -76,10 +82,12 @@ def find_pose(
         Poses, best first, at most one per torso placement; empty where there is no hull.
     """
     placements = find_torso(body.body_volume, frame.grid, frame.occupancy, count)
-    first = sorted((_match(body, frame, start, settings) for start in placements), key=_error)
+    if not placements:
+        return []
+    first = sorted(_matches(body, frame, placements, settings), key=_error)
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = [_match(body, frame, fit.pose, settings) for fit in first[:3]]
+    again = _matches(body, frame, [fit.pose for fit in first[:3]], settings)
     ranked = sorted([*again, *first], key=_error)
     moved = [move_limbs(body, frame.observation, fit) for fit in ranked[:2]]
     return sorted([*moved, *ranked[2:]], key=_error)
@@ -89,11 +97,18 @@ def move_limbs(
     body: BodyGeometry, observation: Observation, fit: PoseFit, prior: PosePrior | None = None
 ) -> PoseFit:
     """Searches each arm and leg on the silhouettes, and keeps what lowers the error."""
-    for chain in CHAINS:
-        placed = place_limb(body.body_volume, observation, fit.pose, chain)
-        moved = refine_fit(body, observation, placed, prior, _SHORT)
-        if moved.error < 0.99 * fit.error:
-            fit = moved
+    chains = CHAINS
+    while chains:
+        volume = body.body_volume
+        placed = [place_limb(volume, observation, fit.pose, chain) for chain in chains]
+        starts = [RefineStart(pose, _SHORT, prior) for pose in placed]
+        moved = refine_fits(body, observation, starts)
+        # The best one moves first, and the others that would gain are searched again beside it.
+        order = sorted(range(len(chains)), key=lambda k: moved[k].error)
+        gains = [k for k in order if moved[k].error < 0.99 * fit.error]
+        if not gains:
+            break
+        fit, chains = moved[gains[0]], tuple(chains[k] for k in sorted(gains[1:]))
     return fit
 
 
@@ -105,16 +120,32 @@ def refine_fit(
     settings: RefineSettings,
 ) -> PoseFit:
     """Refines a pose on the silhouettes, and measures its error; arguments as of `refine`."""
-    pose = refine(body.surface, observation, start, prior, settings).pose
-    error = silhouette_error(body.model, pose, observation, body.body_volume.backend)
-    return PoseFit(pose, error)
+    return refine_fits(body, observation, [RefineStart(start, settings, prior)])[0]
 
 
-def _match(
-    body: BodyGeometry, frame: FrameObservation, start: Pose, settings: MatchSettings | None
-) -> PoseFit:
-    matched = match(body.body_volume, frame.grid, frame.occupancy, start, settings)
-    return refine_fit(body, frame.observation, matched.pose, None, _QUICK)
+def refine_fits(
+    body: BodyGeometry, observation: Observation, starts: Sequence[RefineStart]
+) -> list[PoseFit]:
+    """Refines poses on the silhouettes and measures their errors; arguments as `refine_many`."""
+    if not starts:
+        return []
+    poses = [fit.pose for fit in refine_many(body.surface, observation, starts)]
+    backend = body.body_volume.backend
+    errors = mask_errors(body.model, poses, observation.views, observation.masks, backend)
+    return [PoseFit(pose, float(error)) for pose, error in zip(poses, errors, strict=True)]
+
+
+def _matches(
+    body: BodyGeometry,
+    frame: FrameObservation,
+    placements: Sequence[Pose],
+    settings: MatchSettings | None,
+) -> list[PoseFit]:
+    """Poses whose limbs are matched from placed torsos, refined."""
+    volume = body.body_volume
+    matched = [match(volume, frame.grid, frame.occupancy, start, settings) for start in placements]
+    starts = [RefineStart(found.pose, _QUICK) for found in matched]
+    return refine_fits(body, frame.observation, starts)
 
 
 def _error(fit: PoseFit) -> float:

@@ -85,19 +85,22 @@ def find_torso(
     )
     positions = _deep_positions(grid, depth)
     rotations = _orientations()
-    # Every position with every orientation, on few points; then the best again on more, and turned
-    # in small steps.
+    # Every position with every orientation on few points, then the best again turned in steps;
+    # only the best of those in smaller steps on more points.
     ranked = coarse.ranked(
         np.repeat(positions, len(rotations), axis=0), np.tile(rotations, (len(positions), 1, 1))
     )
-    best = _different(*ranked, 3 * count)
-    refined = [_polish(fine, position, rotation) for position, rotation, _ in best]
-    refined += [_polish(fine, p, r @ np.diag([-1.0, -1.0, 1.0])) for p, r, _ in refined]
-    refined.sort(key=lambda item: -item[2])
-    positions, rotations, scores = (np.array(column) for column in zip(*refined, strict=True))
+    tried = [
+        (position, turn)
+        for position, rotation, _ in _different(*ranked, 3 * count)
+        for turn in (rotation, rotation @ np.diag([-1.0, -1.0, 1.0]))
+    ]
+    first = [_polish(coarse, *placement, 0.04, 0.26) for placement in tried]
+    best = _different(*_ranked(first), 2 * count)
+    second = [_polish(fine, position, rotation, 0.02, 0.13) for position, rotation, _ in best]
     return [
         Pose(position - rotation @ middle, rotation, RELAXED_RAD.copy())
-        for position, rotation, _ in _different(positions, rotations, scores, count)
+        for position, rotation, _ in _different(*_ranked(second), count)
     ]
 
 
@@ -131,17 +134,23 @@ def _orientations() -> np.ndarray:
 
 
 def _polish(
-    overlap: _Overlap, position: np.ndarray, rotation: np.ndarray
+    overlap: _Overlap, position: np.ndarray, rotation: np.ndarray, step_m: float, step_rad: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    score = -np.inf
-    for step_m, step_rad in ((0.04, 0.26), (0.02, 0.13)):
-        turns = Rotation.from_rotvec(step_rad * _STEPS).as_matrix()
-        positions, rotations, scores = overlap.ranked(
-            np.repeat(position + step_m * _STEPS, len(turns), axis=0),
-            np.tile(turns @ rotation, (len(_STEPS), 1, 1)),
-        )
-        position, rotation, score = positions[0], rotations[0], float(scores[0])
-    return position, rotation, score
+    turns = Rotation.from_rotvec(step_rad * _STEPS).as_matrix()
+    positions, rotations, scores = overlap.ranked(
+        np.repeat(position + step_m * _STEPS, len(turns), axis=0),
+        np.tile(turns @ rotation, (len(_STEPS), 1, 1)),
+    )
+    return positions[0], rotations[0], float(scores[0])
+
+
+def _ranked(
+    placements: list[tuple[np.ndarray, np.ndarray, float]],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, rotations and scores, best first."""
+    placements = sorted(placements, key=lambda item: -item[2])
+    positions, rotations, scores = (np.array(column) for column in zip(*placements, strict=True))
+    return positions, rotations, scores
 
 
 def _different(
