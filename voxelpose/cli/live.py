@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -12,6 +14,8 @@ from calib.errors import InputError
 from voxelpose.cli.arguments import Cameras, Fps, OptionalLength, Sex, Unit, camera_names
 
 if TYPE_CHECKING:
+    from voxelpose.live.live_page import Page
+    from voxelpose.live.senders import Senders
     from voxelpose.live.session import LiveSession
 
 _STATUS_EVERY_S = 1.0
@@ -133,20 +137,37 @@ Ctrl-C ends the session.
             )
             estimator = make_estimator(live, settings, progress)
             session = LiveSession(session_settings, estimator)
+        with ExitStack() as parts:
+            parts.callback(session.close)
             senders = Senders(self.send)
-        session.receivers.append(senders.send)
-        try:
-            self._serve(session)
-        except KeyboardInterrupt:
-            if self.duration is not None:
-                raise
-        finally:
-            session.close()
-            senders.close()
+            parts.callback(senders.close)
+            session.receivers.append(senders.send)
+            if self.page:
+                page = self._page(session, senders)
+                parts.callback(page.close)
+                session.receivers.append(page.show)
+            try:
+                self._wait(session)
+            except KeyboardInterrupt:  # how a session usually ends
+                print(file=sys.stderr)
         print_session(session)
         return 0
 
-    def _serve(self, session: LiveSession) -> None:
+    def _page(self, session: LiveSession, senders: Senders) -> Page:
+        """Serves the page, and opens it."""
+        from voxelpose.live.live_page import Page, PageAccess
+        from voxelpose.view.viewer.browser import Address
+
+        access = PageAccess(Address(self.host, self.port), self.token)
+        page = Page(session, session.settings.rig.cameras, access, lambda: senders.states)
+        print(f"page: {page.url} (Ctrl-C ends the session)", file=sys.stderr, flush=True)
+        if self.browser:
+            import webbrowser
+
+            webbrowser.open(page.url)
+        return page
+
+    def _wait(self, session: LiveSession) -> None:
         """Runs the session until its end."""
         import time
 

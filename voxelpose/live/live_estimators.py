@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings, read_options
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.monocular_stages import (
@@ -23,6 +24,7 @@ from silhouette_core.filter.monocular_stages import (
     MonocularStages,
     library_for,
 )
+from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.kinematics import landmarks, place
@@ -32,15 +34,17 @@ from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.shots import Shot
+from voxelpose.matching.body_track import Moment
 from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.observe import body_rule
-from voxelpose.matching.track_jobs import FollowSettings
+from voxelpose.matching.track_jobs import FollowSettings, adapt_body, search, search_limbs
 
 Masks = Mapping[str, NDArray[np.bool_]]
 
 _HULL_EVERY = 5  # frames between two hulls, which are only shown
 _HULL_VOXEL_M, _HULL_REACH_M = 0.05, 1.2
 _HYPOTHESES = 5
+_USUAL_STATURE_M = 1.70  # of the body with which kernels are loaded
 _OCCLUDED = 0.3  # confidence of a joint on a part that is occluded, relative to the pose's
 
 
@@ -66,6 +70,30 @@ def _begin_process() -> None:
     """Keeps a process to one core, and leaves interrupts to the one that began it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
+
+
+def _load_kernels(rig: Rig, settings: FollowSettings, moment: Moment) -> None:
+    """Runs once all that is done to follow a body."""
+    track = search(rig, settings, None, moment, 1)
+    if track is not None:
+        track = track.step(rig, moment.time_s + 0.03, moment.masks())
+        search_limbs(rig, track, moment)
+        adapt_body(rig, settings, track, [(moment, track.fit.pose)])
+
+
+def _drawn(rig: Rig, body: BodyModel) -> dict[str, NDArray[np.bool_]]:
+    """Silhouettes (h, w) bool of an upright body at the point nearest to all optical axes."""
+    axes = np.stack([camera.rotation[2] for camera in rig])
+    away = np.eye(3) - axes[:, :, None] * axes[:, None]
+    centers = np.stack([camera.center_m for camera in rig])
+    middle = np.linalg.lstsq(away.sum(0), np.einsum("cij,cj->i", away, centers), rcond=None)[0]
+    vertices = body.vertices_m + middle - body.joints_m[0]
+    masks = {}
+    for camera in rig:
+        inside = vertices @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(inside, body.faces, body.face_part, camera.matrix, camera.size)
+        masks[camera.name] = parts > 0
+    return masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +122,7 @@ class LiveMultiView:
         self._follower = PoseFollower(self._pinholes, settings, self._pool)
         self._frame = 0
         self._hull: NDArray[np.float32] | None = None
+        self._warm_up(settings)
 
     def observe(self, shot: Shot, masks: Masks) -> _Silhouetted:
         """See `LiveEstimator.observe`."""
@@ -116,6 +145,19 @@ class LiveMultiView:
     def close(self) -> None:
         """See `LiveEstimator.close`."""
         self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _warm_up(self, settings: FollowSettings) -> None:
+        """Follows a drawn body for a moment, so that all kernels are loaded before the first frame
+        is: that takes seconds.
+        """
+        body = BodyModel.from_sizes(BodySizes(settings.stature_m or _USUAL_STATURE_M))
+        silhouettes = _drawn(self._pinholes, body)
+        if sum(mask.any() for mask in silhouettes.values()) < 2:
+            return
+        moment = Moment.of(0.0, silhouettes)
+        beside = self._pool.submit(_load_kernels, self._pinholes, settings, moment)
+        _load_kernels(self._pinholes, settings, moment)
+        beside.result()
 
     def _carved(self, masks: Masks, pose: Pose) -> NDArray[np.float32]:
         low, high = pose.root_m - _HULL_REACH_M, pose.root_m + _HULL_REACH_M

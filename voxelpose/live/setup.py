@@ -128,7 +128,7 @@ def _named(
     if len(sources) == 1 and not sources[0].name:
         name = "camera"
         if folder is not None:
-            names = Recording.without_frames(folder, unit=unit).rig.names
+            names = list(Recording.without_frames(folder, unit=unit).rig.names)
             if len(names) > 1:
                 raise InputError(
                     f"--source {sources[0].address} could be any of {', '.join(names)}: write"

@@ -73,10 +73,13 @@ class Shot:
 
 @dataclass(eq=False)
 class _Stream:
-    """Latest pictures of one camera, oldest first, and the usual time between two."""
+    """Latest pictures of one camera, oldest first, the usual time between two, and the time of
+    that in the last shot.
+    """
 
     pictures: deque[tuple[float, NDArray[np.uint8]]]
     interval_s: float = 0.0
+    used_s: float = -np.inf
 
     @property
     def newest_s(self) -> float:
@@ -113,7 +116,7 @@ class ShotMatcher:
         self._now, self._least = now, least
         self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}
         self._lock = threading.Lock()
-        self._last_s, self._count = -np.inf, 0
+        self._count = 0
 
     def deliver(self, name: str, time_s: float, picture: NDArray[np.uint8]) -> None:
         """Takes one picture of one camera; called by any thread."""
@@ -134,12 +137,13 @@ class ShotMatcher:
         moment = min(stream.newest_s for stream in delivering.values())
         shortest = min(stream.interval_s for stream in delivering.values())
         chosen = {name: stream.nearest(moment) for name, stream in delivering.items()}
-        if moment <= self._last_s or (
-            shortest > 0
-            and any(abs(t - moment) > _TOLERANCE * shortest for t, _ in chosen.values())
-        ):
+        apart = max(abs(time_s - moment) for time_s, _ in chosen.values())
+        if shortest > 0 and apart > _TOLERANCE * shortest:
             return None
-        self._last_s = moment
+        if any(time_s <= delivering[name].used_s for name, (time_s, _) in chosen.items()):
+            return None
+        for name, (time_s, _) in chosen.items():
+            delivering[name].used_s = time_s
         shot = Shot(self._count, moment, {name: p for name, (_, p) in chosen.items()}, now_s)
         self._count += 1
         return shot
