@@ -1,0 +1,161 @@
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from silhouette_core.motion.pose import Pose
+from tests.clips import waving
+from tests.sources import ring, write_staged
+from voxelpose.live.live_estimators import posed_body
+from voxelpose.live.live_frame import LiveFrame, PosedBody
+from voxelpose.live.session import LiveSession, SessionSettings
+from voxelpose.live.setup import open_input
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.subject import Subject
+
+RIG = ring(2)
+MOTION = waving(40)
+STANDING = Pose(MOTION.root_m[0], np.eye(3), MOTION.angles_rad[0])
+
+
+class Sees:
+    """Estimator that finds a standing body wherever both cameras have a silhouette."""
+
+    def __init__(self) -> None:
+        self.rig = RIG
+        self.closed = False
+        self.fails_at = -1
+        self.seen = 0
+
+    def observe(self, shot, masks):
+        self.seen += 1
+        if self.seen == self.fails_at:
+            raise RuntimeError("a stage that fails")
+        return min(int(mask.sum()) for mask in masks.values())
+
+    def estimate(self, observed) -> PosedBody | None:
+        if observed < 50:
+            return None
+        return posed_body(MOTION.model, STANDING, 0.9, np.ones(15))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_staged(tmp_path_factory.mktemp("live") / "staged", MOTION, RIG)
+
+
+@pytest.fixture
+def settings(folder: Path) -> SessionSettings:
+    return open_input(folder, [], None).settings(Subject(1.7))
+
+
+@contextmanager
+def running(settings: SessionSettings) -> Iterator[tuple[LiveSession, Sees, list[LiveFrame]]]:
+    """A session at work; checks that it leaves no thread behind."""
+    before = set(threading.enumerate())
+    estimator, frames = Sees(), []
+    session = LiveSession(settings, estimator)
+    session.receivers.append(frames.append)
+    try:
+        session.start_cameras()
+        yield session, estimator, frames
+    finally:
+        session.close()
+    assert estimator.closed
+    assert not [thread for thread in set(threading.enumerate()) - before if thread.is_alive()]
+
+
+def wait_until(true: Callable[[], bool], seconds: float = 15.0) -> None:
+    end_s = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end_s, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def test_files_are_played_to_their_end(settings):
+    with running(settings) as (session, _, frames):
+        wait_until(lambda: session.wait(0.1))
+        state = session.state
+    assert state.phase == "following"
+    assert len(frames) + state.dropped >= 38
+    assert [frame.number for frame in frames] == sorted(frame.number for frame in frames)
+    shown = [frame.time_s for frame in frames]
+    assert np.allclose(np.mod(np.array(shown) * 25 + 0.5, 1), 0.5, atol=1e-6)
+    last = frames[-1]
+    assert last.body is not None
+    assert set(last.silhouettes) == set(RIG.names)
+    assert {"capture", "silhouettes", "waiting", "estimation"} <= set(last.stage_s)
+    assert session.times.summary()["total"].most > 0
+
+
+def test_stopping_and_starting(settings):
+    with running(replace(settings, loop=True)) as (session, estimator, _):
+        wait_until(lambda: session.state.phase == "following")
+        session.stop()
+        wait_until(lambda: session.state.phase == "stopped")
+        time.sleep(0.2)
+        seen = estimator.seen
+        time.sleep(0.2)
+        assert estimator.seen == seen
+        session.start()
+        wait_until(lambda: session.state.phase == "following")
+
+
+def test_the_empty_view_is_learned_after_a_countdown(settings, monkeypatch):
+    """What stands there while it is learned belongs to the background."""
+    monkeypatch.setattr("voxelpose.live.session._LEARNED_FRAMES", 5)
+    alone = replace(settings, empty={}, loop=True, countdown_s=0.2)
+    with running(alone) as (session, estimator, frames):
+        wait_until(lambda: len(frames) > 2)
+        assert session.state.phase == "no background"
+        assert estimator.seen == 0
+        session.start()
+        assert "must be learned first" in session.state.message
+        session.learn_background()
+        assert session.state.phase == "countdown"
+        wait_until(lambda: estimator.seen > 3)
+        assert session.state.phase in ("searching", "following")
+
+
+def test_what_a_stage_raises_ends_the_session(settings):
+    with running(replace(settings, loop=True)) as (session, estimator, _):
+        estimator.fails_at = 4
+        with pytest.raises(RuntimeError, match="a stage that fails"):
+            wait_until(lambda: session.wait(0.1))
+
+
+def test_recording_by_button(settings, folder, tmp_path):
+    record = tmp_path / "take"
+    with running(replace(settings, loop=True, record=record)) as (session, _, _):
+        session.record()
+        wait_until(lambda: session.times.frames > 5)
+        assert session.state.recording
+        session.end_recording()
+        assert not session.state.recording
+        assert "frames recorded" in session.state.message
+        session.record()
+        wait_until(lambda: len(list((tmp_path / "take_2").glob("cam_2/*.jpg"))) > 1)
+    for name in ("take", "take_2"):
+        recording = Recording.open(tmp_path / name)
+        assert recording.rig.names == RIG.names
+        assert recording.subject.stature_m == 1.7
+    first = Recording.open(record)
+    assert first.frame_count >= 4
+    _, _, frames = next(iter(first))
+    _, _, original = next(iter(Recording.open(folder)))
+    assert frames["cam_1"].shape == original["cam_1"].shape
+
+
+def test_recording_without_a_folder_says_so(settings):
+    with running(settings) as (session, _, _):
+        session.record()
+        assert "--record" in session.state.message
+        assert not session.state.recording
