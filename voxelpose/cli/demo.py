@@ -24,8 +24,11 @@ No data and no network are needed. The recording shows a mannequin, whose shape 
 fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
 recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
 run compiles the program and makes a pose library, which takes most of its time.
+With --live the recording is played instead, again and again, as if cameras filmed it: the page in
+the browser shows what `voxelpose live` finds.
 
   voxelpose demo --out demo
+  voxelpose demo --out demo --live
 """
 
     out: Annotated[Path, arg(metavar="OUT")]
@@ -34,6 +37,11 @@ run compiles the program and makes a pose library, which takes most of its time.
     """Number of frames, at 20 per second; the performance repeats after 60."""
     track: bool = True
     """Estimate the motion from one camera as well; at the first run, a minute or two longer."""
+    live: bool = False
+    """Show live estimation, with the recording as cameras; that of an earlier demo in OUT is used
+    again."""
+    browser: bool = True
+    """Open the page of --live; --no-browser only prints its address."""
     overwrite: bool = False
     """Replace an earlier demo in OUT."""
     threads: Threads = None
@@ -45,6 +53,8 @@ run compiles the program and makes a pose library, which takes most of its time.
 
         if not 1 <= self.frames <= 600:
             raise InputError(f"--frames {self.frames} is impossible: give 1 to 600")
+        if self.live:
+            return self._run_live()
         with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
             progress.note_compilation()
             progress.stage("making a recording")
@@ -87,3 +97,21 @@ run compiles the program and makes a pose library, which takes most of its time.
             " voxelpose fit FOLDER --out OUT --stature 1.75"
         )
         return 0
+
+    def _run_live(self) -> int:
+        """Plays the recording to the live estimation until Ctrl-C; returns the exit code."""
+        from voxelpose.cli.live import Live
+        from voxelpose.cli.progress import Progress
+        from voxelpose.results import ResultWriter, as_json, is_result
+        from voxelpose.version import __version__
+
+        recording = self.out / "recording"
+        if self.overwrite or not (is_result(self.out) and recording.is_dir()):
+            with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
+                progress.stage("making a recording")
+                from voxelpose.demo.filming import make_recording
+
+                make_recording(folder / "recording", self.frames)
+                summary = {"voxelpose": __version__, "demo": True}
+                (folder / "summary.json").write_text(as_json(summary), encoding="utf-8")
+        return Live(folder=recording, loop=True, browser=self.browser).run()
