@@ -109,7 +109,8 @@ class Gate:
 
     async def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
         task = asyncio.current_task()
-        if task is None:
+        if task is None or len(self._tasks) >= 2 * _MOST_LINKS:
+            writer.close()
             return
         self._tasks.add(task)
         try:
@@ -129,7 +130,7 @@ class Gate:
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
-            if reply is None and len(self._tasks) > _MOST_LINKS:
+            if reply is None and len(self.peers) >= _MOST_LINKS:
                 reply = Reply("503 Service Unavailable", "Too many pages are open: close some.")
             if reply is None:
                 await self._relay(head, request.upgrade, reader, writer)

@@ -55,8 +55,12 @@ class Page:
         """
         access = access or PageAccess()
         self._served = PageServer(access.address, access.token)
-        self._panel = PagePanel(self._served.viser.gui, controls, receivers)
-        self._scene = LiveScene(self._served.viser, rig)
+        try:
+            self._panel = PagePanel(self._served.viser.gui, controls, receivers)
+            self._scene = LiveScene(self._served.viser, rig)
+        except BaseException:
+            self._served.close()
+            raise
         self._changed = threading.Condition()
         self._frame: LiveFrame | None = None
         self._closing = False

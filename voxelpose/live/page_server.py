@@ -7,10 +7,9 @@ from contextlib import redirect_stdout
 from urllib.parse import quote
 
 import viser
-from viser import infra
-from viser._messages import ShareUrlRequest
 
 from voxelpose.live.gate import Gate, check_access
+from voxelpose.live.viser_internals import guard_connections
 from voxelpose.view.viewer.browser import Address
 
 
@@ -33,16 +32,20 @@ class PageServer:
             token: see `Gate`.
 
         Raises:
-            InputError: see `Gate`.
+            InputError: see `Gate` and `guard_connections`.
         """
         check_access(address.host, token)
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
         try:
             self.gate = Gate(address.host, address.port, token, self.viser.get_port())
-            self._turn_strangers_away()
         except BaseException:
             self._stop_viser()
+            raise
+        try:
+            guard_connections(self.viser, self.gate.peers)
+        except BaseException:
+            self.close()
             raise
         self._token = token
 
@@ -63,25 +66,6 @@ class PageServer:
         """Ends all connections and threads."""
         self.gate.close()
         self._stop_viser()
-
-    def _turn_strangers_away(self) -> None:
-        """Lets viser close connections that do not come from the gate, before it sends anything.
-
-        Otherwise every program of this machine, and every site in its browsers, could read the
-        cameras' pictures by trying viser's port.
-        """
-        server = self.viser._websock_server
-        links, peers = server._live_connections, self.gate.peers
-
-        async def guard(client: infra.WebsockClientConnection) -> None:
-            link = links[client.client_id]
-            if tuple(link.remote_address[:2]) not in peers:
-                await link.close(1008, "Open the page through its gate.")
-
-        server._client_connect_cb.insert(0, guard)
-        server.disconnect_all_clients()  # who came before the guard
-        # A page may ask viser for an address that anybody in the world can open.
-        server.unregister_handler(ShareUrlRequest)
 
     def _stop_viser(self) -> None:
         with redirect_stdout(io.StringIO()):

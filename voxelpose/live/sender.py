@@ -9,6 +9,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Coroutine
+from contextlib import suppress
 from dataclasses import dataclass
 from statistics import median
 
@@ -79,6 +80,7 @@ class Sender(ABC):
                 return
             self._dropped += self._waiting is not None
             self._waiting = frame, time.perf_counter()
+        with suppress(RuntimeError):  # closed in the meantime
             self._loop.call_soon_threadsafe(self._arrived.set)
 
     @property

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import PosedBody
+from voxelpose.live.viser_internals import move_bones
 from voxelpose.view.viewer.legend import Colour
 
 _NAME = "/figure"
@@ -61,10 +62,9 @@ class SkinnedFigure:
         if body is None:
             return
         places = np.hstack([quaternions(body.part_rotation[_BONES]), body.part_origin_m[_BONES]])
-        for k in np.flatnonzero(np.abs(places - self._places).max(1) > _STILL).tolist():
-            bone = self._handle.bones[k]
-            bone.wxyz, bone.position = places[k, :4], places[k, 4:]
-            self._places[k] = places[k]
+        moved = np.flatnonzero(np.abs(places - self._places).max(1) > _STILL)
+        move_bones(self._handle, moved, places[moved])
+        self._places[moved] = places[moved]
 
     def _is_other(self, model: BodyModel) -> bool:
         shown = self._model

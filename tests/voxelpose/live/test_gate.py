@@ -188,6 +188,14 @@ def test_viser_itself_sends_nothing_past_the_gate(guarded):
     assert not guarded.watched
 
 
+def test_an_unknown_viser_is_one_line_and_leaves_no_thread(monkeypatch):
+    before = set(threading.enumerate())
+    monkeypatch.delattr("viser.infra._infra.WebsockMessageHandler.unregister_handler")
+    with pytest.raises(InputError, match=r"does not know viser .*: install another"):
+        PageServer(Address("127.0.0.1", 0), None)
+    assert set(threading.enumerate()) <= before
+
+
 def test_the_right_library_version_alone_opens_nothing(guarded):
     url = f"ws://127.0.0.1:{guarded.gate.port}"
     with pytest.raises(InvalidStatus):

@@ -240,3 +240,15 @@ def test_what_a_receiver_says_is_ignored():
         for number in range(4):
             senders.send(bare_frame(number, BODY))
             wait_until(lambda n=number: got[-1:] == [n])
+
+
+def test_a_receiver_that_stops_reading_is_given_up(monkeypatch):
+    monkeypatch.setattr("voxelpose.live.websocket_sender._SILENT_S", 0.3)
+    go_on = threading.Event()
+    with receiver(lambda _: bool(go_on.wait(10)), max_queue=1) as (_, url), sending(url) as senders:
+        wait_until(lambda: senders.states[0].working)
+        for number in range(3):  # more than its queue holds
+            senders.send(bare_frame(number, BODY))
+            time.sleep(0.05)
+        wait_until(lambda: senders.states[0].message.startswith("no answer, trying again in"))
+        go_on.set()
