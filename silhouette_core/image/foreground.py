@@ -266,7 +266,7 @@ def _sharpen(view: _View, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     inside, outside = ~_grown(~mask, gap), ~_grown(mask, gap)
     moved = mask.copy()
     light = 0.2 * view.gain, 2 * view.gain  # largest effect of shadows and reflections
-    images = view.frame, view.background.mean
+    images = view.planes, view.background.planes
     regions = grown & ~shrunk, inside, outside
     contrast = np.float32(view.settings.contrast)
     kernels.sharpen(*images, *light, *regions, 2 * radius, contrast, moved)

@@ -91,10 +91,11 @@ def sharpen(rng):
     around = (cv2.dilate(mask.view(np.uint8), None) > 0) & ~(
         cv2.erode(mask.view(np.uint8), None) > 0
     )
-    image, mean = frame(rng), rng.uniform(20, 240, (*SIZE, 3)).astype(np.float32)
+    planes = np.ascontiguousarray(frame(rng).transpose(2, 0, 1))
+    mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
     light = np.full(3, 0.2, np.float32), np.full(3, 2, np.float32)
     regions = around, mask & ~around, ~mask & ~around
-    return Example((image, mean, *light, *regions, 4, np.float32(10), mask.copy()))
+    return Example((planes, mean, *light, *regions, 4, np.float32(10), mask.copy()))
 
 
 def mesh(rng, *poses):

@@ -212,54 +212,65 @@ def look_up(frame, table, shift, out):
 
 @parallel_kernel
 def sharpen(
-    frame, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
+    planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):
     """Sets mask in the band: whether more than half of a pixel's colour is the person's.
 
     The person's colour is the mean of the window's inside pixels. The background's is the model's,
     times the gain that light and shadow have on the window's outside pixels. Pixels with too few
-    of either, or too little contrast, keep their label.
+    of either, or too little contrast, keep their label. Frame and mean are (3, H, W).
     """
     height, width = mask.shape
     stride = max(1, reach // 4)
     for row in prange(height):
-        person = np.empty(3, np.float32)
-        observed = np.empty(3, np.float32)
-        empty = np.empty(3, np.float32)
+        first, last = width, -1
         for column in range(width):
+            if band[row, column]:
+                first = min(first, column)
+                last = column
+        if last < 0:
+            continue
+        left, right = max(first - reach, 0), min(last + reach + 1, width)
+        # Sums over the window's rows, for every column: inside and outside pixels, and the colours
+        # of the frame inside, of the frame outside, of the model outside.
+        sums = np.zeros((11, right - left), np.float32)
+        within = np.empty(right - left, np.float32)
+        beyond = np.empty(right - left, np.float32)
+        for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
+            for k in range(right - left):
+                within[k] = np.float32(inside[y, left + k])
+                beyond[k] = np.float32(outside[y, left + k]) * (np.float32(1.0) - within[k])
+                sums[0, k] += within[k]
+                sums[1, k] += beyond[k]
+            for channel in range(3):
+                for k in range(right - left):
+                    value = np.float32(planes[channel, y, left + k])
+                    sums[2 + channel, k] += within[k] * value
+                    sums[5 + channel, k] += beyond[k] * value
+                    sums[8 + channel, k] += beyond[k] * mean[channel, y, left + k]
+        window = np.empty(11, np.float32)
+        for column in range(first, last + 1):
             if not band[row, column]:
                 continue
-            person[:] = 0
-            observed[:] = 0
-            empty[:] = 0
-            count_inside = 0
-            count_outside = 0
-            for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
-                for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
-                    if inside[y, x]:
-                        count_inside += 1
-                        for channel in range(3):
-                            person[channel] += np.float32(frame[y, x, channel])
-                    elif outside[y, x]:
-                        count_outside += 1
-                        for channel in range(3):
-                            observed[channel] += np.float32(frame[y, x, channel])
-                            empty[channel] += mean[y, x, channel]
-            if count_inside < 3 or count_outside < 3:
+            window[:] = 0
+            for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
+                for k in range(11):
+                    window[k] += sums[k, x - left]
+            if window[0] < 3 or window[1] < 3:
                 continue
             fraction = np.float32(0.0)
             contrast = np.float32(0.0)
             for channel in range(3):
                 light = min(
                     max(
-                        observed[channel] / max(empty[channel], np.float32(1e-3)),
+                        window[5 + channel] / max(window[8 + channel], np.float32(1e-3)),
                         least_light[channel],
                     ),
                     greatest_light[channel],
                 )
-                background = mean[row, column, channel] * light
-                axis = person[channel] / count_inside - background
-                fraction += (np.float32(frame[row, column, channel]) - background) * axis
+                background = mean[channel, row, column] * light
+                axis = window[2 + channel] / window[0] - background
+                fraction += (np.float32(planes[channel, row, column]) - background) * axis
                 contrast += axis * axis
             if contrast > least_contrast * least_contrast:
                 mask[row, column] = fraction > np.float32(0.5) * contrast

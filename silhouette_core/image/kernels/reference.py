@@ -89,9 +89,10 @@ def look_up(frame, table, shift, out):
 
 
 def sharpen(
-    frame, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
+    planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):
     """Pixels more than half of whose colour is the person's, along the line between the means."""
+    frame, mean = (image.transpose(1, 2, 0) for image in (planes, mean))
     stride = max(1, reach // 4)
     for row, column in np.argwhere(band):
         window = (
