@@ -90,12 +90,7 @@ Ctrl-C ends the session.
         from voxelpose.cli.progress import Progress
         from voxelpose.cli.session_status import print_session
 
-        if self.camera is not None and self.cameras is not None:
-            raise InputError("--camera and --cameras exclude each other: give one of them")
-        if self.record is not None and self.record.exists():
-            raise InputError(f"{self.record} exists: give --record another name")
-        if self.private and self.record is None:
-            raise InputError("--private says how to record: give --record OUT too")
+        self._check()
         with Progress() as progress:
             progress.note_compilation()
             progress.stage("opening")
@@ -152,6 +147,30 @@ Ctrl-C ends the session.
                 print(file=sys.stderr)
         print_session(session)
         return 0
+
+    def _check(self) -> None:
+        """Refuses what cannot be done, before anything is begun.
+
+        Raises:
+            InputError: an argument is wrong, or two exclude each other.
+        """
+        from voxelpose.live.gate import check_access
+        from voxelpose.live.receiver_address import parse_receiver
+
+        if self.camera is not None and self.cameras is not None:
+            raise InputError("--camera and --cameras exclude each other: give one of them")
+        if self.record is not None and self.record.exists():
+            raise InputError(f"{self.record} exists: give --record another name")
+        if self.private and self.record is None:
+            raise InputError("--private says how to record: give --record OUT too")
+        if self.duration is not None and not self.duration > 0:
+            raise InputError(f"--duration {self.duration:g} is impossible: give seconds above 0")
+        if not 0 <= self.countdown <= 3600:
+            raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
+        if self.page:
+            check_access(self.host, self.token)
+        for address in self.send:
+            parse_receiver(address)
 
     def _page(self, session: LiveSession, senders: Senders) -> Page:
         """Serves the page, and opens it."""

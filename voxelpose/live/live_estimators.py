@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Protocol, cast
 
 import numpy as np
@@ -67,9 +69,18 @@ class LiveEstimator(Protocol):
 
 
 def _begin_process() -> None:
-    """Keeps a process to one core, and leaves interrupts to the one that began it."""
+    """Keeps a process to one core, leaves interrupts to the one that began it, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Ends this process once the one that began it is gone, even if that was killed."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _load_kernels(rig: Rig, settings: FollowSettings, moment: Moment) -> None:

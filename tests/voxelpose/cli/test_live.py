@@ -1,0 +1,164 @@
+"""voxelpose live as a process: what it sends, records and says, and how it ends."""
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from websockets.sync.server import serve
+
+from tests.clips import waving
+from tests.sources import ring, write_recording, write_staged
+from voxelpose.cli import run
+from voxelpose.recording.folder import Recording
+
+RIG = ring(4, (320, 240))
+MOTION = waving(60)
+FPS = 8
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of somebody who walks and waves."""
+    return write_staged(tmp_path_factory.mktemp("live") / "studio", MOTION, RIG)
+
+
+class Receiver:
+    """A WebSocket server that keeps what it is sent."""
+
+    def __init__(self) -> None:
+        self.messages: list[dict] = []
+        self._server = serve(self._take, "127.0.0.1", 0)
+        port = self._server.socket.getsockname()[1]
+        self.address = f"ws://127.0.0.1:{port}/motion"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def _take(self, connection) -> None:
+        for message in connection:
+            self.messages.append(json.loads(message))
+
+    @property
+    def posed(self) -> list[dict]:
+        return [message for message in self.messages if message["body"] is not None]
+
+    def close(self) -> None:
+        self._server.shutdown()
+
+
+@contextmanager
+def living(*arguments: object) -> Iterator[subprocess.Popen]:
+    """The command as a process, which does not outlive the test."""
+    command = [sys.executable, "-m", "voxelpose", "live", *map(str, arguments)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def wait_until(true, process: subprocess.Popen, seconds: float = 120.0) -> None:
+    """Waits for a condition while a process runs."""
+    end_s = time.monotonic() + seconds
+    while not true():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end_s, "it did not happen in time"
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+def test_motion_is_sent_and_recorded_until_the_interrupt(studio, tmp_path):
+    receiver = Receiver()
+    # Slowly, so that a busy machine keeps up.
+    options = ("--loop", "--no-page", "--stature", 1.7, "--fps", FPS, "--record", tmp_path / "take")
+    absent = "ws://127.0.0.1:9/nobody"
+    with living(studio, *options, "--send", receiver.address, "--send", absent) as process:
+        wait_until(lambda: len(receiver.posed) > 15, process)
+        process.send_signal(signal.SIGINT)
+        said, progress = process.communicate(timeout=60)
+    assert process.returncode == 0, progress
+    assert "frames estimated" in said
+    assert "estimation" in said
+    assert "following" in progress
+    receiver.close()
+    # A wave of half a metre is followed to a hand's breadth.
+    errors = []
+    truth = MOTION.landmarks()
+    for message in receiver.posed[3:]:
+        row = round(message["time_s"] * FPS) % len(MOTION)
+        joints = np.array([joint["position_m"] for joint in message["body"]["joints"].values()])
+        errors.append(np.linalg.norm(joints - truth[row], axis=1).mean())
+    assert np.median(errors) < 0.06
+    recording = Recording.open(tmp_path / "take")
+    assert recording.frame_count > 15
+    assert len(list(recording)) == recording.frame_count
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after_s", [0.3, 3.0])
+def test_sigterm_ends_it_at_any_moment(studio, tmp_path, after_s):
+    take = tmp_path / "take"
+    with living(studio, "--loop", "--no-page", "--record", take) as process:
+        time.sleep(after_s)
+        process.send_signal(signal.SIGTERM)
+        _, progress = process.communicate(timeout=60)
+    assert process.returncode in (0, 130, -signal.SIGINT, -signal.SIGTERM), progress
+    assert "Traceback" not in progress
+    if take.exists() and any((take / "cam_1").iterdir()):
+        Recording.open(take)
+
+
+@pytest.mark.slow
+def test_nothing_outlives_a_killed_session(studio):
+    with living(studio, "--loop", "--no-page", "--fps", FPS) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        if not children.exists():
+            pytest.skip("this system does not list a process's children")
+        wait_until(lambda: len(children.read_text().split()) > 0, process)
+        pids = [int(pid) for pid in children.read_text().split()]
+        process.kill()
+        process.wait()
+    end_s = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in pids):
+        assert time.monotonic() < end_s, "a process was left behind"
+        time.sleep(0.1)
+
+
+@pytest.fixture
+def room(desk: Path) -> Path:
+    write_recording(desk / "walk", RIG, 3)
+    return desk
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "give a recording folder, or --source"),
+        (["walk", "--camera", "cam_9"], "cam_9"),
+        (["walk", "--camera", "cam_1", "--cameras", "cam_1"], "exclude each other"),
+        (["walk", "--source", "0"], "write cam_1=0"),
+        (["walk", "--source", "cam_7=0"], "no camera cam_7"),
+        (["--source", "a=0", "--source", "b=1"], "give the folder that holds calibration.toml"),
+        (["walk", "--private"], "--record OUT"),
+        (["walk", "--record", "walk"], "walk exists"),
+        (["walk", "--send", "udp://1.2.3.4"], "vmc://"),
+        (["walk", "--host", "0.0.0.0"], "--token"),
+        (["walk", "--duration", "0"], "--duration"),
+        (["walk", "--countdown", "-1"], "--countdown"),
+    ],
+)
+def test_mistakes_are_one_line(room, capsys, arguments, said):
+    before = sorted(room.rglob("*"))
+    assert run(["live", *arguments]) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said in error
+    assert sorted(room.rglob("*")) == before
