@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 _KEPT = 4  # pictures of each camera that wait for the others'
 _SILENT_S = 0.4  # without a picture, or three of its intervals, after which a camera is left out
+_BEGINNING_S = 2.0  # of a session, in which every camera's first picture is waited for
 _TOLERANCE = 0.6  # of the shortest interval, by which time stamps may differ
 _SMOOTHING = 0.1
 
@@ -132,6 +133,8 @@ class ShotMatcher:
             for name, stream in self._streams.items()
             if now_s - stream.newest_s <= max(_SILENT_S, 3 * stream.interval_s)
         }
+        if now_s < _BEGINNING_S and not all(one.pictures for one in self._streams.values()):
+            return None
         if len(delivering) < self._least:
             return None
         moment = min(stream.newest_s for stream in delivering.values())

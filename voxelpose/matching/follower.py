@@ -33,7 +33,8 @@ _LONGEST_GAP_S = 0.5
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
 _BAD, _BAD_BY = 1.4, 0.03  # the same over the least usual error, which make a search due
 _SEARCH_AGAIN_S, _LIMBS_AGAIN_S = 0.7, 1.5
-_ADAPTED, _APART_S = 8, 0.4  # frames to which proportions are adapted, and the time between them
+_ADAPTED = 8  # frames to which proportions are adapted
+_APART_S = (0.4, 1.5, 4.0)  # time between these, for a first adaptation and for later ones
 _FOREGROUND = 0.002  # least fraction of a picture that a person takes
 _CAUGHT_UP = 2  # frames that may still be missing
 _LONGEST_S = 6.0  # after which a job's frames are forgotten
@@ -48,14 +49,14 @@ class _Followed:
         searched_s: when the last search to improve began.
         limbs_s: the same of the last search of arms and legs.
         samples: moments and poses to which the proportions are adapted.
-        adapted: whether they have been.
+        adapted: how often they have been.
     """
 
     least: float = np.inf
     searched_s: float = -np.inf
     limbs_s: float = -np.inf
     samples: list[tuple[Moment, Pose]] = field(default_factory=list)
-    adapted: bool = False
+    adapted: int = 0
 
 
 class PoseFollower:
@@ -136,8 +137,9 @@ class PoseFollower:
         self._known = track.body
         person.least = min(person.least, track.usual)
         sampled_s = person.samples[-1][0].time_s if person.samples else -np.inf
-        clear = not person.adapted and track.fit.error < 1.1 * track.usual
-        if clear and now - sampled_s > _APART_S:
+        unfinished = person.adapted < len(_APART_S)
+        clear = unfinished and track.fit.error < 1.1 * track.usual
+        if clear and now - sampled_s > _APART_S[person.adapted]:
             person.samples.append((moment, track.fit.pose))
         bad = track.usual > max(_BAD * person.least, person.least + _BAD_BY)
         suspect = track.usual > SUSPECT
@@ -145,9 +147,10 @@ class PoseFollower:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
             self._submit(search, self.rig, self.settings, body, moment, _PLACEMENTS)
-        elif not person.adapted and len(person.samples) >= _ADAPTED:
-            person.adapted = True
-            self._submit(adapt_body, self.rig, self.settings, track, person.samples)
+        elif len(person.samples) >= _ADAPTED:
+            samples, person.samples = person.samples, []
+            person.adapted += 1
+            self._submit(adapt_body, self.rig, self.settings, track, samples)
         elif (
             now - person.limbs_s > _LIMBS_AGAIN_S
             or track.fit.error > _POOR * track.usual + _POOR_BY

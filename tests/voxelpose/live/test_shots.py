@@ -72,6 +72,16 @@ def test_too_few_cameras_make_no_shot(clock):
     assert play(matcher, clock, stream("a", 30, 30)) == []
 
 
+def test_at_first_every_camera_is_waited_for(clock):
+    matcher = ShotMatcher(["a", "b", "c"], clock, least=2)
+    shots = play(matcher, clock, stream("a", 30, 90) + stream("b", 30, 90) + stream("c", 30, 60, 1))
+    assert shots[0][0] >= 1.0
+    assert all(len(cameras) == 3 for _, cameras in shots)
+    matcher = ShotMatcher(["a", "b", "c"], clock, least=2)
+    shots = play(matcher, clock, stream("a", 30, 90) + stream("b", 30, 90))
+    assert shots[0][0] == pytest.approx(2.0, abs=0.05)
+
+
 def test_the_newest_replaces_what_nobody_took():
     place: Newest[int] = Newest()
     place.put(1)

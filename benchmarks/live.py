@@ -1,0 +1,178 @@
+"""Live estimation with the stages of Okada and Stenger's Fig. 6(d): `python -m benchmarks.live
+RECORDING [--camera NAME] [--library LIB] [--fps 15 30] [--seconds 20]`.
+
+The recording's pictures are written as motion JPEG, as webcams deliver them, forth and back, so
+that nobody jumps where they begin again, and played to a session. A receiver on this machine takes
+its JSON messages. Printed are the durations of the stages, the time from a picture to its received
+message, dropped frames and, where the recording has its truth, the error of the joints.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from websockets.sync.server import serve
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.estimator import Settings
+from silhouette_core.progress import SilentReporter
+from voxelpose.live.camera_source import CameraSource
+from voxelpose.live.senders import Senders
+from voxelpose.live.session import LiveSession
+from voxelpose.live.setup import LiveInput, make_estimator, open_input
+
+_QUALITY = 95
+_STAGES = ("capture", "silhouettes", "waiting", "estimation", "send", "total")
+
+
+class Receiver:
+    """Takes JSON messages over a WebSocket.
+
+    Attributes:
+        messages: each with the Unix time at which it came.
+        address: for `--send`.
+    """
+
+    def __init__(self) -> None:
+        self.messages: list[tuple[float, dict]] = []
+        self._server = serve(self._take, "127.0.0.1", 0)
+        self.address = f"ws://127.0.0.1:{self._server.socket.getsockname()[1]}"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def _take(self, connection) -> None:
+        for line in connection:
+            self.messages.append((time.time(), json.loads(line)))
+
+    def close(self) -> None:
+        self._server.shutdown()
+
+
+def forth_and_back(live: LiveInput, folder: Path) -> tuple[LiveInput, int]:
+    """The same input with its pictures as motion JPEG forth and back; and how many there are."""
+    recording = live.recording
+    shown = [frames for _, _, frames in recording]
+    shown += shown[-2:0:-1]
+    sources = {}
+    for camera in recording.rig:
+        path = folder / f"{camera.name}.avi"
+        code = cv2.VideoWriter.fourcc(*"MJPG")
+        writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, code, live.fps, camera.size)
+        writer.set(cv2.VIDEOWRITER_PROP_QUALITY, _QUALITY)
+        for frames in shown:
+            writer.write(frames[camera.name])
+        writer.release()
+        sources[camera.name] = CameraSource(camera.name, str(path))
+    return replace(live, sources=sources), len(shown)
+
+
+@contextmanager
+def session_of(live: LiveInput, settings: Settings, receiver: Receiver) -> Iterator[LiveSession]:
+    """A session that sends to the receiver."""
+    subject = replace(live.recording.subject, stature_m=settings.stature_m)
+    session_settings = replace(live.settings(subject), loop=True)
+    senders = Senders([receiver.address])
+    session = LiveSession(session_settings, make_estimator(live, settings, SilentReporter()))
+    session.receivers.append(senders.send)
+    try:
+        session.start_cameras()
+        yield session
+    finally:
+        session.close()
+        senders.close()
+
+
+def errors_mm(
+    messages: list[tuple[float, dict]], truth: NDArray[np.float64], fps: float, shown: int
+) -> NDArray[np.float64]:
+    """Mean distance of the joints relative to the pelvis of each message with a body."""
+    errors = []
+    for _, message in messages:
+        if message["body"] is None:
+            continue
+        frame = round(message["time_s"] * fps) % shown
+        frame = min(frame, shown - frame)
+        joints = message["body"]["joints"]
+        found = np.array([joints[name]["position_m"] for name in LANDMARK_NAMES])
+        difference = (found - found[0]) - (truth[frame] - truth[frame][0])
+        errors.append(1000 * np.linalg.norm(difference, axis=1).mean())
+    return np.array(errors)
+
+
+def measure(live: LiveInput, settings: Settings, shown: int, seconds: float) -> None:
+    """Runs one session, and prints what it took."""
+    receiver = Receiver()
+    with session_of(live, settings, receiver) as session:
+        began_s = time.monotonic()
+        while session.times.frames == 0 or session.state.phase != "following":
+            if session.wait(0.02) or time.monotonic() - began_s > 60:
+                raise SystemExit("nobody was found")
+        found_s = time.monotonic() - began_s
+        session.wait(3.0)
+        session.times.reset()
+        dropped, first = session.state.dropped, len(receiver.messages)
+        session.wait(seconds)
+        state, spent = session.state, session.times.summary()
+        received = receiver.messages[first:]
+    receiver.close()
+    cameras = len(live.recording.rig)
+    print(
+        f"\n{cameras} camera{'s' if cameras > 1 else ''} at {live.fps:g} a second: {state.frames}"
+        f" frames in {seconds:g} s, {state.dropped - dropped} dropped; first pose after"
+        f" {found_s:.1f} s\n\n| ms | min | max | mean | median | 95 % | 99 % |\n|" + "---|" * 7
+    )
+    for stage in _STAGES:
+        one = spent[stage]
+        values = one.least, one.most, one.mean, one.median, one.p95, one.p99
+        print(f"| {stage} | " + " | ".join(f"{1000 * value:.1f}" for value in values) + " |")
+    late = 1000 * np.array([t - message["captured_unix_s"] for t, message in received])
+    values = late.min(), late.max(), late.mean(), *np.quantile(late, (0.5, 0.95, 0.99))
+    print("| picture to received message | " + " | ".join(f"{v:.1f}" for v in values) + " |")
+    truth_file = live.recording.folder / "truth.json"
+    if truth_file.exists():
+        joints = json.loads(truth_file.read_text())["joints"]
+        truth = np.stack([np.array(joints[name]) for name in LANDMARK_NAMES], axis=1)
+        error = errors_mm(received, truth, live.fps, shown)
+        share = 1 - len(error) / max(len(received), 1)
+        print(
+            f"\nroot_mm: mean {error.mean():.1f}, median {np.median(error):.1f}; lost {share:.2f}"
+        )
+
+
+def main() -> None:
+    """Measures a recording at several rates."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("recording", type=Path)
+    words.add_argument("--camera")
+    words.add_argument("--library", default="")
+    words.add_argument("--stature", type=float)
+    words.add_argument("--fps", type=float, nargs="+", default=[15.0, 30.0])
+    words.add_argument("--seconds", type=float, default=20.0)
+    given = words.parse_args()
+    live = open_input(given.recording, [], None if given.camera is None else [given.camera])
+    options: dict[str, bool | int | float | str] = {"start": "any"}
+    if given.library:
+        options["library"] = given.library
+    settings = Settings(
+        stature_m=given.stature or live.recording.subject.stature_m,
+        smooth=False,
+        options=options if len(live.recording.rig) == 1 else {},
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        played, shown = forth_and_back(live, Path(folder))
+        for fps in given.fps:
+            measure(replace(played, fps=fps), settings, shown, given.seconds)
+
+
+if __name__ == "__main__":
+    main()
