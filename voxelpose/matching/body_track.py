@@ -20,7 +20,8 @@ from voxelpose.matching.pose_search import BodyGeometry, PoseFit, refine_fit
 Masks = Mapping[str, NDArray[np.bool_]]
 
 STEP = RefineSettings(reaches_m=(0.18, 0.12, 0.08, 0.06))
-_AGAIN = RefineSettings(reaches_m=(0.30, 0.20, 0.15, 0.10, 0.07))
+_AGAIN = RefineSettings(reaches_m=(0.30, 0.20, 0.15, 0.10, 0.07, 0.06))
+_LONG, _LONGEST = 2.5, 6.0  # in units of 1 / FPS: a long time between frames, and the longest
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
 _SPACING_M = 0.05  # between contour points: half as many as off line
 _RECENT = 12  # frames whose median error is the usual one
@@ -96,7 +97,9 @@ class BodyTrack:
             settings: of the refinement.
         """
         views, predicted = views_of(rig, tuple(masks)), self.predicted(time_s)
-        interval = float(np.clip((time_s - self.time_s) * FPS, 0.3, 3.0))
+        interval = float(np.clip((time_s - self.time_s) * FPS, 0.3, _LONGEST))
+        if interval > _LONG:
+            settings = _AGAIN
         observation = observed_near(self.body, views, masks, predicted)
         prior = PosePrior(predicted, POSE_STEP_SIGMA * interval)
         fit = refine_fit(self.body, observation, predicted, prior, settings)

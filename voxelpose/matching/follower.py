@@ -73,6 +73,7 @@ class PoseFollower:
         self.rig, self.settings = rig, settings
         self._executor = executor
         self._track: BodyTrack | None = None
+        self._lost: BodyTrack | None = None  # may be found again within a few frames
         self._known: BodyGeometry | None = None
         self._person = _Followed()
         self._job: Future[BodyTrack | None] | None = None
@@ -91,14 +92,14 @@ class PoseFollower:
             masks: silhouettes (h, w) bool by camera name, of two cameras at least; cameras that are
                 missing at the moment are left out.
         """
-        candidates = [track for track in (self._track, self._found()) if track is not None]
-        self._track = None
-        for track in candidates:
-            if time_s - track.time_s <= _LONGEST_GAP_S:
+        latest, self._track = self._track or self._lost, None
+        for track in (latest, self._found()):
+            if track is not None and time_s - track.time_s <= _LONGEST_GAP_S:
                 stepped = track.step(self.rig, time_s, masks)
                 least = LOST if self._track is None else BETTER * self._track.fit.error
                 if stepped.fit.error < least:
                     self._track = stepped
+        self._lost = latest if self._track is None else None
         moment = Moment.of(time_s, masks)
         if self._job is None:
             self._begin_job(moment)
