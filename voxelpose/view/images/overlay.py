@@ -53,10 +53,17 @@ def draw_pictures(
     videos = [_Video(folder, camera, motion, source.fps) for camera in source.rig]
     reporter.stage("pictures", source.frame_count)
     painted: deque[list[Future[Image]]] = deque()
+    tiles: list[Future[None]] = []
 
     def write_oldest() -> None:
-        for video, image in zip(videos, painted.popleft(), strict=True):
-            video.add(image.result())
+        # Encoding takes as long as painting: every video in a thread, and in order.
+        images = painted.popleft()
+        written = [
+            pool.submit(lambda video, image: video.add(image.result()), video, image)
+            for video, image in zip(videos, images, strict=True)
+        ]
+        for one in written:
+            one.result()
         reporter.advance()
 
     with ThreadPoolExecutor(cores()) as pool:
@@ -72,11 +79,13 @@ def draw_pictures(
                     ]
                 )
                 if row is not None:
-                    sheet.add(row, images)
+                    tiles.append(pool.submit(sheet.add, row, images))
                 if len(painted) > _PAINTED_AHEAD:
                     write_oldest()
             while painted:
                 write_oldest()
+            for tile in tiles:
+                tile.result()
         finally:
             for image in chain.from_iterable(painted):
                 image.cancel()
