@@ -13,13 +13,20 @@ from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.refinement.adaptation import Stature, adapt_shape
+from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import FrameObservation
-from voxelpose.matching.pose_search import BodyGeometry, PoseFit, find_pose
+from voxelpose.matching.pose_search import (
+    SEARCHED,
+    BodyGeometry,
+    PoseFit,
+    find_pose,
+    refine_fits,
+)
 from voxelpose.matching.tracking import PoseTracker
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
@@ -149,12 +156,19 @@ def _stature_from_hull(
     }
     middle = float(np.median(list(heights.values())))
     typical = min(heights, key=lambda t: abs(heights[t] - middle))
-    errors = {}
-    for scale in _SCALES:
-        metres = float(np.clip(middle * scale, 0.6, 2.4))
-        body = _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
-        fits = find_pose(body, frames[typical], matching, count=5)
-        errors[metres] = fits[0].error if fits else np.inf
+    # The posture is searched with one body; the others start from it.
+    bodies = {
+        metres: _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
+        for metres in (float(np.clip(middle * scale, 0.6, 2.4)) for scale in _SCALES)
+    }
+    searched = list(bodies.values())[len(bodies) // 2]
+    found = find_pose(searched, frames[typical], matching, count=5)[:3]
+    observation = frames[typical].observation
+    starts = [RefineStart(fit.pose, SEARCHED) for fit in found]
+    errors = {
+        metres: min((fit.error for fit in refine_fits(body, observation, starts)), default=np.inf)
+        for metres, body in bodies.items()
+    }
     metres = min(errors, key=lambda key: errors[key])
     return Stature(metres, _HULL_SIGMA * metres)
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import tempfile
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 
+from silhouette_core.read_ahead import side_by_side
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.observe import FrameObservation, HullComponents, HullObserver
@@ -35,6 +37,20 @@ class ObservationStore:
         """Number of frames."""
         return len(self._masks)
 
+    def carve(self, frames: Sequence[int]) -> None:
+        """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""
+
+        def carved(t: int) -> tuple[HullComponents, int | None, tuple[VoxelGrid, bytes] | None]:
+            components = self.observer.components(self._masks[t])
+            body = components.body(None)
+            grid = None if body is None else self.observer.window(components, body)
+            return components, body, None if grid is None else (grid, self._packed(t, grid))
+
+        for t, (components, body, hull) in zip(frames, side_by_side(carved, frames), strict=True):
+            self._components[t] = components
+            if body is not None and hull is not None:
+                self._hulls[t, body] = self._kept(*hull)
+
     def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
         """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
         if t not in self._components:
@@ -43,7 +59,8 @@ class ObservationStore:
         if body is None:
             return None
         if (t, body) not in self._hulls:
-            self._hulls[t, body] = self._carve(t, self.observer.window(self._components[t], body))
+            grid = self.observer.window(self._components[t], body)
+            self._hulls[t, body] = self._kept(grid, self._packed(t, grid))
         grid, start, size = self._hulls[t, body]
         self._file.seek(start)
         bits = np.frombuffer(zlib.decompress(self._file.read(size)), np.uint8)
@@ -57,8 +74,11 @@ class ObservationStore:
         """Removes the scratch file."""
         self._file.close()
 
-    def _carve(self, t: int, grid: VoxelGrid) -> tuple[VoxelGrid, int, int]:
+    def _packed(self, t: int, grid: VoxelGrid) -> bytes:
         masks, occupancy = self.observer.carve(self._masks[t], grid)
         bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
+        return zlib.compress(bits.tobytes(), 1)
+
+    def _kept(self, grid: VoxelGrid, packed: bytes) -> tuple[VoxelGrid, int, int]:
         start = self._file.seek(0, 2)
-        return grid, start, self._file.write(zlib.compress(bits.tobytes(), 1))
+        return grid, start, self._file.write(packed)
