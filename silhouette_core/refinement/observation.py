@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from calib.camera import Rig
-from silhouette_core.read_ahead import side_by_side
 
 _BORDER_PX = 2  # contour points this near the image border bound the view, not the body
 USUAL_SPACING_M = 0.025
@@ -91,14 +90,15 @@ class Observation:
             distance_m: typical distance of the body from the cameras, to space the contour points.
             spacing_m: approximate distance between contour points on the body.
         """
-
-        def seen(c: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        cameras, rays, normals, outside = [], [], [], []
+        for c, mask in enumerate(masks):
             step = max(round(spacing_m * views.intrinsics[c, 0] / distance_m), 1)
-            planes = _tangent_planes(views, c, *contour_points(masks[c], step))
-            return *planes, outside_distances(masks[c])
-
-        rays, normals, outside = zip(*side_by_side(seen, range(len(masks))), strict=True)
-        cameras = [np.full(len(ray), c, np.int32) for c, ray in enumerate(rays)]
+            pixels, directions = contour_points(mask, step)
+            ray, normal = _tangent_planes(views, c, pixels, directions)
+            cameras.append(np.full(len(ray), c, np.int32))
+            rays.append(ray)
+            normals.append(normal)
+            outside.append(outside_distances(mask))
         return cls(
             views,
             tuple(masks),
