@@ -12,6 +12,7 @@ from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
+from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape
 from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.refinement.surface import Surface
@@ -23,7 +24,6 @@ from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.pose_search import (
     SEARCHED,
     BodyGeometry,
-    PoseFit,
     find_pose,
     refine_fits,
 )
@@ -97,25 +97,17 @@ def choose_body(
             " joint more accurate)"
         )
     body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
-    fits: dict[int, PoseFit] = {}
-    for t, frame in frames.items():
-        candidates = find_pose(body, frame, matching)
-        if candidates:
-            fits[t] = candidates[0]
-        reporter.advance()
+    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
+    reporter.advance(len(frames))
     smallest = min(fit.error for fit in fits.values())
     clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
-    starts = [
-        _adapted(
-            _body(BodySizes(stature.metres, settings.chest_m, name), voxel_size_m, backend),
-            frames,
-            clear,
-            stature,
-            voxel_size_m,
-        )
+    bodies = [
+        _body(BodySizes(stature.metres, settings.chest_m, name), voxel_size_m, backend)
         for name in templates
     ]
+    starts = side_by_side(lambda body: _adapted(body, frames, clear, stature, voxel_size_m), bodies)
     reporter.advance()
     return min(starts, key=lambda start: float(np.mean(list(start.errors.values()))))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import zlib
 from collections.abc import Sequence
+from threading import Lock
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class ObservationStore:
     """Observations of the frames of a recording by number; each body's hull is carved once.
 
     Hulls and their silhouettes are kept as compressed bits in a scratch file; memory holds only
-    where each begins, and the boxes of the hull's components.
+    where each begins, and the boxes of the hull's components. Several threads may observe at once.
 
     Args:
         observer: finds the body in a frame.
@@ -31,6 +32,7 @@ class ObservationStore:
         self._masks = masks
         self._components: dict[int, HullComponents] = {}
         self._hulls: dict[tuple[int, int], tuple[VoxelGrid, int, int]] = {}
+        self._lock = Lock()
         self._file = tempfile.TemporaryFile(prefix="voxelpose-")  # noqa: SIM115
 
     def __len__(self) -> int:
@@ -62,8 +64,10 @@ class ObservationStore:
             grid = self.observer.window(self._components[t], body)
             self._hulls[t, body] = self._kept(grid, self._packed(t, grid))
         grid, start, size = self._hulls[t, body]
-        self._file.seek(start)
-        bits = np.frombuffer(zlib.decompress(self._file.read(size)), np.uint8)
+        with self._lock:
+            self._file.seek(start)
+            packed = self._file.read(size)
+        bits = np.frombuffer(zlib.decompress(packed), np.uint8)
         shapes = [*(camera.size[::-1] for camera in self.observer.views.rig), grid.shape]
         ends = np.cumsum([np.prod(shape) for shape in shapes])
         arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
@@ -80,5 +84,6 @@ class ObservationStore:
         return zlib.compress(bits.tobytes(), 1)
 
     def _kept(self, grid: VoxelGrid, packed: bytes) -> tuple[VoxelGrid, int, int]:
-        start = self._file.seek(0, 2)
-        return grid, start, self._file.write(packed)
+        with self._lock:
+            start = self._file.seek(0, 2)
+            return grid, start, self._file.write(packed)
