@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -192,4 +193,11 @@ def _adapted(
 
 
 def _body(sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
-    return BodyGeometry.from_surface(Surface(BodyModel.from_sizes(sizes)), voxel_size_m, backend)
+    surface = Surface(BodyModel.from_sizes(sizes), taken=_sampled(sizes.sex))
+    return BodyGeometry.from_surface(surface, voxel_size_m, backend)
+
+
+@cache
+def _sampled(sex: str) -> np.ndarray:
+    """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
+    return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken
