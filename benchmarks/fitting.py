@@ -91,7 +91,7 @@ def against_one_carve() -> Case:
         track.observations = ObservationStore(observer, store)
 
     def step(_: None) -> Pose | None:
-        track.carry(1, +1)
+        track.carry(1)  # the frame before, too
         return track.poses[2]
 
     def check(found: Pose | None, _: Any) -> str:

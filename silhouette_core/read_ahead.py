@@ -1,9 +1,9 @@
-"""Work on the next frames in a second thread while the present one is estimated."""
+"""Work in several threads: on the next frames ahead of time, and on several things at once."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar, cast
 
@@ -11,6 +11,7 @@ import numba
 
 from silhouette_core.jit import set_threads
 
+_Given = TypeVar("_Given")
 _Item = TypeVar("_Item")
 
 
@@ -42,6 +43,23 @@ def _made_in_a_thread(items: Iterator[_Item], ahead: int) -> Iterator[_Item]:
         finally:
             for item in waiting:
                 item.cancel()
+
+
+def side_by_side(function: Callable[[_Given], _Item], given: Sequence[_Given]) -> list[_Item]:
+    """Results of a function for each of several things, as many at once as there are threads.
+
+    Each is worked on by one thread, its kernels included. In the calling thread, one after the
+    other, under the conditions of `read_ahead`.
+
+    Args:
+        function: may be called in any thread.
+        given: its arguments.
+    """
+    workers = min(numba.get_num_threads(), len(given))
+    if workers < 2 or not _shares_threads():
+        return [function(one) for one in given]
+    with ThreadPoolExecutor(workers, "side by side", set_threads, (1,)) as pool:
+        return list(pool.map(function, given))
 
 
 def _shares_threads() -> bool:

@@ -34,6 +34,7 @@ from voxelpose.recording.frame_reader import Frame
 LONG_SIDE_PX = 960  # larger images are reduced: contours are finer there than clothes are
 VOXEL_M = 0.025
 _VOLUME_FRAMES = 60
+_CARVED_TOGETHER = 16  # frames
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,13 @@ class MultiViewEstimator:
             numbers, times = _store_silhouettes(source, settings, lenses, store, clock, reporter)
             observer = _observer(views, store, options, reporter)
             with closing(ObservationStore(observer, store)) as observations:
+                reporter.stage("hulls", len(store))
+                for first in range(0, len(store), _CARVED_TOGETHER):
+                    together = range(first, min(first + _CARVED_TOGETHER, len(store)))
+                    with clock("hulls"):
+                        observations.carve(together)
+                    for _ in together:
+                        reporter.advance()
                 tracker, facts = _track(observations, settings, tracking, clock, reporter)
                 motion = _motion(tracker, settings, numbers, times, clock, reporter)
         return Estimate(

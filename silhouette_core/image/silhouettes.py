@@ -15,6 +15,7 @@ from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
 from silhouette_core.progress import Reporter
+from silhouette_core.read_ahead import side_by_side
 
 _BACKGROUND_FRAMES = 120
 _MEDIAN_FRAMES = 40
@@ -60,11 +61,14 @@ class Silhouettes:
         self.without_background = tuple(
             name for name in source.rig.names if name not in backgrounds
         )
-        for name, frames in backgrounds.items():
-            self._models[name] = BackgroundModel.from_frames(
-                (self._scaled(name, frame) for frame in islice(frames, _BACKGROUND_FRAMES)),
-                settings,
+
+        def model(name: str) -> BackgroundModel:
+            frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
+            return BackgroundModel.from_frames(
+                (self._scaled(name, frame) for frame in frames), settings
             )
+
+        self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
         if self.without_background:
             for name, frames in self._samples(source).items():
                 self._models[name] = BackgroundModel.from_median(frames, settings)
@@ -87,10 +91,11 @@ class Silhouettes:
             near: rows and columns of the silhouettes outside of which nothing is looked for, by
                 camera name; None: everywhere.
         """
-        near = near or {}
-        return {
-            name: self._silhouette(name, frame, near.get(name)) for name, frame in frames.items()
-        }
+        windows = near or {}
+        masks = side_by_side(
+            lambda name: self._silhouette(name, frames[name], windows.get(name)), list(frames)
+        )
+        return dict(zip(frames, masks, strict=True))
 
     def _silhouette(
         self, name: str, frame: Frame, near: tuple[slice, slice] | None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,11 @@ from silhouette_core.body.joints import PARENTS
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_bodies
 from silhouette_core.motion.pose import Pose, PoseArrays
-from silhouette_core.refinement.kernels.refine import fill_jacobian, pose_surfaces
+from silhouette_core.refinement.kernels.refine import (
+    fill_jacobian,
+    fill_shape_jacobian,
+    pose_surfaces,
+)
 
 
 def _descends() -> np.ndarray:
@@ -180,16 +185,24 @@ class Surface:
                     origin[:, parent]
                     + (joints[:, part] - joints[:, parent]) @ posed.part_rotation[parent].T
                 )
-        vertex = self.taken[index]
-        rows = np.zeros((len(index), len(joints)))
-        for k in range(self.skin_parts.shape[1]):
-            part, weight = self.skin_parts[index, k], self.skin_weights[index, k]
-            back = np.einsum("n,ni,nij->nj", weight, direction, posed.part_rotation[part])
-            change = space.vertices_change[:, vertex] - joints[:, part]
-            rows += np.einsum("nj,knj->nk", back, change) + np.einsum(
-                "n,ni,kni->nk", weight, direction, origin[:, part]
-            )
+        rows = np.empty((len(index), len(joints)))
+        fill_shape_jacobian(
+            index,
+            direction,
+            self.skin_parts,
+            self.skin_weights,
+            posed.part_rotation,
+            self._rest_change,
+            joints,
+            origin,
+            rows,
+        )
         return rows
+
+    @cached_property
+    def _rest_change(self) -> np.ndarray:
+        """Changes (V, K, 3) of the points at rest by the shape deviations."""
+        return np.ascontiguousarray(self.model.space.vertices_change[:, self.taken].swapaxes(0, 1))
 
 
 def _even_points(model: BodyModel, count: int) -> np.ndarray:

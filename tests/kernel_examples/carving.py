@@ -36,6 +36,15 @@ def carve_blocks(rng):
     return Example((*pack_rig(rig), frames, sums, pixels, rule, axes, order, occupancy))
 
 
+def mark_voxels(rng):
+    axes = (np.sort(rng.uniform(-1, 1, count)) for count in (6, 7, 8))
+    projection = np.array([[30.0, 2, 20, 40], [1, 31, 15, 30], [0.1, 0.2, 1, 0.8]])
+    projection += 0.1 * rng.normal(size=(3, 4))
+    return Example(
+        (rng.random((6, 7, 8)) < 0.3, *axes, projection, np.zeros((30, 40), np.uint8)), atol=1e-12
+    )
+
+
 def foreground_box(rng):
     image = np.zeros((30, 40), np.uint8)
     top, left = rng.integers(0, 20, 2)

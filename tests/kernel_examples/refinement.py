@@ -86,6 +86,14 @@ def fill_jacobian(rng):
     return Example((*index, *body, rows), atol=1e-12)
 
 
+def fill_shape_jacobian(rng):
+    _, parts, weights = skinned(rng, 20)
+    index = rng.integers(0, 20, 30), directions(rng, 30)
+    changes = (rng.normal(size=shape) for shape in ((20, 4, 3), (4, PARTS, 3), (4, PARTS, 3)))
+    arguments = *index, parts, weights, rotations(rng, PARTS), *changes, np.empty((30, 4))
+    return Example(arguments, atol=1e-12)
+
+
 def add_normal_equations(rng):
     rows = rng.normal(size=(30, 9)) * (rng.random((30, 9)) < 0.5)
     filled = np.eye(9), rng.normal(size=9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -12,14 +13,21 @@ from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
+from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape
+from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import FrameObservation
-from voxelpose.matching.pose_search import BodyGeometry, PoseFit, find_pose
+from voxelpose.matching.pose_search import (
+    SEARCHED,
+    BodyGeometry,
+    find_pose,
+    refine_fits,
+)
 from voxelpose.matching.tracking import PoseTracker
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
@@ -90,25 +98,17 @@ def choose_body(
             " joint more accurate)"
         )
     body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
-    fits: dict[int, PoseFit] = {}
-    for t, frame in frames.items():
-        candidates = find_pose(body, frame, matching)
-        if candidates:
-            fits[t] = candidates[0]
-        reporter.advance()
+    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
+    reporter.advance(len(frames))
     smallest = min(fit.error for fit in fits.values())
     clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
-    starts = [
-        _adapted(
-            _body(BodySizes(stature.metres, settings.chest_m, name), voxel_size_m, backend),
-            frames,
-            clear,
-            stature,
-            voxel_size_m,
-        )
+    bodies = [
+        _body(BodySizes(stature.metres, settings.chest_m, name), voxel_size_m, backend)
         for name in templates
     ]
+    starts = side_by_side(lambda body: _adapted(body, frames, clear, stature, voxel_size_m), bodies)
     reporter.advance()
     return min(starts, key=lambda start: float(np.mean(list(start.errors.values()))))
 
@@ -149,12 +149,19 @@ def _stature_from_hull(
     }
     middle = float(np.median(list(heights.values())))
     typical = min(heights, key=lambda t: abs(heights[t] - middle))
-    errors = {}
-    for scale in _SCALES:
-        metres = float(np.clip(middle * scale, 0.6, 2.4))
-        body = _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
-        fits = find_pose(body, frames[typical], matching, count=5)
-        errors[metres] = fits[0].error if fits else np.inf
+    # The posture is searched with one body; the others start from it.
+    bodies = {
+        metres: _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
+        for metres in (float(np.clip(middle * scale, 0.6, 2.4)) for scale in _SCALES)
+    }
+    searched = list(bodies.values())[len(bodies) // 2]
+    found = find_pose(searched, frames[typical], matching, count=5)[:3]
+    observation = frames[typical].observation
+    starts = [RefineStart(fit.pose, SEARCHED) for fit in found]
+    errors = {
+        metres: min((fit.error for fit in refine_fits(body, observation, starts)), default=np.inf)
+        for metres, body in bodies.items()
+    }
     metres = min(errors, key=lambda key: errors[key])
     return Stature(metres, _HULL_SIGMA * metres)
 
@@ -186,4 +193,11 @@ def _adapted(
 
 
 def _body(sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
-    return BodyGeometry.from_surface(Surface(BodyModel.from_sizes(sizes)), voxel_size_m, backend)
+    surface = Surface(BodyModel.from_sizes(sizes), taken=_sampled(sizes.sex))
+    return BodyGeometry.from_surface(surface, voxel_size_m, backend)
+
+
+@cache
+def _sampled(sex: str) -> np.ndarray:
+    """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
+    return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken

@@ -86,7 +86,8 @@ def _pixel_values(observation: Observation) -> np.ndarray:
     height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
     images = np.zeros((len(masks), height, width), np.int8)
     for image, mask in zip(images, masks, strict=True):
-        image[: mask.shape[0], : mask.shape[1]] = np.where(mask, _UNEXPLAINED, _OUTSIDE)
+        inside = mask.view(np.int8) * np.int8(_UNEXPLAINED - _OUTSIDE)
+        np.add(inside, np.int8(_OUTSIDE), out=image[: mask.shape[0], : mask.shape[1]])
     return images
 
 

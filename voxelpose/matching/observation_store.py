@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import tempfile
 import zlib
+from collections.abc import Sequence
+from threading import Lock
 
 import numpy as np
 
+from silhouette_core.read_ahead import side_by_side
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.observe import FrameObservation, HullComponents, HullObserver
@@ -16,7 +19,7 @@ class ObservationStore:
     """Observations of the frames of a recording by number; each body's hull is carved once.
 
     Hulls and their silhouettes are kept as compressed bits in a scratch file; memory holds only
-    where each begins, and the boxes of the hull's components.
+    where each begins, and the boxes of the hull's components. Several threads may observe at once.
 
     Args:
         observer: finds the body in a frame.
@@ -29,11 +32,26 @@ class ObservationStore:
         self._masks = masks
         self._components: dict[int, HullComponents] = {}
         self._hulls: dict[tuple[int, int], tuple[VoxelGrid, int, int]] = {}
+        self._lock = Lock()
         self._file = tempfile.TemporaryFile(prefix="voxelpose-")  # noqa: SIM115
 
     def __len__(self) -> int:
         """Number of frames."""
         return len(self._masks)
+
+    def carve(self, frames: Sequence[int]) -> None:
+        """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""
+
+        def carved(t: int) -> tuple[HullComponents, int | None, tuple[VoxelGrid, bytes] | None]:
+            components = self.observer.components(self._masks[t])
+            body = components.body(None)
+            grid = None if body is None else self.observer.window(components, body)
+            return components, body, None if grid is None else (grid, self._packed(t, grid))
+
+        for t, (components, body, hull) in zip(frames, side_by_side(carved, frames), strict=True):
+            self._components[t] = components
+            if body is not None and hull is not None:
+                self._hulls[t, body] = self._kept(*hull)
 
     def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
         """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
@@ -43,10 +61,13 @@ class ObservationStore:
         if body is None:
             return None
         if (t, body) not in self._hulls:
-            self._hulls[t, body] = self._carve(t, self.observer.window(self._components[t], body))
+            grid = self.observer.window(self._components[t], body)
+            self._hulls[t, body] = self._kept(grid, self._packed(t, grid))
         grid, start, size = self._hulls[t, body]
-        self._file.seek(start)
-        bits = np.frombuffer(zlib.decompress(self._file.read(size)), np.uint8)
+        with self._lock:
+            self._file.seek(start)
+            packed = self._file.read(size)
+        bits = np.frombuffer(zlib.decompress(packed), np.uint8)
         shapes = [*(camera.size[::-1] for camera in self.observer.views.rig), grid.shape]
         ends = np.cumsum([np.prod(shape) for shape in shapes])
         arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
@@ -57,8 +78,12 @@ class ObservationStore:
         """Removes the scratch file."""
         self._file.close()
 
-    def _carve(self, t: int, grid: VoxelGrid) -> tuple[VoxelGrid, int, int]:
+    def _packed(self, t: int, grid: VoxelGrid) -> bytes:
         masks, occupancy = self.observer.carve(self._masks[t], grid)
         bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
-        start = self._file.seek(0, 2)
-        return grid, start, self._file.write(zlib.compress(bits.tobytes(), 1))
+        return zlib.compress(bits.tobytes(), 1)
+
+    def _kept(self, grid: VoxelGrid, packed: bytes) -> tuple[VoxelGrid, int, int]:
+        with self._lock:
+            start = self._file.seek(0, 2)
+            return grid, start, self._file.write(packed)

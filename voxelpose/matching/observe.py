@@ -12,6 +12,7 @@ from calib.components import MaskComponents, label_components
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
+from voxelpose.carving.kernels.footprint import mark_voxels
 
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
@@ -217,26 +218,16 @@ class HullObserver:
         self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
         hull = carve(self.views.rig, self._dilated(masks, grid), grid, rule)
-        points = grid.occupied_points(_without_crumbs(hull))
-        confirmed = []
+        hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
         for c, mask in enumerate(masks):
-            pixels, depth = self.views.rig.cameras[c].project(points)
-            size_px = (
-                self.views.intrinsics[c, 0]
-                * grid.voxel_size_m
-                / max(float(np.nanmin(depth, initial=np.inf)), 0.1)
-            )
+            footprint = np.zeros(mask.shape, np.uint8)
+            depth = mark_voxels(hull, *axes, self.views.rig.cameras[c].projection, footprint)
+            size_px = self.views.intrinsics[c, 0] * grid.voxel_size_m / max(depth, 0.1)
             # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
             # misses at the edge.
             side = int(np.ceil(2 * size_px)) | 1
-            rows, columns = _window(mask, side // 2)
-            corner, size = (columns.start, rows.start), (columns.stop, rows.stop)
-            pixels = np.rint(pixels[np.isfinite(pixels).all(1)]).astype(int)
-            pixels = pixels[((pixels >= corner) & (pixels < size)).all(1)] - corner
-            result, own = np.zeros_like(mask), mask[rows, columns]
-            footprint = np.zeros(own.shape, np.bool_)
-            footprint[pixels[:, 1], pixels[:, 0]] = True
-            result[rows, columns] = own & _dilate(footprint, side)
+            result, window = np.zeros_like(mask), _window(mask, side // 2)
+            result[window] = mask[window] & _dilate(footprint[window], side)
             confirmed.append(result)
         return confirmed
 
@@ -249,7 +240,8 @@ def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
 
 
 def _dilate(mask: np.ndarray, side_px: int) -> np.ndarray:
-    return cv2.dilate(mask.astype(np.uint8), np.ones((side_px, side_px), np.uint8)).astype(bool)
+    square = np.ones((side_px, side_px), np.uint8)
+    return np.asarray(cv2.dilate(mask.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:

@@ -24,7 +24,8 @@ from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.torso_search import find_torso
 
-_QUICK = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+SEARCHED = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+"""For poses from a search, right to within a sampling step."""
 _SHORT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
 
 
@@ -144,7 +145,7 @@ def _matches(
     """Poses whose limbs are matched from placed torsos, refined."""
     volume = body.body_volume
     matched = [match(volume, frame.grid, frame.occupancy, start, settings) for start in placements]
-    starts = [RefineStart(found.pose, _QUICK) for found in matched]
+    starts = [RefineStart(found.pose, SEARCHED) for found in matched]
     return refine_fits(body, frame.observation, starts)
 
 

@@ -136,12 +136,16 @@ def _orientations() -> np.ndarray:
 def _polish(
     overlap: _Overlap, position: np.ndarray, rotation: np.ndarray, step_m: float, step_rad: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    turns = Rotation.from_rotvec(step_rad * _STEPS).as_matrix()
-    positions, rotations, scores = overlap.ranked(
-        np.repeat(position + step_m * _STEPS, len(turns), axis=0),
-        np.tile(turns @ rotation, (len(_STEPS), 1, 1)),
-    )
-    return positions[0], rotations[0], float(scores[0])
+    """A placement moved by a step along each axis and turned by one about each, in turns."""
+    turns, score = Rotation.from_rotvec(step_rad * _STEPS).as_matrix(), -np.inf
+    for _ in range(2):
+        same = np.broadcast_to(rotation, turns.shape)
+        positions, _, _ = overlap.ranked(position + step_m * _STEPS, same)
+        position = positions[0]
+        same = np.broadcast_to(position, _STEPS.shape)
+        _, rotations, scores = overlap.ranked(same, turns @ rotation)
+        rotation, score = rotations[0], float(scores[0])
+    return position, rotation, score
 
 
 def _ranked(

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from threading import Lock
 
 import numpy as np
 
 from silhouette_core.motion.dynamics import FPS, POSE_STEP_SIGMA, neighbour_middle, predict
 from silhouette_core.motion.pose import Pose
+from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.refine import PosePrior, RefineSettings
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observation_store import ObservationStore
@@ -68,6 +70,7 @@ class PoseTracker:
         self.error = np.full(len(observations), np.inf)
         self._clock = clock
         self._advance = advance
+        self._lock = Lock()
         self._sigma = POSE_STEP_SIGMA * float(np.clip(FPS / settings.fps, 0.3, 3.0))
 
     def observe(self, t: int) -> FrameObservation | None:
@@ -92,8 +95,7 @@ class PoseTracker:
         for t, pose in poses.items():
             self.poses[t], self.error[t] = pose, errors[t]
         for t in sorted(poses, key=lambda k: errors[k]):
-            self.carry(t, +1)
-            self.carry(t, -1)
+            self.carry(t)
 
     def anchor(self, t: int, count: int = 10) -> bool:
         """Searches one frame without a prior; whether that gave a better pose than before.
@@ -111,16 +113,31 @@ class PoseTracker:
         self._keep(t, fits[0])
         return True
 
-    def carry(self, start: int, direction: int) -> None:
-        """Tracks the body from a posed frame forward (+1) or backward (-1), while poses improve."""
+    def carry(self, start: int) -> None:
+        """Tracks the body from a posed frame forward and backward, while poses improve.
+
+        Both ways at once: neither sees what the other changes.
+        """
+        poses, error = list(self.poses), self.error.copy()
+        side_by_side(
+            lambda direction: self._carry(start, direction, poses.copy(), error.copy()), (+1, -1)
+        )
+
+    def _carry(
+        self, start: int, direction: int, poses: list[Pose | None], error: np.ndarray
+    ) -> None:
+        """Tracks one way; `poses` and `error`, by frame, are those when it began."""
         t = start + direction
         while 0 <= t < len(self.poses):
+            ahead = slice(start, None) if direction > 0 else slice(None, start + 1)
+            poses[ahead], error[ahead] = self.poses[ahead], self.error[ahead]
             with self._clock("pose"):
-                fit = self._follow(t, direction)
+                fit = self._follow(t, direction, poses, error)
             if fit is None or fit.error >= _BETTER * self.error[t]:
                 return
             self._keep(t, fit)
-            self._advance()
+            with self._lock:
+                self._advance()
             t += direction
 
     def repair(self, most: int) -> None:
@@ -134,8 +151,7 @@ class PoseTracker:
                 return
             tried[max(t - 3, 0) : t + 4] = True
             if self.anchor(t):
-                self.carry(t, +1)
-                self.carry(t, -1)
+                self.carry(t)
 
     def recheck(self) -> None:
         """Searches every arm and leg again in some frames, a quarter of a second apart.
@@ -144,44 +160,61 @@ class PoseTracker:
         explains the silhouettes better, its neighbours are tracked from there.
         """
         stride = max(round(self.settings.fps * _RECHECK_S), 1)
-        for t in range(stride // 2, len(self.poses), stride):
-            self._advance()
-            pose = self.poses[t]
-            if pose is None or (frame := self.observe(t)) is None:
-                continue
-            with self._clock("recheck"):
-                moved = move_limbs(self.body, frame.observation, PoseFit(pose, self.error[t]))
-            if moved.error < _BETTER * self.error[t]:
+        chosen = [t for t in range(stride // 2, len(self.poses), stride)]
+        poses = list(self.poses)
+        searched = dict(zip(chosen, side_by_side(self._searched, chosen), strict=True))
+        for t in chosen:
+            # What was tracked here in the meantime is searched again.
+            moved = searched[t] if self.poses[t] is poses[t] else self._searched(t)
+            if moved is not None and moved.error < _BETTER * self.error[t]:
                 self._keep(t, moved)
-                self.carry(t, +1)
-                self.carry(t, -1)
+                self.carry(t)
+
+    def _searched(self, t: int) -> PoseFit | None:
+        """A frame's pose with every arm and leg searched again."""
+        with self._lock:
+            self._advance()
+        pose = self.poses[t]
+        if pose is None or (frame := self.observe(t)) is None:
+            return None
+        with self._clock("recheck"):
+            return move_limbs(self.body, frame.observation, PoseFit(pose, self.error[t]))
 
     def polish(self) -> None:
         """Refines every pose again, with the middle of its neighbours as prior."""
-        old = list(self.poses)
-        for t, pose in enumerate(old):
-            self._advance()
+        old, frames = list(self.poses), range(len(self.poses))
+
+        def polished(t: int) -> PoseFit | None:
+            with self._lock:
+                self._advance()
+            pose = old[t]
             if pose is None or (frame := self.observe(t)) is None:
-                continue
+                return None
             with self._clock("refinement"):
                 before, after = (old[k] if 0 <= k < len(old) else None for k in (t - 1, t + 1))
                 prior = PosePrior(neighbour_middle(before, pose, after), self._sigma)
-                self._keep(t, refine_fit(self.body, frame.observation, pose, prior, _POLISH))
+                return refine_fit(self.body, frame.observation, pose, prior, _POLISH)
+
+        for t, fit in zip(frames, side_by_side(polished, frames), strict=True):
+            if fit is not None:
+                self._keep(t, fit)
 
     def _keep(self, t: int, fit: PoseFit) -> None:
         self.poses[t], self.error[t] = fit.pose, fit.error
 
-    def _follow(self, t: int, direction: int) -> PoseFit | None:
+    def _follow(
+        self, t: int, direction: int, poses: list[Pose | None], error: np.ndarray
+    ) -> PoseFit | None:
         """Tracks from the neighbouring frame; None where no pose explains the silhouettes."""
-        last, t_before = self.poses[t - direction], t - 2 * direction
+        last, t_before = poses[t - direction], t - 2 * direction
         frame = self.observe(t)
         if frame is None or last is None:
             return None
-        before = self.poses[t_before] if 0 <= t_before < len(self.poses) else None
+        before = poses[t_before] if 0 <= t_before < len(poses) else None
         predicted = predict(last, before)
         prior = PosePrior(predicted, self._sigma)
         fit = refine_fit(self.body, frame.observation, predicted, prior, _FOLLOW)
-        poor = _POOR * self._usual(t, direction) + _POOR_BY
+        poor = _POOR * _usual(error, t, direction) + _POOR_BY
         if fit.error > poor:
             fit = self._search_near(frame, predicted, fit)
         if fit.error > poor:
@@ -202,8 +235,9 @@ class PoseTracker:
                 fit = other
         return fit
 
-    def _usual(self, t: int, direction: int) -> float:
-        """Median error of the twelve frames tracked before."""
-        past = self.error[max(t - 12, 0) : t] if direction > 0 else self.error[t + 1 : t + 13]
-        past = past[np.isfinite(past)]
-        return float(np.median(past)) if len(past) else np.inf
+
+def _usual(error: np.ndarray, t: int, direction: int) -> float:
+    """Median error of the twelve frames tracked before frame t."""
+    past = error[max(t - 12, 0) : t] if direction > 0 else error[t + 1 : t + 13]
+    past = past[np.isfinite(past)]
+    return float(np.median(past)) if len(past) else np.inf

@@ -104,6 +104,25 @@ def fill_jacobian(
     rows[:, 6:] = (world_axis * np.cross(lever, direction[:, None])).sum(axis=2)
 
 
+def fill_shape_jacobian(
+    index,
+    direction,
+    skin_parts,
+    skin_weights,
+    part_rotation,
+    vertices_change,
+    joints_change,
+    origin_change,
+    rows,
+):
+    """n . sum_k w_k (R_k (dv - dJ_k) + do_k)."""
+    parts, weights = skin_parts[index], skin_weights[index]
+    change = vertices_change[index][:, None] - np.moveaxis(joints_change[:, parts], 0, 2)
+    posed = np.einsum("nkij,nksj->nksi", part_rotation[parts], change)
+    posed += np.moveaxis(origin_change[:, parts], 0, 2)
+    rows[:] = np.einsum("ni,nk,nksi->ns", direction, weights, posed)
+
+
 def add_normal_equations(rows, weight, gap, matrix, gradient):
     """J^T W J and J^T W r."""
     matrix += rows.T @ (weight[:, None] * rows)

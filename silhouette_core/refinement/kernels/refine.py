@@ -204,6 +204,45 @@ def fill_jacobian(
 
 
 @kernel
+def fill_shape_jacobian(
+    index,
+    direction,
+    skin_parts,
+    skin_weights,
+    part_rotation,
+    vertices_change,
+    joints_change,
+    origin_change,
+    rows,
+):
+    """Fills rows (N, K): derivatives of direction . point by K shape deviations.
+
+    These change the points at rest by vertices_change (V, K, 3), the joints at rest by
+    joints_change (K, P, 3), and the posed joints by origin_change (K, P, 3).
+    """
+    back = np.empty(3)
+    rows[:] = 0.0
+    for i in range(index.shape[0]):
+        v, n = index[i], direction[i]
+        for k in range(4):
+            w = skin_weights[v, k]
+            if w == 0.0:
+                continue
+            p = skin_parts[v, k]
+            turn = part_rotation[p]
+            for a in range(3):
+                back[a] = w * (n[0] * turn[0, a] + n[1] * turn[1, a] + n[2] * turn[2, a])
+            for s in range(rows.shape[1]):
+                at_rest, joint, origin = (
+                    vertices_change[v, s],
+                    joints_change[s, p],
+                    origin_change[s, p],
+                )
+                for a in range(3):
+                    rows[i, s] += back[a] * (at_rest[a] - joint[a]) + w * n[a] * origin[a]
+
+
+@kernel
 def _add_residual(v, n, weight, gap, body, part_rotation, part_origin, wrench, moments, forces):
     """Adds a weighted residual along n of point v to moments (P, P, 6, 6), whose first part has
     the greater number, and to forces (P, 6); wrench (4, 6) is overwritten.

@@ -54,6 +54,25 @@ def foreground_box(mask):
     return across[0], lines[0], across[-1] + 1 - across[0], lines[-1] + 1 - lines[0]
 
 
+def mark_voxels(
+    occupancy: NDArray[np.bool_],
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    projection: FloatArray,
+    footprint: NDArray[np.uint8],
+) -> float:
+    """Projects the centre of every occupied voxel to its nearest pixel; the least depth."""
+    i, j, k = np.nonzero(occupancy)
+    u, v, depth = projection @ np.stack([x[i], y[j], z[k], np.ones(len(i))])
+    front = depth > 0
+    column, row = np.rint(u[front] / depth[front]), np.rint(v[front] / depth[front])
+    height, width = footprint.shape
+    seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    footprint[row[seen].astype(int), column[seen].astype(int)] = 1
+    return float(depth.min(initial=np.inf))
+
+
 def _distort_unbounded(
     row: FloatArray, kind: int, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

@@ -25,7 +25,8 @@ from voxelpose.view.images.figure import FigurePainter
 
 _LONGEST_PX = 960
 _PAINTED_AHEAD = 2  # time steps
-# MPEG-4 part 2: the only codec that every OpenCV wheel writes. VP9 would take longer than the fit.
+# MPEG-4 part 2: the only codec that every OpenCV wheel writes. VP8 takes 14 times as long and VP9
+# 60 times, longer than the fit: OpenCV hands libvpx none of its options for speed.
 _CODEC = "mp4v"
 
 
@@ -53,10 +54,17 @@ def draw_pictures(
     videos = [_Video(folder, camera, motion, source.fps) for camera in source.rig]
     reporter.stage("pictures", source.frame_count)
     painted: deque[list[Future[Image]]] = deque()
+    tiles: list[Future[None]] = []
 
     def write_oldest() -> None:
-        for video, image in zip(videos, painted.popleft(), strict=True):
-            video.add(image.result())
+        # Encoding takes as long as painting: every video in a thread, and in order.
+        images = painted.popleft()
+        written = [
+            pool.submit(lambda video, image: video.add(image.result()), video, image)
+            for video, image in zip(videos, images, strict=True)
+        ]
+        for one in written:
+            one.result()
         reporter.advance()
 
     with ThreadPoolExecutor(cores()) as pool:
@@ -72,11 +80,13 @@ def draw_pictures(
                     ]
                 )
                 if row is not None:
-                    sheet.add(row, images)
+                    tiles.append(pool.submit(sheet.add, row, images))
                 if len(painted) > _PAINTED_AHEAD:
                     write_oldest()
             while painted:
                 write_oldest()
+            for tile in tiles:
+                tile.result()
         finally:
             for image in chain.from_iterable(painted):
                 image.cancel()
