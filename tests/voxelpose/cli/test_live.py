@@ -10,10 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from websockets.sync.server import serve
 
+from tests.browsing import new_page
 from tests.clips import waving
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import run
@@ -115,6 +117,44 @@ def test_sigterm_ends_it_at_any_moment(studio, tmp_path, after_s):
     assert "Traceback" not in progress
     if take.exists() and any((take / "cam_1").iterdir()):
         Recording.open(take)
+
+
+@pytest.mark.slow
+def test_the_page_shows_a_played_file_and_its_buttons_work(studio, tmp_path):
+    take = tmp_path / "take"
+    recording = ("--record", take, "--no-record-now", "--countdown", 600)
+    options = ("--loop", "--no-browser", "--stature", 1.7, "--fps", FPS, "--port", 8431)
+    with (
+        new_page(760, 520) as (browser, faults),
+        living(studio, *options, *recording) as process,
+    ):
+        url = ""
+        while not url:
+            line = process.stderr.readline()  # type: ignore[union-attr]
+            assert line, "the session ended"
+            url = line.split()[1] if line.startswith("page: ") else ""
+        browser.goto(url)
+        browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
+        pictures = []
+        for _ in range(2):
+            browser.screenshot(path=str(tmp_path / "page.png"))
+            pictures.append(cv2.imread(str(tmp_path / "page.png"))[:, :380].astype(int))
+            browser.wait_for_timeout(1500)
+        assert np.abs(pictures[1] - pictures[0]).max() > 40  # the figure moves
+        for button, text in (
+            ("Stop", "stopped"),
+            ("Start", "following"),
+            ("Record", "● recording"),
+            ("End recording", "frames recorded"),
+            ("Background", "step out of the picture"),
+        ):
+            browser.get_by_role("button", name=button, exact=True).click()
+            browser.get_by_text(text).first.wait_for(timeout=60_000)
+        assert Recording.open(take).frame_count > 0
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        assert process.returncode == 0
+        assert faults == []
 
 
 @pytest.mark.slow
