@@ -81,6 +81,7 @@ class Observation:
         masks: list[np.ndarray],
         distance_m: float = 4.0,
         spacing_m: float = USUAL_SPACING_M,
+        margin: float = 0.5,
     ) -> Observation:
         """Prepares the silhouettes of one frame.
 
@@ -89,6 +90,7 @@ class Observation:
             masks: C silhouettes (h, w) bool, as the cameras' images.
             distance_m: typical distance of the body from the cameras, to space the contour points.
             spacing_m: approximate distance between contour points on the body.
+            margin: see `outside_distances`.
         """
         cameras, rays, normals, outside = [], [], [], []
         for c, mask in enumerate(masks):
@@ -98,7 +100,7 @@ class Observation:
             cameras.append(np.full(len(ray), c, np.int32))
             rays.append(ray)
             normals.append(normal)
-            outside.append(outside_distances(mask))
+            outside.append(outside_distances(mask, margin))
         return cls(
             views,
             tuple(masks),
@@ -110,19 +112,19 @@ class Observation:
         )
 
 
-def outside_distances(mask: np.ndarray) -> np.ndarray:
+def outside_distances(mask: np.ndarray, margin: float = 0.5) -> np.ndarray:
     """Distance (h, w) float32 of every pixel from a silhouette (h, w) bool, px; 0 inside.
 
-    Beyond half of the silhouette's longer side it stays what it is there: a surface point so far
-    away weighs next to nothing.
+    Beyond a margin about the silhouette, a fraction of its longer side, it stays what it is there:
+    a surface point so far away weighs next to nothing.
     """
     outside = (~mask).view(np.uint8)
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     if not width:
         return cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
-    margin = max(width, height) // 2
-    right, bottom = min(left + width + margin, mask.shape[1]), min(top + height + margin, len(mask))
-    left, top = max(left - margin, 0), max(top - margin, 0)
+    around = int(margin * max(width, height))
+    right, bottom = min(left + width + around, mask.shape[1]), min(top + height + around, len(mask))
+    left, top = max(left - around, 0), max(top - around, 0)
     near = cv2.distanceTransform(
         np.ascontiguousarray(outside[top:bottom, left:right]), cv2.DIST_L2, cv2.DIST_MASK_5
     )

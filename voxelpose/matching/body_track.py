@@ -23,6 +23,7 @@ STEP = RefineSettings(reaches_m=(0.18, 0.12, 0.08, 0.06))
 _AGAIN = RefineSettings(reaches_m=(0.30, 0.20, 0.15, 0.10, 0.07, 0.06))
 _LONG, _LONGEST = 2.5, 6.0  # in units of 1 / FPS: a long time between frames, and the longest
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
+_MARGIN = 0.25  # about a silhouette, see `outside_distances`
 _SPACING_M = 0.05  # between contour points: half as many as off line
 _RECENT = 12  # frames whose median error is the usual one
 _NEAR_M, _REDUCED = 0.30, 8
@@ -151,4 +152,4 @@ def observation_at(
 ) -> Observation:
     """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs."""
     distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
-    return Observation.from_masks(views, masks, distance, _SPACING_M)
+    return Observation.from_masks(views, masks, distance, _SPACING_M, _MARGIN)

@@ -32,7 +32,8 @@ _FIRST_PLACEMENTS, _PLACEMENTS = 4, 10  # of the torso, in a first search and in
 _LONGEST_GAP_S = 0.5
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
 _BAD, _BAD_BY = 1.4, 0.03  # the same over the least usual error, which make a search due
-_SEARCH_AGAIN_S, _LIMBS_AGAIN_S = 0.7, 1.5
+_SEARCH_AGAIN_S = 0.7
+_LIMBS_AGAIN_S, _LIMBS_POOR_S = 3.0, 0.7  # between searches of limbs, and where frames are poor
 _ADAPTED = 8  # frames to which proportions are adapted
 _APART_S = (0.4, 1.5, 4.0)  # time between these, for a first adaptation and for later ones
 _FOREGROUND = 0.002  # least fraction of a picture that a person takes
@@ -144,6 +145,7 @@ class PoseFollower:
             person.samples.append((moment, track.fit.pose))
         bad = track.usual > max(_BAD * person.least, person.least + _BAD_BY)
         suspect = track.usual > SUSPECT
+        poor = track.fit.error > _POOR * track.usual + _POOR_BY
         if (bad or suspect) and now - person.searched_s > _SEARCH_AGAIN_S:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
@@ -152,10 +154,7 @@ class PoseFollower:
             samples, person.samples = person.samples, []
             person.adapted += 1
             self._submit(adapt_body, self.rig, self.settings, track, samples)
-        elif (
-            now - person.limbs_s > _LIMBS_AGAIN_S
-            or track.fit.error > _POOR * track.usual + _POOR_BY
-        ):
+        elif now - person.limbs_s > (_LIMBS_POOR_S if poor else _LIMBS_AGAIN_S):
             person.limbs_s = now
             self._submit(search_limbs, self.rig, track, moment)
 
