@@ -18,12 +18,13 @@ from silhouette_core.filter.monocular_stages import LONG_SIDE_PX
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource
-from voxelpose.live.live_estimators import LiveEstimator
+from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
 from voxelpose.live.live_frame import LiveFrame, Phase, PosedBody, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
 from voxelpose.live.live_silhouettes import EmptyView, LiveSilhouettes
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
 from voxelpose.live.stage_times import StageTimes
+from voxelpose.matching.body_track import Moment
 from voxelpose.recording.subject import Subject
 
 Picture = NDArray[np.uint8]
@@ -78,7 +79,6 @@ class _Observed:
 
     shot: Shot
     masks: Mapping[str, NDArray[np.bool_]]
-    evidence: object
     stage_s: Mapping[str, float]
     note: str
 
@@ -271,7 +271,6 @@ class LiveSession:
                 self._show(self._frame(shot, {}, None, {}, ""))
                 continue
             masks = silhouettes.of(shot.pictures)
-            evidence = self._estimator.observe(shot, masks)
             done_s = self._now()
             self._keep(shot, masks)
             note = (
@@ -280,7 +279,7 @@ class LiveSession:
                 else ""
             )
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
-            self._observed.put(_Observed(shot, masks, evidence, stage_s, note))
+            self._observed.put(_Observed(shot, masks, stage_s, note))
 
     def _prepare(self, shot: Shot) -> tuple[LiveSilhouettes | None, Phase]:
         """Silhouettes and phase for a moment; learns the background in between."""
@@ -305,6 +304,8 @@ class LiveSession:
         settings = self.settings
         view = EmptyView(settings.rig, self._empty, settings.regions, settings.silhouettes_given)
         silhouettes = Silhouettes(view, "refined", LONG_SIDE_PX)
+        # Loads the kernels before the first frame is there.
+        silhouettes.of({name: pictures[-1] for name, pictures in self._empty.items()})
         with self._lock:
             self._silhouettes, self._phase = LiveSilhouettes(silhouettes), "searching"
 
@@ -312,12 +313,19 @@ class LiveSession:
         """Stage of the estimation, and of what is done with its result."""
         while (observed := self._observed.take()) is not None:
             begun_s = self._now()
-            body = self._estimator.estimate(observed.evidence)
+            shot = observed.shot
+            moment = LiveMoment(
+                shot.number,
+                shot.time_s,
+                Moment.of(shot.time_s, observed.masks),
+                shot.pictures if len(self.settings.rig) == 1 else {},
+            )
+            found = self._estimator.step(moment)
+            body = None if found is None else posed_body(found)
             done_s = self._now()
             with self._lock:
                 if self._phase in ("searching", "following"):
                     self._phase = "searching" if body is None else "following"
-            shot = observed.shot
             stage_s = {
                 **observed.stage_s,
                 "waiting": begun_s - shot.time_s - sum(observed.stage_s.values()),

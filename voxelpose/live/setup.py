@@ -11,11 +11,12 @@ import numpy as np
 
 from calib.camera import Rig
 from calib.errors import InputError
-from silhouette_core.estimator import Settings
-from silhouette_core.jit import one_thread
+from silhouette_core.estimator import Settings, read_options
+from silhouette_core.filter.monocular_stages import MonocularOptions, library_for
 from silhouette_core.progress import Reporter
 from voxelpose.live.camera_source import CameraSource
 from voxelpose.live.live_estimators import LiveEstimator, LiveMonocular, LiveMultiView
+from voxelpose.live.own_process import EstimatorProcess
 from voxelpose.live.session import SessionSettings
 from voxelpose.matching.track_jobs import FollowSettings
 from voxelpose.recording.folder import Recording, default_camera
@@ -103,22 +104,25 @@ def open_input(
 
 
 def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> LiveEstimator:
-    """Estimator for one camera or for several.
+    """Estimator for one camera or for several, in a process of its own.
 
     Args:
         live: the cameras.
         settings: what is known about the person, and options of the monocular estimator.
         reporter: told about the library of one camera.
+
+    Raises:
+        InputError: the options or the library cannot be used.
     """
     recording = live.recording
     if len(recording.rig) > 1:
-        return LiveMultiView(
-            recording.rig, FollowSettings(settings.stature_m, settings.chest_m, settings.sex)
-        )
-    with one_thread():
-        return LiveMonocular(
-            recording.rig, settings, live.fps, not recording.silhouettes_given, reporter
-        )
+        known = FollowSettings(settings.stature_m, settings.chest_m, settings.sex)
+        return EstimatorProcess(LiveMultiView, recording.rig, known)
+    options = read_options(MonocularOptions, settings.options, "monocular")
+    library_for(options, settings, reporter)  # made here, where progress is seen
+    reporter.stage("opening")
+    pictures = not recording.silhouettes_given
+    return EstimatorProcess(LiveMonocular, recording.rig, settings, options, live.fps, pictures)
 
 
 def _named(

@@ -11,8 +11,8 @@ import pytest
 from silhouette_core.motion.pose import Pose
 from tests.clips import waving
 from tests.sources import ring, write_staged
-from voxelpose.live.live_estimators import posed_body
-from voxelpose.live.live_frame import LiveFrame, PosedBody
+from voxelpose.live.live_estimators import FoundPose, LiveMoment
+from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.session import LiveSession, SessionSettings
 from voxelpose.live.setup import open_input
 from voxelpose.recording.folder import Recording
@@ -27,21 +27,17 @@ class Sees:
     """Estimator that finds a standing body wherever both cameras have a silhouette."""
 
     def __init__(self) -> None:
-        self.rig = RIG
         self.closed = False
         self.fails_at = -1
         self.seen = 0
 
-    def observe(self, shot, masks):
+    def step(self, moment: LiveMoment) -> FoundPose | None:
         self.seen += 1
         if self.seen == self.fails_at:
             raise RuntimeError("a stage that fails")
-        return min(int(mask.sum()) for mask in masks.values())
-
-    def estimate(self, observed) -> PosedBody | None:
-        if observed < 50:
+        if min(int(mask.sum()) for mask in moment.silhouettes.masks().values()) < 50:
             return None
-        return posed_body(MOTION.model, STANDING, 0.9, np.ones(15))
+        return FoundPose(MOTION.model, STANDING, 0.9, np.ones(15))
 
     def close(self) -> None:
         self.closed = True
