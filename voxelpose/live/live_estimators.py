@@ -17,7 +17,6 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.filter.monocular_stages import (
-    LONG_SIDE_PX,
     MonocularOptions,
     MonocularStages,
     library_for,
@@ -30,6 +29,7 @@ from silhouette_core.progress import SilentReporter, StageClock
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.live.live_frame import PosedBody
+from voxelpose.live.live_silhouettes import long_side_px
 from voxelpose.live.own_process import begin_process
 from voxelpose.matching.body_track import Moment
 from voxelpose.matching.follower import PoseFollower
@@ -107,7 +107,8 @@ class LiveMultiView:
 
     def __init__(self, rig: Rig, settings: FollowSettings, executor: Executor | None = None):
         """Loads all kernels, which takes seconds."""
-        self._lenses = {c.name: UndistortedView.from_camera(c, LONG_SIDE_PX) for c in rig}
+        side = long_side_px(rig)
+        self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
         self._executor = executor or ProcessPoolExecutor(1, get_context("spawn"), begin_process)
         self._follower = PoseFollower(self._pinholes, settings, self._executor)

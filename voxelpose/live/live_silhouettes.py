@@ -10,16 +10,26 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.components import label_components
+from silhouette_core.filter.monocular_stages import LONG_SIDE_PX
 from silhouette_core.image.silhouettes import Silhouettes
 
 Mask = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
 
+_SEVERAL_PX = 480
 _MARGIN = 0.15  # of a silhouette's size, about it, in which the next one is looked for
 _LEAST_MARGIN_PX = 32
 _WHOLE_EVERY = 10  # frames after which a camera's whole picture is looked at again
 _SECOND_PERSON = 0.3  # least area of somebody else, relative to the largest component
 _SECOND_PICTURE = 0.004  # the same relative to the picture
+
+
+def long_side_px(rig: Rig) -> int:
+    """Longer side to which larger pictures are reduced.
+
+    Several cameras make up for each other's pixels: there, smaller pictures cost no accuracy.
+    """
+    return LONG_SIDE_PX if len(rig) == 1 else _SEVERAL_PX
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.errors import InputError
-from silhouette_core.filter.monocular_stages import LONG_SIDE_PX
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
 from voxelpose.live.live_frame import LiveFrame, Phase, PosedBody, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
-from voxelpose.live.live_silhouettes import EmptyView, LiveSilhouettes
+from voxelpose.live.live_silhouettes import EmptyView, LiveSilhouettes, long_side_px
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
 from voxelpose.live.stage_times import StageTimes
 from voxelpose.matching.body_track import Moment
@@ -303,7 +302,7 @@ class LiveSession:
         """Makes the background models; the search for a person begins."""
         settings = self.settings
         view = EmptyView(settings.rig, self._empty, settings.regions, settings.silhouettes_given)
-        silhouettes = Silhouettes(view, "refined", LONG_SIDE_PX)
+        silhouettes = Silhouettes(view, "refined", long_side_px(settings.rig))
         # Loads the kernels before the first frame is there.
         silhouettes.of({name: pictures[-1] for name, pictures in self._empty.items()})
         with self._lock:
