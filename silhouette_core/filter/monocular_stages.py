@@ -145,9 +145,13 @@ class MonocularStages:
     def estimates(self, filter_frame: FilterFrame) -> list[FrameEstimate]:
         """Frames that are decided by one more frame, oldest first."""
         decided = self.trajectory.add(filter_frame)
-        if self._proposed:
-            self._forward.correct(filter_frame.number, self.trajectory.distance_m)
+        self.correct(filter_frame.number, self.trajectory.distance_m)
         return decided
+
+    def correct(self, number: int, distance_m: float) -> None:
+        """See `ForwardFilter.correct`; without a proposal, the filter's own distances stay."""
+        if self._proposed:
+            self._forward.correct(number, distance_m)
 
 
 def library_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> PoseLibrary:

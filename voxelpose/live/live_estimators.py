@@ -7,7 +7,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
+from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.monocular_stages import (
     MonocularOptions,
     MonocularStages,
@@ -25,12 +26,12 @@ from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
-from silhouette_core.progress import SilentReporter, StageClock
+from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
-from voxelpose.live.own_process import begin_process
+from voxelpose.live.own_process import EstimatorProcess, begin_process
 from voxelpose.matching.body_track import Moment
 from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.observe import body_rule
@@ -74,6 +75,7 @@ class FoundPose:
         shown: (15,) confidence of each joint, relative to the pose's.
         hypotheses: as of `PosedBody`.
         hull_m: as of `PosedBody`.
+        distance_m: from a single camera; nan: not known.
     """
 
     model: BodyModel
@@ -82,12 +84,20 @@ class FoundPose:
     shown: NDArray[np.float64]
     hypotheses: tuple[tuple[float, NDArray[np.float64]], ...] = ()
     hull_m: NDArray[np.float32] | None = None
+    distance_m: float = float("nan")
 
 
 class LiveEstimator(Protocol):
-    """Finds the person in the silhouettes of one moment after the other."""
+    """Finds the person in the silhouettes of one moment after the other.
 
-    def step(self, moment: LiveMoment) -> FoundPose | None:
+    Its two stages run in a thread each, and each takes its moments in order.
+    """
+
+    def prepare(self, moment: LiveMoment, /) -> Any:
+        """What the second stage needs of a moment."""
+        ...
+
+    def step(self, prepared: Any, /) -> FoundPose | None:
         """The person; None where there is none."""
         ...
 
@@ -97,7 +107,32 @@ class LiveEstimator(Protocol):
 
 
 class LiveMultiView:
-    """Several cameras: see `PoseFollower`.
+    """Several cameras, in a process of their own.
+
+    Args:
+        rig: the cameras, as they take their pictures.
+        settings: what is known about the person.
+    """
+
+    def __init__(self, rig: Rig, settings: FollowSettings):
+        """Begins the process, and waits until it is ready."""
+        self._poses = EstimatorProcess(FollowedBody, rig, settings)
+
+    def prepare(self, moment: LiveMoment) -> Moment:
+        """The silhouettes."""
+        return moment.silhouettes
+
+    def step(self, prepared: Moment) -> FoundPose | None:
+        """See `LiveEstimator.step`."""
+        return self._poses.step(prepared)
+
+    def close(self) -> None:
+        """See `LiveEstimator.close`."""
+        self._poses.close()
+
+
+class FollowedBody:
+    """A body before several cameras: see `PoseFollower`.
 
     Args:
         rig: the cameras, as they take their pictures.
@@ -116,12 +151,9 @@ class LiveMultiView:
         self._hull: NDArray[np.float32] | None = None
         self._warm_up(settings)
 
-    def step(self, moment: LiveMoment) -> FoundPose | None:
-        """See `LiveEstimator.step`."""
-        masks = {
-            name: self._lenses[name].undistort(mask)
-            for name, mask in moment.silhouettes.masks().items()
-        }
+    def step(self, moment: Moment) -> FoundPose | None:
+        """The person in silhouettes as recorded; None where there is none."""
+        masks = {name: self._lenses[name].undistort(mask) for name, mask in moment.masks().items()}
         fit, body = self._follower.step(moment.time_s, masks), self._follower.body
         if fit is None or body is None:
             self._hull = None
@@ -133,7 +165,7 @@ class LiveMultiView:
         return FoundPose(body.model, fit.pose, confidence, np.ones(15), hull_m=self._hull)
 
     def close(self) -> None:
-        """See `LiveEstimator.close`."""
+        """Ends the searching process."""
         self._executor.shutdown(wait=True, cancel_futures=True)
 
     def _warm_up(self, settings: FollowSettings) -> None:
@@ -165,10 +197,11 @@ class _Untimed(StageClock):
         yield
 
 
-class LiveMonocular:
-    """One camera: see `MonocularStages`.
+@dataclass(frozen=True)
+class MonocularSetup:
+    """What both stages of one camera are made from.
 
-    Args:
+    Attributes:
         rig: the camera, as it takes its pictures.
         settings: what is known about the person, among others.
         options: of the monocular estimator; the library they name exists.
@@ -176,25 +209,74 @@ class LiveMonocular:
         pictures: whether the pictures have colours, or are silhouettes.
     """
 
-    def __init__(
-        self, rig: Rig, settings: Settings, options: MonocularOptions, fps: float, pictures: bool
-    ):
-        """Reads the library."""
-        self._name = rig.names[0]
-        library = library_for(options, settings, SilentReporter())
-        self._stages = MonocularStages(
-            library, rig.cameras[0], settings, options, 1 / fps, pictures, _Untimed()
+    rig: Rig
+    settings: Settings
+    options: MonocularOptions
+    fps: float
+    pictures: bool
+
+    def stages(self, reporter: Reporter) -> MonocularStages:
+        """Reads or makes the library, which may take minutes at the first use."""
+        library = library_for(self.options, self.settings, reporter)
+        reporter.stage("motion model")
+        camera, interval_s = self.rig.cameras[0], 1 / self.fps
+        return MonocularStages(
+            library, camera, self.settings, self.options, interval_s, self.pictures, _Untimed()
         )
 
-    def step(self, moment: LiveMoment) -> FoundPose | None:
-        """See `LiveEstimator.step`."""
+
+class LiveMonocular:
+    """One camera: the filter's posterior here, poses in a process of their own.
+
+    Args:
+        setup: the camera and the person.
+        reporter: told about the library.
+    """
+
+    def __init__(self, setup: MonocularSetup, reporter: Reporter):
+        """Reads or makes the library."""
+        self._name = setup.rig.names[0]
+        self._stages = setup.stages(reporter)
+        self._poses = EstimatorProcess(MonocularPoses, setup)
+
+    def prepare(self, moment: LiveMoment) -> FilterFrame | None:
+        """Posterior of a frame; None where it shows nobody."""
         mask = moment.silhouettes.masks()[self._name]
         person = self._stages.person(moment.pictures[self._name], mask)
         if person is None:
             return None
-        filter_frame = self._stages.posterior(moment.number, moment.time_s, person)
+        return self._stages.posterior(moment.number, moment.time_s, person)
+
+    def step(self, prepared: FilterFrame | None) -> FoundPose | None:
+        """See `LiveEstimator.step`."""
+        if prepared is None:
+            return None
+        found = self._poses.step(prepared)
+        if found is not None:
+            self._stages.correct(prepared.number, found.distance_m)
+        return found
+
+    def close(self) -> None:
+        """See `LiveEstimator.close`."""
+        self._poses.close()
+
+
+class MonocularPoses:
+    """Poses from the posteriors of one camera's frames.
+
+    Args:
+        setup: the camera and the person.
+    """
+
+    def __init__(self, setup: MonocularSetup):
+        """Reads the library."""
+        self._stages = setup.stages(SilentReporter())
+
+    def step(self, filter_frame: FilterFrame) -> FoundPose:
+        """The likeliest pose and others."""
         (found,) = self._stages.estimates(filter_frame)
-        model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
+        trajectory = self._stages.trajectory
+        model, confidence = trajectory.model, float(np.clip(1 - found.error, 0, 1))
         shown = np.where(found.occluded[model.landmark_part], _OCCLUDED, 1.0)
         hypotheses = tuple(
             (float(probability), joints)
@@ -202,10 +284,11 @@ class LiveMonocular:
                 found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True
             )
         )
-        return FoundPose(model, found.pose, confidence, shown, hypotheses)
+        distance_m = trajectory.distance_m
+        return FoundPose(model, found.pose, confidence, shown, hypotheses, distance_m=distance_m)
 
     def close(self) -> None:
-        """See `LiveEstimator.close`."""
+        """Nothing was begun."""
 
 
 def posed_body(found: FoundPose) -> PosedBody:

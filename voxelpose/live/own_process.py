@@ -1,4 +1,4 @@
-"""An estimator in a process of its own, whose interpreter it shares with nobody."""
+"""Estimation in a process of its own, whose interpreter it shares with nobody."""
 
 from __future__ import annotations
 
@@ -9,31 +9,43 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context, parent_process
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from silhouette_core.jit import set_threads
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
-    from voxelpose.live.live_estimators import FoundPose, LiveEstimator, LiveMoment
+    from voxelpose.live.live_estimators import FoundPose
 
-_here: LiveEstimator | None = None  # of this process, if it was begun for one
+_here: PoseFinder | None = None  # of this process, if it was begun for one
 _last: BodyModel | None = None  # that the process which began this one knows already
 
 
+class PoseFinder(Protocol):
+    """Finds the person in one moment after the other."""
+
+    def step(self, given: Any, /) -> FoundPose | None:
+        """The person; None where there is none."""
+        ...
+
+    def close(self) -> None:
+        """Ends what was begun."""
+        ...
+
+
 class EstimatorProcess:
-    """An estimator in another process: threads of one would wait for each other's Python.
+    """What finds poses, in another process: threads of one would wait for each other's Python.
 
     Args:
-        make: makes the estimator there; a function or class of a module.
+        make: makes a `PoseFinder` there; a function or class of a module.
         arguments: of `make`.
 
     Raises:
         InputError: as `make` raises it.
     """
 
-    def __init__(self, make: Callable[..., LiveEstimator], *arguments: object):
-        """Begins the process, and waits until the estimator is ready."""
+    def __init__(self, make: Callable[..., PoseFinder], *arguments: object):
+        """Begins the process, and waits until it is ready."""
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), begin_process)
         self._model: BodyModel | None = None
         try:
@@ -42,16 +54,16 @@ class EstimatorProcess:
             self._pool.shutdown(wait=False, cancel_futures=True)
             raise
 
-    def step(self, moment: LiveMoment) -> FoundPose | None:
-        """See `LiveEstimator.step`; what it raises there is raised here."""
-        found = self._pool.submit(_step, moment).result()
+    def step(self, given: object) -> FoundPose | None:
+        """See `PoseFinder.step`; what it raises there is raised here."""
+        found = self._pool.submit(_step, given).result()
         if found is None:
             return None
         self._model = found.model or self._model
         return replace(found, model=self._model)
 
     def close(self) -> None:
-        """See `LiveEstimator.close`."""
+        """Ends the process."""
         self._pool.submit(_close).result()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
@@ -71,15 +83,15 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _make(make: Callable[..., LiveEstimator], arguments: tuple[object, ...]) -> None:
+def _make(make: Callable[..., PoseFinder], arguments: tuple[object, ...]) -> None:
     global _here
     _here = make(*arguments)
 
 
-def _step(moment: LiveMoment) -> FoundPose | None:
+def _step(given: object) -> FoundPose | None:
     global _last
     assert _here is not None
-    found = _here.step(moment)
+    found = _here.step(given)
     if found is None:
         return None
     known, _last = found.model is _last, found.model

@@ -78,6 +78,7 @@ class _Observed:
 
     shot: Shot
     masks: Mapping[str, NDArray[np.bool_]]
+    prepared: object
     stage_s: Mapping[str, float]
     note: str
 
@@ -270,6 +271,11 @@ class LiveSession:
                 self._show(self._frame(shot, {}, None, {}, ""))
                 continue
             masks = silhouettes.of(shot.pictures)
+            packed = Moment.of(shot.time_s, masks)
+            pictures = shot.pictures if len(self.settings.rig) == 1 else {}
+            prepared = self._estimator.prepare(
+                LiveMoment(shot.number, shot.time_s, packed, pictures)
+            )
             done_s = self._now()
             self._keep(shot, masks)
             note = (
@@ -278,7 +284,7 @@ class LiveSession:
                 else ""
             )
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
-            self._observed.put(_Observed(shot, masks, stage_s, note))
+            self._observed.put(_Observed(shot, masks, prepared, stage_s, note))
 
     def _prepare(self, shot: Shot) -> tuple[LiveSilhouettes | None, Phase]:
         """Silhouettes and phase for a moment; learns the background in between."""
@@ -313,13 +319,7 @@ class LiveSession:
         while (observed := self._observed.take()) is not None:
             begun_s = self._now()
             shot = observed.shot
-            moment = LiveMoment(
-                shot.number,
-                shot.time_s,
-                Moment.of(shot.time_s, observed.masks),
-                shot.pictures if len(self.settings.rig) == 1 else {},
-            )
-            found = self._estimator.step(moment)
+            found = self._estimator.step(observed.prepared)
             body = None if found is None else posed_body(found)
             done_s = self._now()
             with self._lock:

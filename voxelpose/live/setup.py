@@ -12,11 +12,15 @@ import numpy as np
 from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.estimator import Settings, read_options
-from silhouette_core.filter.monocular_stages import MonocularOptions, library_for
+from silhouette_core.filter.monocular_stages import MonocularOptions
 from silhouette_core.progress import Reporter
 from voxelpose.live.camera_source import CameraSource
-from voxelpose.live.live_estimators import LiveEstimator, LiveMonocular, LiveMultiView
-from voxelpose.live.own_process import EstimatorProcess
+from voxelpose.live.live_estimators import (
+    LiveEstimator,
+    LiveMonocular,
+    LiveMultiView,
+    MonocularSetup,
+)
 from voxelpose.live.session import SessionSettings
 from voxelpose.matching.track_jobs import FollowSettings
 from voxelpose.recording.folder import Recording, default_camera
@@ -104,7 +108,7 @@ def open_input(
 
 
 def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> LiveEstimator:
-    """Estimator for one camera or for several, in a process of its own.
+    """Estimator for one camera or for several.
 
     Args:
         live: the cameras.
@@ -117,12 +121,11 @@ def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> L
     recording = live.recording
     if len(recording.rig) > 1:
         known = FollowSettings(settings.stature_m, settings.chest_m, settings.sex)
-        return EstimatorProcess(LiveMultiView, recording.rig, known)
+        return LiveMultiView(recording.rig, known)
     options = read_options(MonocularOptions, settings.options, "monocular")
-    library_for(options, settings, reporter)  # made here, where progress is seen
-    reporter.stage("opening")
     pictures = not recording.silhouettes_given
-    return EstimatorProcess(LiveMonocular, recording.rig, settings, options, live.fps, pictures)
+    setup = MonocularSetup(recording.rig, settings, options, live.fps, pictures)
+    return LiveMonocular(setup, reporter)
 
 
 def _named(

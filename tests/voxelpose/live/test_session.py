@@ -31,11 +31,14 @@ class Sees:
         self.fails_at = -1
         self.seen = 0
 
-    def step(self, moment: LiveMoment) -> FoundPose | None:
+    def prepare(self, moment: LiveMoment) -> int:
         self.seen += 1
         if self.seen == self.fails_at:
             raise RuntimeError("a stage that fails")
-        if min(int(mask.sum()) for mask in moment.silhouettes.masks().values()) < 50:
+        return min(int(mask.sum()) for mask in moment.silhouettes.masks().values())
+
+    def step(self, prepared: int) -> FoundPose | None:
+        if prepared < 50:
             return None
         return FoundPose(MOTION.model, STANDING, 0.9, np.ones(15))
 
