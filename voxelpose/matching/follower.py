@@ -29,7 +29,7 @@ from voxelpose.matching.track_jobs import (
 )
 
 _FIRST_PLACEMENTS, _PLACEMENTS = 4, 10  # of the torso, in a first search and in one to improve
-_LONGEST_GAP_S = 0.5
+_LONGEST_GAP_S, _LONGEST_GAP = 0.5, 3.5  # s, or frames of a slow camera
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
 _BAD, _BAD_BY = 1.4, 0.03  # the same over the least usual error, which make a search due
 _SEARCH_AGAIN_S = 0.7
@@ -79,6 +79,7 @@ class PoseFollower:
         self._person = _Followed()
         self._job: Future[BodyTrack | None] | None = None
         self._since: list[Moment] = []
+        self._previous_s = 0.0
 
     @property
     def body(self) -> BodyGeometry | None:
@@ -93,9 +94,11 @@ class PoseFollower:
             masks: silhouettes (h, w) bool by camera name, of two cameras at least; cameras that are
                 missing at the moment are left out.
         """
+        longest_s = max(_LONGEST_GAP_S, _LONGEST_GAP * (time_s - self._previous_s))
+        self._previous_s = time_s
         latest, self._track = self._track or self._lost, None
         for track in (latest, self._found()):
-            if track is not None and time_s - track.time_s <= _LONGEST_GAP_S:
+            if track is not None and time_s - track.time_s <= longest_s:
                 stepped = track.step(self.rig, time_s, masks)
                 least = LOST if self._track is None else BETTER * self._track.fit.error
                 if stepped.fit.error < least:

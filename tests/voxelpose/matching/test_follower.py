@@ -91,6 +91,15 @@ def test_a_person_who_left_is_found_again(follower):
     assert error_mm(follower, fit.pose, walking(22)) < 60
 
 
+@pytest.mark.slow
+def test_slow_cameras_are_followed_too(follower):
+    """More than half a second between two frames, after which a track is usually given up."""
+    for frame in range(4):
+        fit = follower.step(0.6 * frame, masks_of(walking(3 * frame)))
+    assert fit is not None
+    assert error_mm(follower, fit.pose, walking(9)) < 100
+
+
 def test_nobody_is_not_searched_for(follower):
     class Refusing(Inline):
         def submit(self, fn, /, *args, **kwargs):

@@ -25,8 +25,8 @@ from voxelpose.view.images.figure import FigurePainter
 
 _LONGEST_PX = 960
 _PAINTED_AHEAD = 2  # time steps
-# MPEG-4 part 2: the only codec that every OpenCV wheel writes. VP8 takes 14 times as long and VP9
-# 60 times, longer than the fit: OpenCV hands libvpx none of its options for speed.
+# MPEG-4 part 2: the only codec that every OpenCV wheel writes fast. VP8 took 17 times as long, VP9
+# 70 times, longer than the fit, and options for speed had no effect.
 _CODEC = "mp4v"
 
 
