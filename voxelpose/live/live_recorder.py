@@ -65,7 +65,7 @@ class LiveRecorder:
         """Makes the folder with all that does not change."""
         self.folder, self.private = folder, private
         self.written, self.dropped, self.failure = 0, 0, ""
-        self._names = rig.names
+        self._sizes = {camera.name: camera.size for camera in rig}
         if folder.exists():
             raise InputError(f"{folder} exists: give --record another name")
         try:
@@ -86,7 +86,7 @@ class LiveRecorder:
             shot: the pictures.
             masks: the silhouettes, which a private recording keeps instead.
         """
-        if self.failure or set(shot.pictures) != set(self._names):
+        if self.failure or set(shot.pictures) != set(self._sizes):
             self.dropped += 1
             return
         kept = masks if self.private else shot.pictures
@@ -144,7 +144,7 @@ class LiveRecorder:
         paths = {name: self._pictures(name) / f"{self.written:07d}.{suffix}" for name in pictures}
         try:
             for name, picture in pictures.items():
-                _write(paths[name], picture)
+                _write(paths[name], _image(picture, self._sizes[name]))
             lines = "".join(f"{name},{time_s:.6f}\n" for name in pictures).encode()
             if self._times.write(lines) != len(lines):
                 raise OSError(errno.ENOSPC, "the disk is full")
@@ -156,10 +156,18 @@ class LiveRecorder:
                 path.unlink(missing_ok=True)
 
 
-def _write(path: Path, picture: NDArray) -> None:
-    """Writes a picture or a silhouette."""
-    if picture.dtype == np.bool_:
-        picture = picture.view(np.uint8) * np.uint8(255)
+def _image(picture: NDArray, size: tuple[int, int]) -> Picture:
+    """A picture, or a silhouette in black and white, of the size of the camera's pictures."""
+    if picture.dtype != np.bool_:
+        return picture
+    image = picture.view(np.uint8) * np.uint8(255)
+    if image.shape[1::-1] == size:
+        return image
+    larger = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR))
+    return np.where(larger > 127, np.uint8(255), np.uint8(0))
+
+
+def _write(path: Path, picture: Picture) -> None:
     settings = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if path.suffix == ".jpg" else []
     good, data = cv2.imencode(path.suffix, picture, settings)
     if not good:

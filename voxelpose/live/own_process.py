@@ -7,6 +7,8 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import get_context, parent_process
 from typing import TYPE_CHECKING, Any, Protocol
@@ -64,7 +66,8 @@ class EstimatorProcess:
 
     def close(self) -> None:
         """Ends the process."""
-        self._pool.submit(_close).result()
+        with suppress(BrokenProcessPool):  # it has ended already
+            self._pool.submit(_close).result()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 

@@ -56,6 +56,16 @@ def test_a_private_recording_keeps_outlines_only(tmp_path):
     assert np.array_equal(frames["cam_1"][..., 0] > 127, masks["cam_1"])
 
 
+def test_silhouettes_of_reduced_pictures_have_the_cameras_size(tmp_path):
+    recorder = LiveRecorder(tmp_path / "r", RIG, PERSON, empty(), private=True)
+    recorder.put(shot(0), {name: np.tri(90, 120, dtype=bool) for name in RIG.names})
+    recorder.close()
+    ((_, _, frames),) = Recording.open(tmp_path / "r", fps=30)
+    whole = np.tri(120, 160, dtype=bool)
+    assert ((frames["cam_1"][..., 0] > 127) != whole).sum() < 160
+    assert set(np.unique(frames["cam_1"])) == {0, 255}
+
+
 def test_a_moment_without_one_of_the_cameras_is_left_out(tmp_path):
     recorder = LiveRecorder(tmp_path / "r", RIG, PERSON, {})
     recorder.put(shot(0))
