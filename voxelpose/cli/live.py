@@ -69,9 +69,9 @@ Ctrl-C ends the session.
     token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
     """Secret without which the page is not served."""
     record: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
-    """Recording folder to be made; recording begins at once, or with --no-record-now by button."""
+    """Recording folder to be made; --no-record-now leaves the beginning to the button."""
     record_now: Annotated[bool, arg(name="record-now")] = True
-    """Begin to record with the first picture."""
+    """Begin to record as soon as the empty view is known."""
     private: bool = False
     """Record silhouettes instead of pictures."""
     loop: bool = False
@@ -194,11 +194,9 @@ Ctrl-C ends the session.
 
         line = StateLine()
         try:
-            session.start_cameras()
+            session.start_cameras(self.record is not None and self.record_now)
             if session.state.phase == "no background":
                 session.learn_background()
-            if self.record is not None and self.record_now:
-                session.record()
             end_s = None if self.duration is None else time.monotonic() + self.duration
             while not session.wait(_STATUS_EVERY_S):
                 line.show(session.state)

@@ -102,7 +102,7 @@ class LiveSession:
         self.receivers: list[Callable[[LiveFrame], None]] = []
         self._started_s, self._started_unix_s = time.monotonic(), time.time()
         names = settings.rig.names
-        self._matcher = ShotMatcher(names, self._now, min(2, len(names)))
+        self._matcher = ShotMatcher(names, self._now, min(2, len(names)), self._keep)
         self._observed: Newest[_Observed] = Newest()
         self._readers = [
             CameraReader(
@@ -128,10 +128,15 @@ class LiveSession:
         self._empty: Mapping[str, Sequence[Picture]] = settings.empty
         self._learned: deque[Mapping[str, Picture]] = deque(maxlen=_LEARNED_FRAMES)
         self._recorder: LiveRecorder | None = None
-        self._recordings = 0
+        self._recordings, self._record_next = 0, False
 
-    def start_cameras(self) -> None:
-        """Starts all threads."""
+    def start_cameras(self, record: bool = False) -> None:
+        """Starts all threads.
+
+        Args:
+            record: whether to record as soon as the empty view is known, which is recorded too.
+        """
+        self._record_next = record
         if self.settings.silhouettes_given or set(self._empty) >= set(self.settings.rig.names):
             self._subtract()
         self._started_s, self._started_unix_s = time.monotonic(), time.time()
@@ -228,16 +233,19 @@ class LiveSession:
             if self._recorder is not None and not self._recorder.failure:
                 return
             self._recordings += 1
-            folder = settings.record
-            if self._recordings > 1:
-                folder = folder.with_name(f"{folder.name}_{self._recordings}")
-            try:
-                self._recorder = LiveRecorder(
-                    folder, settings.rig, settings.subject, self._empty, settings.private
-                )
-                self._notice = ""
-            except InputError as error:
-                self._notice = str(error)
+            folder, number = settings.record, self._recordings
+        if number > 1:
+            folder = folder.with_name(f"{folder.name}_{number}")
+        recorder, notice = None, ""
+        try:
+            # Not under the lock: the empty view takes a second to write.
+            recorder = LiveRecorder(
+                folder, settings.rig, settings.subject, self._empty, settings.private
+            )
+        except InputError as error:
+            notice = str(error)
+        with self._lock:
+            self._recorder, self._notice = recorder, notice
 
     def end_recording(self) -> None:
         """See `Controls.end_recording`."""
@@ -267,7 +275,6 @@ class LiveSession:
             begun_s = self._now()
             silhouettes, phase = self._prepare(shot)
             if silhouettes is None or phase not in ("searching", "following"):
-                self._keep(shot, None)
                 self._show(self._frame(shot, {}, None, {}, ""))
                 continue
             masks = silhouettes.of(shot.pictures)
@@ -277,7 +284,7 @@ class LiveSession:
                 LiveMoment(shot.number, shot.time_s, packed, pictures)
             )
             done_s = self._now()
-            self._keep(shot, masks)
+            self._keep_silhouettes(shot, masks)
             note = (
                 "somebody else is in the picture"
                 if len(silhouettes.others) >= min(2, len(masks))
@@ -311,6 +318,9 @@ class LiveSession:
         silhouettes = Silhouettes(view, "refined", long_side_px(settings.rig))
         # Loads the kernels before the first frame is there.
         silhouettes.of({name: pictures[-1] for name, pictures in self._empty.items()})
+        if self._record_next:
+            self._record_next = False
+            self.record()
         with self._lock:
             self._silhouettes, self._phase = LiveSilhouettes(silhouettes), "searching"
 
@@ -350,7 +360,13 @@ class LiveSession:
         taken = self._started_unix_s + shot.time_s
         return LiveFrame(shot.number, shot.time_s, shot.pictures, masks, body, stage_s, note, taken)
 
-    def _keep(self, shot: Shot, masks: Mapping[str, NDArray[np.bool_]] | None) -> None:
-        with self._lock:
-            if self._recorder is not None:
-                self._recorder.put(shot, masks)
+    def _keep(self, shot: Shot) -> None:
+        """Records pictures, also those that the estimation has no time for."""
+        recorder = self._recorder
+        if recorder is not None and not recorder.private:
+            recorder.put(shot)
+
+    def _keep_silhouettes(self, shot: Shot, masks: Mapping[str, NDArray[np.bool_]]) -> None:
+        recorder = self._recorder
+        if recorder is not None and recorder.private:
+            recorder.put(shot, masks)

@@ -106,15 +106,22 @@ class ShotMatcher:
         names: of the cameras, in the calibration's order.
         now: seconds since the session's start.
         least: fewest cameras that make a shot.
+        each: called with every shot, also with those that nobody takes; returns at once.
 
     Attributes:
         shots: where the newest shot waits.
     """
 
-    def __init__(self, names: Sequence[str], now: Callable[[], float], least: int = 1):
+    def __init__(
+        self,
+        names: Sequence[str],
+        now: Callable[[], float],
+        least: int = 1,
+        each: Callable[[Shot], None] | None = None,
+    ):
         """Starts without pictures."""
         self.shots: Newest[Shot] = Newest()
-        self._now, self._least = now, least
+        self._now, self._least, self._each = now, least, each
         self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}
         self._lock = threading.Lock()
         self._count = 0
@@ -126,6 +133,8 @@ class ShotMatcher:
             shot = self._match(self._now())
             if shot is not None:
                 self.shots.put(shot)
+                if self._each is not None:
+                    self._each(shot)
 
     def _match(self, now_s: float) -> Shot | None:
         delivering = {
