@@ -1,10 +1,8 @@
 """voxelpose live as a process: what it sends, records and says, and how it ends."""
 
-import json
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from websockets.sync.server import serve
 
+from benchmarks.live import Receiver
 from tests.browsing import new_page
 from tests.clips import waving
 from tests.sources import ring, write_recording, write_staged
@@ -32,26 +30,9 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_staged(tmp_path_factory.mktemp("live") / "studio", MOTION, RIG)
 
 
-class Receiver:
-    """A WebSocket server that keeps what it is sent."""
-
-    def __init__(self) -> None:
-        self.messages: list[dict] = []
-        self._server = serve(self._take, "127.0.0.1", 0)
-        port = self._server.socket.getsockname()[1]
-        self.address = f"ws://127.0.0.1:{port}/motion"
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
-
-    def _take(self, connection) -> None:
-        for message in connection:
-            self.messages.append(json.loads(message))
-
-    @property
-    def posed(self) -> list[dict]:
-        return [message for message in self.messages if message["body"] is not None]
-
-    def close(self) -> None:
-        self._server.shutdown()
+def posed(receiver: Receiver) -> list[dict]:
+    """Messages with a body."""
+    return [message for _, message in receiver.messages if message["body"] is not None]
 
 
 @contextmanager
@@ -84,7 +65,7 @@ def test_motion_is_sent_and_recorded_until_the_interrupt(studio, tmp_path):
     options = ("--loop", "--no-page", "--stature", 1.7, "--fps", FPS, "--record", tmp_path / "take")
     absent = "ws://127.0.0.1:9/nobody"
     with living(studio, *options, "--send", receiver.address, "--send", absent) as process:
-        wait_until(lambda: len(receiver.posed) > 15, process)
+        wait_until(lambda: len(posed(receiver)) > 15, process)
         process.send_signal(signal.SIGINT)
         said, progress = process.communicate(timeout=60)
     assert process.returncode == 0, progress
@@ -95,7 +76,7 @@ def test_motion_is_sent_and_recorded_until_the_interrupt(studio, tmp_path):
     # A wave of half a metre is followed to a hand's breadth.
     errors = []
     truth = MOTION.landmarks()
-    for message in receiver.posed[3:]:
+    for message in posed(receiver)[3:]:
         row = round(message["time_s"] * FPS) % len(MOTION)
         joints = np.array([joint["position_m"] for joint in message["body"]["joints"].values()])
         errors.append(np.linalg.norm(joints - truth[row], axis=1).mean())

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.follower import AtOnce
 from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.motion.pose import Pose
-from tests.inline import Inline
 from tests.voxelpose.matching.matching_scenes import (
     STATURE_M,
     joint_errors_m,
@@ -48,7 +48,7 @@ def nobody() -> dict[str, np.ndarray]:
 
 @pytest.fixture
 def follower() -> PoseFollower:
-    return PoseFollower(SEEN_BY.rig, KNOWN, Inline())
+    return PoseFollower(SEEN_BY.rig, KNOWN, AtOnce())
 
 
 def error_mm(follower: PoseFollower, pose: Pose, truth: Pose) -> float:
@@ -101,7 +101,7 @@ def test_slow_cameras_are_followed_too(follower):
 
 
 def test_nobody_is_not_searched_for(follower):
-    class Refusing(Inline):
+    class Refusing(AtOnce):
         def submit(self, fn, /, *args, **kwargs):
             raise AssertionError("a search for nobody")
 
