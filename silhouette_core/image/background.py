@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.foreground import Background, RefinedSettings, refined_mask
+from silhouette_core.image.foreground import (
+    Background,
+    Exposure,
+    RefinedSettings,
+    measure_exposure,
+    measure_gain,
+    refined_mask,
+)
 from silhouette_core.image.kernels import background as kernels
 
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
@@ -160,7 +167,7 @@ class BackgroundModel:
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        near: tuple[slice, slice] | None = None,
+        exposure: Exposure | None = None,
     ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
 
@@ -181,8 +188,7 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
-            near: rows and columns to which the refined method keeps, for speed: noise and exposure
-                are still those of the whole frame; None: the whole image.
+            exposure: of the frame, for the refined method; None: measured here.
 
         Returns:
             Silhouette, (H, W) bool.
@@ -194,10 +200,47 @@ class BackgroundModel:
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
         if self.settings.method == "refined":
-            return refined_mask(frame, self._background, self.settings.refined, region, near)
+            return refined_mask(frame, self._background, self.settings.refined, region, exposure)
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(self.settings.log_likelihood), np.float32(self.settings.raw_difference)
         kernels.paper_mask(
             frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask
         )
         return mask if region is None else mask & region
+
+    def silhouette_near(
+        self,
+        part: np.ndarray,
+        window: tuple[slice, slice],
+        exposure: Exposure,
+        region: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Silhouette by the refined method of a frame of which only a part is looked at.
+
+        Args:
+            part: (h, w, 3) uint8, BGR: the frame in the window.
+            window: rows and columns, within the model's size.
+            exposure: of the frame, or of one shortly before it.
+            region: region of interest, (H, W) bool; None means the whole image.
+
+        Returns:
+            Silhouette, (H, W) bool: nothing outside the window.
+
+        Raises:
+            ValueError: the part has another size than the window.
+            TypeError: the part is not uint8.
+        """
+        check_array("part", part, self.mean[window].shape, np.uint8)
+        part = np.ascontiguousarray(part)
+        settings = self.settings.refined
+        return refined_mask(part, self._background, settings, region, exposure, window)
+
+    def exposure(self, frame: np.ndarray) -> Exposure:
+        """Exposure of a frame (H, W, 3) uint8, BGR, of the model's size."""
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        frame = np.ascontiguousarray(frame)
+        return measure_exposure(frame, self._background, self.settings.refined)
+
+    def gain(self, frame: np.ndarray) -> np.ndarray:
+        """Each channel's gain, (3,) float32, of a frame uint8, BGR, of this size or larger."""
+        return measure_gain(frame, self._background)

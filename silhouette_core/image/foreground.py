@@ -93,6 +93,19 @@ class Background:
 
 
 @dataclass(frozen=True, eq=False)
+class Exposure:
+    """How a whole frame differs from the background.
+
+    Attributes:
+        gain: (3,) float32, each channel's ratio of frame to background.
+        noise: ratio of the frame's noise to the model's, at least 1.
+    """
+
+    gain: NDArray[np.float32]
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
 class _View:
     """A frame (H, W, 3), or a window of it, the same channel by channel (3, H, W), background, gain
     (3,), radius (px) and thresholds.
@@ -131,44 +144,66 @@ def refined_mask(
     background: Background,
     settings: RefinedSettings,
     region: NDArray[np.bool_] | None = None,
-    near: tuple[slice, slice] | None = None,
+    exposure: Exposure | None = None,
+    window: tuple[slice, slice] | None = None,
 ) -> NDArray[np.bool_]:
     """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above.
 
     Args:
-        frame: the frame.
-        background: of its size.
+        frame: the frame, or its part in the window.
+        background: of the whole frame's size.
         settings: thresholds.
         region: (H, W) bool, where the person may be; None: everywhere.
-        near: rows and columns outside of which nothing is looked for; None: everywhere.
+        exposure: of the whole frame, by `measure_exposure`; None: measured here.
+        window: rows and columns outside of which nothing is looked for; None: the whole frame.
     """
-    radius = max(1, round(min(frame.shape[:2]) / 240))
-    planes = np.asarray(cv2.split(frame), np.uint8)
-    view = _View(frame, planes, background, _gain(frame, background.mean), radius, settings)
-    scale, silhouette = _noise_scale(view), np.zeros(frame.shape[:2], np.bool_)
-    if near is not None:
-        view = view.part(near)
-        region = None if region is None else region[near]
+    silhouette = np.zeros(background.mean.shape[:2], np.bool_)
+    exposure = exposure or measure_exposure(frame, background, settings)
+    scale, everywhere = exposure.noise, silhouette
+    radius = _radius(background)
+    if window is not None:
+        background = background.part(window)
+        region = None if region is None else region[window]
+        silhouette = silhouette[window]
+    view = _View(frame, _planes(frame), background, exposure.gain, radius, settings)
     mask, pooled = _detect(view, scale)
-    mask = _clean(mask, settings, region, silhouette.size)
+    mask = _clean(mask, settings, region, everywhere.size)
     if not mask.any():
-        return silhouette
-    window = _window(mask, margin=8 * radius)
-    view, mask = view.part(window), mask[window]
+        return everywhere
+    box = _bounding_box(mask, margin=8 * radius)
+    view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
-    mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *window]), scale)
+    mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
     mask = _sharpen(view, mask)
-    region = None if region is None else region[window]
-    part = silhouette if near is None else silhouette[near]
-    part[window] = _clean(mask, settings, region, silhouette.size)
-    return silhouette
+    region = None if region is None else region[box]
+    silhouette[box] = _clean(mask, settings, region, everywhere.size)
+    return everywhere
 
 
-def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.float32]:
+def measure_exposure(
+    frame: NDArray[np.uint8], background: Background, settings: RefinedSettings
+) -> Exposure:
+    """Exposure of a whole frame (H, W, 3) uint8."""
+    gain, radius = measure_gain(frame, background), _radius(background)
+    view = _View(frame, _planes(frame), background, gain, radius, settings)
+    return Exposure(gain, _noise_scale(view))
+
+
+def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np.float32]:
     """Each channel's median ratio of frame to background, (3,) float32, over pixels neither black
     nor saturated.
+
+    Args:
+        frame: the whole frame, uint8, of the background's size or larger.
+        background: of the empty scene.
     """
-    observed, empty = (image[::_GRID, ::_GRID].reshape(-1, 3) for image in (frame, mean))
+    height, width = background.mean.shape[:2]
+    rows, columns = (
+        ((np.arange(0, size, _GRID) + 0.5) * (full / size)).astype(int)
+        for size, full in zip((height, width), frame.shape[:2], strict=True)
+    )
+    observed = frame[rows[:, None], columns].reshape(-1, 3)
+    empty = background.mean[::_GRID, ::_GRID].reshape(-1, 3)
     gain = np.ones(3, np.float32)
     for channel in range(3):
         before, after = empty[:, channel], observed[:, channel]
@@ -176,6 +211,15 @@ def _gain(frame: NDArray[np.uint8], mean: NDArray[np.float32]) -> NDArray[np.flo
         if valid.sum() >= 16:
             gain[channel] = np.median(after[valid] / before[valid])
     return np.clip(gain, 0.5, 2.0)
+
+
+def _radius(background: Background) -> int:
+    """Half width of the window over which evidence is pooled, px."""
+    return max(1, round(min(background.mean.shape[:2]) / 240))
+
+
+def _planes(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.split(frame), np.uint8)
 
 
 def _noise_scale(view: _View) -> float:
@@ -294,7 +338,7 @@ def _clean(
     )
 
 
-def _window(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+def _bounding_box(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
     """Rows and columns of the mask's bounding box and a margin."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return (

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
+from math import gcd
 from typing import Literal
 
 import cv2
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.foreground import Exposure
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
+
+Window = tuple[slice, slice]
 
 _BACKGROUND_FRAMES = 120
 _MEDIAN_FRAMES = 40
@@ -53,6 +57,7 @@ class Silhouettes:
             for name, region in source.regions().items()
         }
         self._models: dict[str, BackgroundModel] = {}
+        self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
         self.without_background: tuple[str, ...] = ()
         if self._given:
             return
@@ -82,14 +87,14 @@ class Silhouettes:
             )
 
     def of(
-        self, frames: Mapping[str, Frame], near: Mapping[str, tuple[slice, slice]] | None = None
+        self, frames: Mapping[str, Frame], near: Mapping[str, Window] | None = None
     ) -> dict[str, NDArray[np.bool_]]:
         """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name.
 
         Args:
             frames: by camera name.
             near: rows and columns of the silhouettes outside of which nothing is looked for, by
-                camera name; None: everywhere.
+                camera name; for the refined method, in frames that follow on each other.
         """
         windows = near or {}
         masks = side_by_side(
@@ -97,15 +102,37 @@ class Silhouettes:
         )
         return dict(zip(frames, masks, strict=True))
 
-    def _silhouette(
-        self, name: str, frame: Frame, near: tuple[slice, slice] | None
-    ) -> NDArray[np.bool_]:
+    def _silhouette(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
         region = self._regions.get(name)
+        if self._given:
+            mask = self._scaled(name, frame).max(axis=2) > 127
+            return mask if region is None else mask & region
+        model, exposure = self._models[name], self._exposures.get(name)
+        if near is not None and exposure is not None:
+            # The gain changes from frame to frame, the noise slowly.
+            exposure = replace(exposure, gain=model.gain(frame))
+            window, part = self._part(name, frame, near)
+            return model.silhouette_near(part, window, exposure, region)
         frame = self._scaled(name, frame)
-        if not self._given:
-            return self._models[name].silhouette(frame, region, near)
-        mask = frame.max(axis=2) > 127
-        return mask if region is None else mask & region
+        if model.settings.method == "refined":
+            exposure = self._exposures[name] = model.exposure(frame)
+        return model.silhouette(frame, region, exposure)
+
+    def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, NDArray[np.uint8]]:
+        """A frame in a window of its silhouette, and the window: widened so that its edges are
+        edges of the frame's pixels too.
+        """
+        inside, within = [], []
+        for wanted, full, size in zip(near, frame.shape, self._sizes[name][::-1], strict=False):
+            count = gcd(full, size)
+            first, last = wanted.start * count // size, -(-min(wanted.stop, size) * count // size)
+            inside.append(slice(first * size // count, last * size // count))
+            within.append(slice(first * full // count, last * full // count))
+        part = frame[within[0], within[1]]
+        size = tuple(part_of.stop - part_of.start for part_of in inside[::-1])
+        if size != part.shape[1::-1]:
+            part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        return (inside[0], inside[1]), part  # type: ignore[return-value]
 
     def _scaled(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if image.shape[1::-1] == self._sizes[name]:

@@ -29,9 +29,10 @@ from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from voxelpose.carving.carver import carve
 from voxelpose.carving.grid import VoxelGrid
+from voxelpose.live.estimator_process import EstimatorProcess
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
-from voxelpose.live.own_process import EstimatorProcess, begin_process
+from voxelpose.live.own_process import begin_process
 from voxelpose.matching.body_track import Moment
 from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.observe import body_rule

@@ -20,10 +20,10 @@ from voxelpose.live.camera_source import CameraReader, CameraSource
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
 from voxelpose.live.live_frame import LiveFrame, Phase, PosedBody, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
-from voxelpose.live.live_silhouettes import EmptyView, LiveSilhouettes, long_side_px
+from voxelpose.live.live_silhouettes import EmptyView, long_side_px
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
+from voxelpose.live.silhouette_process import SilhouetteProcess
 from voxelpose.live.stage_times import StageTimes
-from voxelpose.matching.body_track import Moment
 from voxelpose.recording.subject import Subject
 
 Picture = NDArray[np.uint8]
@@ -96,7 +96,7 @@ class LiveSession:
     """
 
     def __init__(self, settings: SessionSettings, estimator: LiveEstimator):
-        """Prepares the cameras; nothing runs yet."""
+        """Prepares the cameras, and begins the process of the silhouettes."""
         self.settings, self.times = settings, StageTimes()
         self._estimator = estimator
         self.receivers: list[Callable[[LiveFrame], None]] = []
@@ -124,7 +124,8 @@ class LiveSession:
         self._lock = threading.Lock()
         self._phase: Phase = "no background"
         self._until_s, self._notice = 0.0, ""
-        self._silhouettes: LiveSilhouettes | None = None
+        self._silhouettes = SilhouetteProcess(settings.rig)
+        self._subtracts = False  # whether the background is known
         self._empty: Mapping[str, Sequence[Picture]] = settings.empty
         self._learned: deque[Mapping[str, Picture]] = deque(maxlen=_LEARNED_FRAMES)
         self._recorder: LiveRecorder | None = None
@@ -173,6 +174,7 @@ class LiveSession:
             reader.join()
         self.end_recording()
         self._estimator.close()
+        self._silhouettes.close()
 
     @property
     def state(self) -> SessionState:
@@ -212,7 +214,7 @@ class LiveSession:
     def start(self) -> None:
         """See `Controls.start`."""
         with self._lock:
-            if self._silhouettes is None:
+            if not self._subtracts:
                 self._notice = "the empty view must be learned first"
             elif self._phase == "stopped":
                 self._phase, self._notice = "searching", ""
@@ -273,28 +275,24 @@ class LiveSession:
         """Stage of the silhouettes."""
         while (shot := self._matcher.shots.take()) is not None:
             begun_s = self._now()
-            silhouettes, phase = self._prepare(shot)
-            if silhouettes is None or phase not in ("searching", "following"):
+            phase = self._prepare(shot)
+            if phase not in ("searching", "following"):
                 self._show(self._frame(shot, {}, None, {}, ""))
                 continue
-            masks = silhouettes.of(shot.pictures)
-            packed = Moment.of(shot.time_s, masks)
+            packed, others = self._silhouettes.of(shot.time_s, shot.pictures)
+            masks = packed.masks()
             pictures = shot.pictures if len(self.settings.rig) == 1 else {}
             prepared = self._estimator.prepare(
                 LiveMoment(shot.number, shot.time_s, packed, pictures)
             )
             done_s = self._now()
             self._keep_silhouettes(shot, masks)
-            note = (
-                "somebody else is in the picture"
-                if len(silhouettes.others) >= min(2, len(masks))
-                else ""
-            )
+            note = "somebody else is in the picture" if len(others) >= min(2, len(masks)) else ""
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
             self._observed.put(_Observed(shot, masks, prepared, stage_s, note))
 
-    def _prepare(self, shot: Shot) -> tuple[LiveSilhouettes | None, Phase]:
-        """Silhouettes and phase for a moment; learns the background in between."""
+    def _prepare(self, shot: Shot) -> Phase:
+        """Phase for a moment; learns the background in between."""
         with self._lock:
             if self._phase == "countdown" and self._now() >= self._until_s:
                 self._phase = "learning"
@@ -309,20 +307,20 @@ class LiveSession:
             }
             self._learned.clear()
             self._subtract()
-        return self._silhouettes, phase
+        return phase
 
     def _subtract(self) -> None:
         """Makes the background models; the search for a person begins."""
         settings = self.settings
         view = EmptyView(settings.rig, self._empty, settings.regions, settings.silhouettes_given)
-        silhouettes = Silhouettes(view, "refined", long_side_px(settings.rig))
+        self._silhouettes.learn(Silhouettes(view, "refined", long_side_px(settings.rig)))
         # Loads the kernels before the first frame is there.
-        silhouettes.of({name: pictures[-1] for name, pictures in self._empty.items()})
+        self._silhouettes.of(0.0, {name: images[-1] for name, images in self._empty.items()})
         if self._record_next:
             self._record_next = False
             self.record()
         with self._lock:
-            self._silhouettes, self._phase = LiveSilhouettes(silhouettes), "searching"
+            self._subtracts, self._phase = True, "searching"
 
     def _estimate(self) -> None:
         """Stage of the estimation, and of what is done with its result."""
