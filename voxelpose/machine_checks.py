@@ -8,6 +8,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -157,13 +158,17 @@ def _video() -> HealthCheck:
     import cv2
     import numpy as np
 
+    from calib.errors import InputError
+    from voxelpose.view.images.webm import WebmWriter
+
     with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "try.mp4")
-        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), 25, (64, 48))
-        for grey in (60, 120, 180):
-            writer.write(np.full((48, 64, 3), grey, np.uint8))
-        writer.release()
-        capture = cv2.VideoCapture(path)
+        path = Path(folder) / "try.webm"
+        with suppress(OSError, InputError):
+            writer = WebmWriter(path, 25, (64, 48))
+            for grey in (60, 120, 180):
+                writer.write(np.full((48, 64, 3), grey, np.uint8))
+            writer.close()
+        capture = cv2.VideoCapture(str(path))
         means = []
         while True:
             good, image = capture.read()
@@ -172,10 +177,11 @@ def _video() -> HealthCheck:
             means.append(float(image.mean()))
         capture.release()
     if len(means) == 3 and np.allclose(means, (60, 120, 180), atol=6):
-        return HealthCheck("video", "works", "MPEG-4 is written and read")
+        return HealthCheck("video", "works", "WebM is written and read")
     remedy = (
-        "install opencv-python-headless from PyPI, which carries FFmpeg; folders of frames can be"
-        " read in any case"
+        "install imageio-ffmpeg, or FFmpeg itself with its path in IMAGEIO_FFMPEG_EXE, for writing,"
+        " and opencv-python-headless from PyPI for reading; folders of frames can be read and fits"
+        " made with --no-pictures in any case"
     )
     return HealthCheck("video", "fails", f"of 3 frames written, {len(means)} were read", remedy)
 

@@ -14,7 +14,7 @@ from voxelpose.recording.folder import Recording
 from voxelpose.results import Result
 
 FILES = ["calibration.toml", "contact_sheet.png", "joints.csv", "motion.bvh", "motion.safetensors"]
-FILES += ["overlay_cam_1.mp4", "overlay_cam_2.mp4", "settings.toml", "summary.json"]
+FILES += ["overlay_cam_1.webm", "overlay_cam_2.webm", "settings.toml", "summary.json"]
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _FILES = (
     ("contact_sheet.png", "look here first: the fitted body over frames of every camera"),
-    ("overlay_*.mp4", "the fitted body over the videos"),
+    ("overlay_*.webm", "the fitted body over the videos"),
     ("joints.csv", "positions of 15 joints, metres"),
     ("motion.bvh", "the skeleton for Blender, Maya, ..."),
     ("motion.safetensors", "joint angles, root and quality, for programs"),

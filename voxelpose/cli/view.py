@@ -33,7 +33,7 @@ cameras and hull are shown.
 
   voxelpose view walk_fit
   voxelpose view walk_fit --frame 40 --png hull.png
-  voxelpose view walk_fit --mp4 hull.mp4
+  voxelpose view walk_fit --video hull.webm
 """
 
     folder: Annotated[Positional[Path], arg(metavar="OUT")]
@@ -44,8 +44,8 @@ cameras and hull are shown.
     """Open a window with hull and skeleton of one frame instead of the browser."""
     png: OptionalFile = None
     """PNG of one frame to be written instead; no screen is needed."""
-    mp4: OptionalFile = None
-    """Video of all frames to be written instead; no screen is needed."""
+    video: OptionalFile = None
+    """WebM of all frames to be written instead; no screen is needed."""
     host: Annotated[str, arg(metavar="NAME")] = "localhost"
     """Address at which the page is served; 0.0.0.0 makes it visible to everyone in your network."""
     port: Annotated[int, arg(metavar="N")] = 8080
@@ -62,7 +62,7 @@ cameras and hull are shown.
     def run(self) -> int:
         """Shows or writes the scenes; returns the exit code."""
         refuse_existing([self.png], self.overwrite, "--png")
-        refuse_existing([self.mp4], self.overwrite, "--mp4")
+        refuse_existing([self.video], self.overwrite, "--video")
         if self.open3d:
             from voxelpose.view.open3d_import import import_open3d
 
@@ -82,7 +82,7 @@ cameras and hull are shown.
         return 0
 
     def _show(self, scenes: ResultScenes) -> None:
-        pictures = self.open3d or self.png is not None or self.mp4 is not None
+        pictures = self.open3d or self.png is not None or self.video is not None
         if scenes.recording is None and (pictures or self.recording is not None):
             raise InputError(scenes.missing)
         frame = self._frame(scenes, posed=pictures)
@@ -94,13 +94,13 @@ cameras and hull are shown.
                 f"{self.png}: frame {frame}, hull of {litres:.1f}"
                 f" litres{' and skeleton' if scenes.motion is not None else ''}"
             )
-        if self.mp4 is not None:
+        if self.video is not None:
             from voxelpose.cli.progress import Progress
             from voxelpose.view.images.hull_video import write_film
 
             with Progress() as progress:
-                count = write_film(scenes, self.mp4, progress)
-            print(f"{self.mp4}: {count} frames")
+                count = write_film(scenes, self.video, progress)
+            print(f"{self.video}: {count} frames")
         if self.open3d:
             from voxelpose.view.images.hull_picture import show_hull
             from voxelpose.view.images.hull_video import skeleton_of

@@ -57,7 +57,7 @@ _SETTINGS = {
 }
 _FILES = {
     "contact_sheet.png": "the contact sheet above, larger",
-    "overlay_*.mp4": "the fitted body drawn over the whole videos, for VLC and other players",
+    "overlay_*.webm": "the fitted body drawn over the whole videos, for every browser and player",
     "joints.csv": "positions of 15 joints in every frame, metres, with a confidence",
     "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
     "motion.safetensors": "joint angles, root and quality, for programs",

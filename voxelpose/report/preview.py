@@ -1,8 +1,7 @@
 """The overview: reduced frames of the overlays, as pictures that every browser shows.
 
-The overlay videos are MPEG-4 part 2, which no browser plays; for H.264, which all play, the
-available wheels have no encoder without the GPL, and OpenCV's VP8 is not in every wheel. Single
-pictures need no codec, can be stepped through, and stay synchronous with the charts.
+Single pictures rather than the videos themselves: the page stays one file, can be stepped through,
+and stays synchronous with the charts.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
     count = min(_MOST, last - first + 1)
     chosen = np.unique(np.linspace(first, last, count).round().astype(int)).tolist()
     names = result.rig.names[:: -(-len(result.rig) // _MOST_CAMERAS)]
-    if all((result.folder / f"overlay_{name}.mp4").exists() for name in names):
+    if all((result.folder / f"overlay_{name}.webm").exists() for name in names):
         tiled = _from_overlays(result, names, first, set(chosen))
     elif scenes.recording is not None:
         tiled = _drawn(result, scenes, names, chosen)
@@ -85,7 +84,7 @@ def data_uri(image: NDArray[np.uint8], kind: str, quality: int) -> str:
 def _from_overlays(
     result: Result, names: tuple[str, ...], first: int, chosen: set[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
-    captures = [cv2.VideoCapture(str(result.folder / f"overlay_{name}.mp4")) for name in names]
+    captures = [cv2.VideoCapture(str(result.folder / f"overlay_{name}.webm")) for name in names]
     try:
         for frame in range(first, max(chosen) + 1):
             if not all([capture.grab() for capture in captures]):

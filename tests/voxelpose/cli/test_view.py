@@ -69,16 +69,16 @@ def test_hull_and_skeleton_as_a_picture(fitted, capsys):
 
 
 def test_hull_and_skeleton_as_a_video(fitted, capsys):
-    assert run(["view", "out", "--voxel", "0.04", "--mp4", "hull.mp4"]) == 0
-    assert "hull.mp4: 3 frames" in capsys.readouterr().out
-    film = cv2.VideoCapture("hull.mp4")
+    assert run(["view", "out", "--voxel", "0.04", "--video", "hull.webm"]) == 0
+    assert "hull.webm: 3 frames" in capsys.readouterr().out
+    film = cv2.VideoCapture("hull.webm")
     pictures = [film.read()[1] for _ in range(3)]
     cv2.imwrite("last.png", pictures[2])
     cv2.imwrite("lost.png", pictures[0])
     assert (
         red_share("last.png") > 0.001 > red_share("lost.png")
     )  # the first frame has a hull, but no pose
-    assert sorted(path.name for path in fitted.iterdir() if path.suffix == ".mp4") == ["hull.mp4"]
+    assert sorted(path.name for path in fitted.iterdir() if path.suffix == ".webm") == ["hull.webm"]
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,11 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
             ["view", "out", "--frame", "0", "--png", "x.png"],
             "frame 0 has no pose in out: choose one from 1 to 2",
         ),
-        (["view", "walk", "--mp4", "x.mp4"], "walk is a recording without a fit"),
-        (["view", "out", "--voxel", "0.05", "--mp4", "gone/x.mp4"], "gone/x.mp4 cannot be written"),
+        (["view", "walk", "--video", "x.webm"], "walk is a recording without a fit"),
+        (
+            ["view", "out", "--voxel", "0.05", "--video", "gone/x.webm"],
+            "gone/x.webm cannot be written",
+        ),
         (["view", "out", "--voxel", "3", "--png", "x.png"], "voxels of 3 m cannot be shown"),
         (["view", "nowhere", "--png", "x.png"], "nowhere is not a recording"),
         (

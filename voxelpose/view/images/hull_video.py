@@ -14,7 +14,7 @@ from voxelpose.atomic import replacing, unwritable
 from voxelpose.view.images.canvas import FAINT, png, write_text
 from voxelpose.view.images.figure import skeleton_bones
 from voxelpose.view.images.hull_picture import Skeleton, hull_picture
-from voxelpose.view.images.overlay import check_video, open_video
+from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene import CarvedHull, Scene
 
@@ -48,7 +48,7 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
 
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
-    """Writes hull and skeleton of all frames, from three sides that follow the person, as MPEG-4.
+    """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM.
 
     Returns:
         The number of frames written: those without a hull are left out.
@@ -59,12 +59,14 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
     motion = scenes.motion
     if motion is None:
         raise InputError(
-            f"{scenes.title} is a recording without a fit: --mp4 wants a result; --png shows one"
+            f"{scenes.title} is a recording without a fit: --video wants a result; --png shows one"
             " frame's hull"
         )
     reach = motion.landmarks() - motion.root_m[:, None]
     low, high = reach.min((0, 1)) - _MARGIN_M, reach.max((0, 1)) + _MARGIN_M
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.mp4")
+    if path.suffix != ".webm":
+        raise InputError(f"{path} must end in .webm: that is the format of the video")
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.webm")
     writer, count = None, 0
     reporter.stage("film", len(scenes.frames))
     try:
@@ -75,18 +77,19 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
             if scene.hull is not None:
                 middle = motion.root_m[np.abs(motion.frames - frame).argmin()]
                 picture = _page(scene, scene.hull, (middle + low, middle + high))
-                writer = writer or open_video(partial, scenes.fps, picture.shape[1::-1])
+                writer = writer or WebmWriter(partial, scenes.fps, picture.shape[1::-1])
                 writer.write(picture)
                 count += 1
             reporter.advance()
         if writer is None:
             raise InputError("no frame has a hull: look at the silhouettes with `voxelpose carve`")
-        writer.release()
-        check_video(partial, count)
+        writer.close()
         partial.replace(path)
     except OSError as error:
         raise unwritable(path, error) from error
     finally:
+        if writer is not None:
+            writer.release()
         partial.unlink(missing_ok=True)
     return count
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import errno
-import shutil
 from collections import deque
-from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,18 +18,16 @@ from silhouette_core.progress import Reporter
 from voxelpose.view.images.canvas import INK, PAPER, WARNING, Image, png, write_text
 from voxelpose.view.images.contact_sheet import ContactSheet
 from voxelpose.view.images.figure import FigurePainter
+from voxelpose.view.images.webm import WebmWriter
 
 _LONGEST_PX = 960
 _PAINTED_AHEAD = 2  # time steps
-# MPEG-4 part 2: the only codec that every OpenCV wheel writes fast. VP8 took 17 times as long, VP9
-# 70 times, longer than the fit, and options for speed had no effect.
-_CODEC = "mp4v"
 
 
 def draw_pictures(
     source: FrameSource, motion: Motion, folder: Path, title: str, reporter: Reporter
 ) -> None:
-    """Writes `overlay_CAMERA.mp4` for every camera and `contact_sheet.png`.
+    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png`.
 
     Reads the frames again. Few time steps are held in memory at a time: while one is written, the
     next ones are painted.
@@ -60,40 +54,42 @@ def draw_pictures(
         # Encoding takes as long as painting: every video in a thread, and in order.
         images = painted.popleft()
         written = [
-            pool.submit(lambda video, image: video.add(image.result()), video, image)
+            pool.submit(lambda video, image: video.writer.write(image.result()), video, image)
             for video, image in zip(videos, images, strict=True)
         ]
         for one in written:
             one.result()
         reporter.advance()
 
-    with ThreadPoolExecutor(cores()) as pool:
-        try:
-            for frame, time_s, images in source:
-                row = rows.get(frame)
-                pose = None if row is None else (rotation[row], origin[row])
-                caption = f"frame {frame} · {time_s:.2f} s"
-                painted.append(
-                    [
-                        pool.submit(video.painted, images[video.camera.name], pose, caption)
-                        for video in videos
-                    ]
-                )
-                if row is not None:
-                    tiles.append(pool.submit(sheet.add, row, images))
-                if len(painted) > _PAINTED_AHEAD:
+    try:
+        with ThreadPoolExecutor(cores()) as pool:
+            try:
+                for frame, time_s, images in source:
+                    row = rows.get(frame)
+                    pose = None if row is None else (rotation[row], origin[row])
+                    caption = f"frame {frame} · {time_s:.2f} s"
+                    painted.append(
+                        [
+                            pool.submit(video.painted, images[video.camera.name], pose, caption)
+                            for video in videos
+                        ]
+                    )
+                    if row is not None:
+                        tiles.append(pool.submit(sheet.add, row, images))
+                    if len(painted) > _PAINTED_AHEAD:
+                        write_oldest()
+                while painted:
                     write_oldest()
-            while painted:
-                write_oldest()
-            for tile in tiles:
-                tile.result()
-        finally:
-            for image in chain.from_iterable(painted):
-                image.cancel()
-            for video in videos:
-                video.writer.release()
-    for video in videos:
-        video.check()
+                for tile in tiles:
+                    tile.result()
+            finally:
+                for image in chain.from_iterable(painted):
+                    image.cancel()
+        for video in videos:
+            video.writer.close()
+    finally:  # no thread writes any more
+        for video in videos:
+            video.writer.release()
     (folder / "contact_sheet.png").write_bytes(png(sheet.image(title)))
 
 
@@ -104,17 +100,7 @@ class _Video:
         self.camera = camera
         # Small pictures are enlarged, so that lines stay thinner than limbs.
         self.painter = FigurePainter(motion.model, camera, min(1.5, _LONGEST_PX / max(camera.size)))
-        self.path = folder / f"overlay_{camera.name}.mp4"
-        self.frames = 0
-        width, height = self.painter.size
-        self.size = (width - width % 2, height - height % 2)  # the codec requires even sides
-        self.writer = open_video(self.path, fps, self.size)
-        if not self.writer.isOpened():
-            raise OSError(
-                errno.EIO,
-                "OpenCV cannot write MPEG-4 video here (see: voxelpose doctor)",
-                str(self.path),
-            )
+        self.writer = WebmWriter(folder / f"overlay_{camera.name}.webm", fps, self.painter.size)
 
     def painted(
         self,
@@ -129,37 +115,6 @@ class _Video:
         warning = "" if pose is not None else "no pose found"
         _mark(image, f"{self.camera.name} · {caption}", warning)
         return image
-
-    def add(self, image: Image) -> None:
-        """Writes the next picture."""
-        self.writer.write(image[: self.size[1], : self.size[0]])
-        self.frames += 1
-
-    def check(self) -> None:
-        check_video(self.path, self.frames)
-
-
-def open_video(path: Path, fps: float, size: Sequence[int]) -> cv2.VideoWriter:
-    """Writer of an MPEG-4 video of a width and height."""
-    return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*_CODEC), fps, tuple(size))
-
-
-def check_video(path: Path, frames: int) -> None:
-    """Checks the number of frames in a file: OpenCV does not report failures of writing.
-
-    Raises:
-        OSError: there are fewer.
-    """
-    capture = cv2.VideoCapture(str(path))
-    written = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    capture.release()
-    if written != frames:
-        full = path.parent.is_dir() and shutil.disk_usage(path.parent).free < 2**20
-        raise OSError(
-            errno.ENOSPC if full else errno.EIO,
-            f"{written} of {frames} frames were written",
-            str(path),
-        )
 
 
 def _mark(image: Image, caption: str, warning: str) -> None:
