@@ -7,6 +7,7 @@ from contextlib import contextmanager
 # Waiting threads sleep: spinning ones would occupy the cores that video decoding needs.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
+import cv2
 import numba
 
 # error_model "numpy": no division checks. nogil: kernels may run in parallel with video decoding.
@@ -18,7 +19,9 @@ prange = numba.prange
 
 
 def set_threads(threads: int | None = None) -> int:
-    """Sets how many threads the parallel kernels use.
+    """Sets how many threads the parallel kernels use, and keeps OpenCV to the calling thread.
+
+    Pictures are worked on side by side, so that threads within one would only wait for each other.
 
     Args:
         threads: at least 1; None means all cores that numba detects.
@@ -34,6 +37,7 @@ def set_threads(threads: int | None = None) -> int:
     if threads < 1:
         raise ValueError(f"threads must be at least 1, got {threads}")
     numba.set_num_threads(min(threads, available))
+    cv2.setNumThreads(1)
     return numba.get_num_threads()
 
 

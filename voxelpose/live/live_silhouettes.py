@@ -16,7 +16,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 Mask = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
 
-_SEVERAL_PX = 480
+_FEW, _FEW_PX, _MANY_PX = 5, 480, 384  # up to so many cameras, and more
 _MARGIN = 0.15  # of a silhouette's size, about it, in which the next one is looked for
 _LEAST_MARGIN_PX = 32
 _WHOLE_EVERY = 10  # frames after which a camera's whole picture is looked at again
@@ -29,7 +29,9 @@ def long_side_px(rig: Rig) -> int:
 
     Several cameras make up for each other's pixels: there, smaller pictures cost no accuracy.
     """
-    return LONG_SIDE_PX if len(rig) == 1 else _SEVERAL_PX
+    if len(rig) == 1:
+        return LONG_SIDE_PX
+    return _FEW_PX if len(rig) <= _FEW else _MANY_PX
 
 
 @dataclass(frozen=True)

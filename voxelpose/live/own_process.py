@@ -12,8 +12,6 @@ from contextlib import suppress
 from multiprocessing import get_context, parent_process
 from typing import Any
 
-import cv2
-
 from silhouette_core.jit import set_threads
 
 _here: Any = None  # the object of this process, if it was begun for one
@@ -55,7 +53,6 @@ def begin_process() -> None:
     """Keeps a process to one core, leaves interrupts to the one that began it, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
-    cv2.setNumThreads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
