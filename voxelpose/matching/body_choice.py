@@ -19,6 +19,7 @@ from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
+from voxelpose.matching.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import FrameObservation
@@ -97,7 +98,12 @@ def choose_body(
             f"no stature given: about {stature.metres:.2f} m by the hull (--stature makes every"
             " joint more accurate)"
         )
-    body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
+    chest_m = settings.chest_m
+    if chest_m is None and len(observations.observer.views.rig) >= GIRTH_CAMERAS:
+        volumes = [hull_volume_m3(frame) for frame in frames.values()]
+        usual = BodyModel.from_sizes(BodySizes(stature.metres, None, sex))
+        chest_m = chest_from_hull(usual, float(np.median(volumes)))
+    body = _body(BodySizes(stature.metres, chest_m, sex), voxel_size_m, backend)
     found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
     fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
     reporter.advance(len(frames))
@@ -105,7 +111,7 @@ def choose_body(
     clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
     bodies = [
-        _body(BodySizes(stature.metres, settings.chest_m, name), voxel_size_m, backend)
+        _body(BodySizes(stature.metres, chest_m, name), voxel_size_m, backend)
         for name in templates
     ]
     starts = side_by_side(lambda body: _adapted(body, frames, clear, stature, voxel_size_m), bodies)

@@ -29,6 +29,7 @@ from voxelpose.matching.body_track import (
     observed_near,
     views_of,
 )
+from voxelpose.matching.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
 from voxelpose.matching.matcher import match
 from voxelpose.matching.observe import FrameObservation, HullObserver, body_rule
 from voxelpose.matching.pose_search import BodyGeometry, PoseFit, move_limbs, refine_fit
@@ -43,11 +44,6 @@ SUSPECT = 0.16
 _VOXEL_M = 0.025
 _FIRST_STEP = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
 _GIVEN_SIGMA_M, _HULL_SIGMA = 0.006, 0.05
-# Of people of usual girth the hull of four to eight cameras has this many times the volume; that of
-# fewer cameras varies too much.
-_HULL_OVER_BODY, _GIRTH_CAMERAS, _COUNTED_M = 1.75, 4, 0.02
-_USUAL_CHEST = 0.55  # chest girth over stature
-_STOUT = 0.9, 1.5  # range of girths tried, relative to the usual one
 
 
 @dataclass(frozen=True)
@@ -180,11 +176,8 @@ def _body(settings: FollowSettings, frame: FrameObservation) -> BodyGeometry:
         stature = float(np.clip((np.ptp(rows) + 1) * frame.grid.voxel_size_m, 0.6, 2.4))
     sex = "male" if settings.sex == "unknown" else settings.sex
     model = BodyModel.from_sizes(BodySizes(stature, settings.chest_m, sex))
-    if settings.chest_m is None and len(frame.masks) >= _GIRTH_CAMERAS:
-        hull_m3 = np.count_nonzero(frame.occupancy) * frame.grid.voxel_size_m**3
-        usual_m3 = _HULL_OVER_BODY * model.part_volumes_m3(_COUNTED_M).sum()
-        stout = float(np.clip(np.sqrt(hull_m3 / usual_m3), *_STOUT))
-        chest = stout * _USUAL_CHEST * stature
+    if settings.chest_m is None and len(frame.masks) >= GIRTH_CAMERAS:
+        chest = chest_from_hull(model, hull_volume_m3(frame))
         model = BodyModel.from_sizes(BodySizes(stature, chest, sex))
     return BodyGeometry.from_surface(Surface(model), _VOXEL_M)
 
