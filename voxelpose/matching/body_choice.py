@@ -35,6 +35,7 @@ _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
 _CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
 _HULL_SIGMA = 0.05  # the same of one estimated from the hull, as a fraction of it
+_OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so much smaller
 # Tried on a stature estimated from the hull: arms overhead or a crouch falsify it.
 _SCALES = (0.93, 1.0, 1.07)
 
@@ -98,25 +99,44 @@ def choose_body(
             f"no stature given: about {stature.metres:.2f} m by the hull (--stature makes every"
             " joint more accurate)"
         )
-    chest_m = settings.chest_m
-    if chest_m is None and len(observations.observer.views.rig) >= GIRTH_CAMERAS:
-        volumes = [hull_volume_m3(frame) for frame in frames.values()]
-        usual = BodyModel.from_sizes(BodySizes(stature.metres, None, sex))
-        chest_m = chest_from_hull(usual, float(np.median(volumes)))
-    body = _body(BodySizes(stature.metres, chest_m, sex), voxel_size_m, backend)
-    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
-    fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
-    reporter.advance(len(frames))
-    smallest = min(fit.error for fit in fits.values())
-    clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
+    body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
-    bodies = [
-        _body(BodySizes(stature.metres, chest_m, name), voxel_size_m, backend)
-        for name in templates
-    ]
-    starts = side_by_side(lambda body: _adapted(body, frames, clear, stature, voxel_size_m), bodies)
+
+    def starts(searched: BodyGeometry, chest_m: float | None) -> list[Start]:
+        """With bodies of a girth, from poses that were searched with one body."""
+        found = side_by_side(
+            lambda frame: find_pose(searched, frame, matching)[:1], list(frames.values())
+        )
+        fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
+        smallest = min(fit.error for fit in fits.values())
+        clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
+        return adapted(clear, chest_m)
+
+    def adapted(poses: dict[int, Pose], chest_m: float | None) -> list[Start]:
+        bodies = [
+            _body(BodySizes(stature.metres, chest_m, name), voxel_size_m, backend)
+            for name in templates
+        ]
+        return side_by_side(
+            lambda body: _adapted(body, frames, poses, stature, voxel_size_m), bodies
+        )
+
+    best = min(starts(body, settings.chest_m), key=_mean_error)
+    reporter.advance(len(frames))
+    if settings.chest_m is None and len(observations.observer.views.rig) >= GIRTH_CAMERAS:
+        volumes = [hull_volume_m3(frame) for frame in frames.values()]
+        chest_m = chest_from_hull(body.model, float(np.median(volumes)))
+        stout = min(adapted(best.poses, chest_m), key=_mean_error)
+        if _mean_error(stout) < _OTHER_GIRTH * _mean_error(best):
+            # Poses of a body so different are to be searched with it.
+            body = _body(BodySizes(stature.metres, chest_m, sex), voxel_size_m, backend)
+            best = min([stout, *starts(body, chest_m)], key=_mean_error)
     reporter.advance()
-    return min(starts, key=lambda start: float(np.mean(list(start.errors.values()))))
+    return best
+
+
+def _mean_error(start: Start) -> float:
+    return float(np.mean(list(start.errors.values())))
 
 
 def refit(tracker: PoseTracker, start: Start) -> None:

@@ -1,15 +1,13 @@
-import http.server
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import cv2
 import numpy as np
 import pytest
 
 from calib.errors import InputError
 from tests.sources import ring, write_recording
+from tests.voxelpose.live.network_camera import NetworkCamera
 from voxelpose.live.camera_source import CameraReader, CameraSource
 
 SIZE = (160, 120)
@@ -54,44 +52,6 @@ def wait_until(true, seconds: float = 15.0) -> None:
         time.sleep(0.02)
 
 
-class Stream:
-    """An HTTP server of one endless motion JPEG, as network cameras have."""
-
-    def __init__(self, port: int = 0, grey: int = 90, size: tuple[int, int] = SIZE):
-        picture = np.full((size[1], size[0], 3), grey, np.uint8)
-        jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
-        over = self.over = threading.Event()
-
-        class Handler(http.server.BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                self.send_response(200)
-                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=next")
-                self.end_headers()
-                try:
-                    while not over.wait(0.04):
-                        head = f"--next\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}"
-                        self.wfile.write(head.encode() + b"\r\n\r\n" + jpeg + b"\r\n")
-                except OSError:
-                    pass
-
-            def log_message(self, *_: object) -> None:
-                pass
-
-        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
-        self.server.daemon_threads = True
-        self.port = self.server.server_address[1]
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
-
-    @property
-    def address(self) -> str:
-        return f"http://127.0.0.1:{self.port}/video.mjpg"
-
-    def close(self) -> None:
-        self.over.set()
-        self.server.shutdown()
-        self.server.server_close()
-
-
 @pytest.mark.parametrize(
     ("text", "name", "address", "kind"),
     [
@@ -134,14 +94,14 @@ def test_a_file_begins_again(tmp_path):
 
 
 def test_a_stream_that_goes_is_tried_again_until_it_is_back():
-    stream = Stream()
+    stream = NetworkCamera()
     with reading(stream.address) as (reader, deliveries):
         wait_until(lambda: len(deliveries.times_s) > 5)
         assert reader.state == "ok"
         stream.close()
         wait_until(lambda: "trying again" in reader.state)
         before = len(deliveries.times_s)
-        stream = Stream(stream.port)
+        stream = NetworkCamera(stream.port)
         wait_until(lambda: len(deliveries.times_s) > before + 5)
         assert reader.state == "ok"
     stream.close()
@@ -152,7 +112,7 @@ def test_a_stream_that_goes_is_tried_again_until_it_is_back():
     [({"grey": 0}, "black"), ({"size": (160, 160)}, "calibrated at 160 x 120")],
 )
 def test_useless_pictures_are_said_and_not_delivered(options, said):
-    stream = Stream(**options)
+    stream = NetworkCamera(**options)
     with reading(stream.address) as (reader, deliveries):
         wait_until(lambda: said in reader.state)
         assert not deliveries.times_s
@@ -160,7 +120,7 @@ def test_useless_pictures_are_said_and_not_delivered(options, said):
 
 
 def test_a_larger_picture_of_the_same_shape_is_scaled():
-    stream = Stream(size=(320, 240))
+    stream = NetworkCamera(size=(320, 240))
     with reading(stream.address) as (_, deliveries):
         wait_until(lambda: len(deliveries.times_s) > 2)
     assert deliveries.sizes == {SIZE}

@@ -1,49 +1,18 @@
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from silhouette_core.motion.pose import Pose
-from tests.clips import waving
 from tests.sources import ring, write_staged
-from voxelpose.live.live_estimators import FoundPose, LiveMoment
-from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.session import LiveSession, SessionSettings
+from tests.voxelpose.live.sessions import MOTION, running, wait_until
+from voxelpose.live.session import SessionSettings
 from voxelpose.live.setup import open_input
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.subject import Subject
 
 RIG = ring(2)
-MOTION = waving(40)
-STANDING = Pose(MOTION.root_m[0], np.eye(3), MOTION.angles_rad[0])
-
-
-class Sees:
-    """Estimator that finds a standing body wherever both cameras have a silhouette."""
-
-    def __init__(self) -> None:
-        self.closed = False
-        self.fails_at = -1
-        self.seen = 0
-
-    def prepare(self, moment: LiveMoment) -> int:
-        self.seen += 1
-        if self.seen == self.fails_at:
-            raise RuntimeError("a stage that fails")
-        return min(int(mask.sum()) for mask in moment.silhouettes.masks().values())
-
-    def step(self, prepared: int) -> FoundPose | None:
-        if prepared < 50:
-            return None
-        return FoundPose(MOTION.model, STANDING, 0.9, np.ones(15))
-
-    def close(self) -> None:
-        self.closed = True
 
 
 @pytest.fixture(scope="module")
@@ -54,29 +23,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def settings(folder: Path) -> SessionSettings:
     return open_input(folder, [], None).settings(Subject(1.7))
-
-
-@contextmanager
-def running(settings: SessionSettings) -> Iterator[tuple[LiveSession, Sees, list[LiveFrame]]]:
-    """A session at work; checks that it leaves no thread behind."""
-    before = set(threading.enumerate())
-    estimator, frames = Sees(), []
-    session = LiveSession(settings, estimator)
-    session.receivers.append(frames.append)
-    try:
-        session.start_cameras()
-        yield session, estimator, frames
-    finally:
-        session.close()
-    assert estimator.closed
-    assert not [thread for thread in set(threading.enumerate()) - before if thread.is_alive()]
-
-
-def wait_until(true: Callable[[], bool], seconds: float = 15.0) -> None:
-    end_s = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end_s, "it did not happen in time"
-        time.sleep(0.02)
 
 
 def test_files_are_played_to_their_end(settings):
