@@ -24,8 +24,8 @@ No data and no network are needed. The recording shows a mannequin, whose shape 
 fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
 recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
 run compiles the program and makes a pose library, which takes most of its time.
-With --live the recording is played instead, again and again, as if cameras filmed it: the page in
-the browser shows what `voxelpose live` finds.
+With --live a recording is played instead, again and again, as if cameras filmed it: the page in the
+browser shows what `voxelpose live` finds.
 
   voxelpose demo --out demo
   voxelpose demo --out demo --live
@@ -38,8 +38,7 @@ the browser shows what `voxelpose live` finds.
     track: bool = True
     """Estimate the motion from one camera as well; at the first run, a minute or two longer."""
     live: bool = False
-    """Show live estimation, with the recording as cameras; that of an earlier demo in OUT is used
-    again."""
+    """Show live estimation, with a recording of six seconds, made once in OUT/live, as cameras."""
     browser: bool = True
     """Open the page of --live; --no-browser only prints its address."""
     overwrite: bool = False
@@ -105,13 +104,13 @@ the browser shows what `voxelpose live` finds.
         from voxelpose.results import ResultWriter, as_json, is_result
         from voxelpose.version import __version__
 
-        recording = self.out / "recording"
-        if self.overwrite or not (is_result(self.out) and recording.is_dir()):
-            with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
+        out = self.out / "live"
+        if self.overwrite or not is_result(out):
+            with ResultWriter(out, self.overwrite) as folder, Progress() as progress:
                 progress.stage("making a recording")
                 from voxelpose.demo.filming import make_recording
 
-                make_recording(folder / "recording", self.frames)
+                make_recording(folder / "recording", performance="there_and_back")
                 summary = {"voxelpose": __version__, "demo": True}
                 (folder / "summary.json").write_text(as_json(summary), encoding="utf-8")
-        return Live(folder=recording, loop=True, browser=self.browser).run()
+        return Live(folder=out / "recording", loop=True, browser=self.browser).run()

@@ -48,6 +48,21 @@ _THREE_SECONDS = np.array(
         (3.00, 0.00, -0.14, -5, 18, 0, 0, 45, 52, 45, 52, 10, 55, 12, 12, 55, 12, 12, 0),
     ]
 )
+# Goes on to where the three seconds began, so that they can be repeated without a jump.
+_AND_BACK = np.array(
+    [
+        (3.40, 0.00, -0.15, 10, 4, 6, 5, 8, 12, 6, 10, 6, 12, 12, 20, 10, 12, 20, 0),
+        (3.65, 0.00, -0.13, 50, 3, 8, 10, 24, 40, -4, 8, 5, -6, 10, 18, 8, 10, 18, 0),
+        (3.95, 0.03, -0.08, 105, 3, 6, 5, 10, 8, 12, 30, 4, 4, 9, 18, -4, 9, 18, 0),
+        (4.20, 0.09, 0.02, 140, 4, -4, 0, -14, 10, 28, 12, 3, 24, 8, 20, -20, 8, 18, 0),
+        (4.45, 0.15, 0.13, 155, 4, 0, 0, 28, 56, 4, 6, 3, 2, 8, 16, 0, 8, 16, 0),
+        (4.70, 0.21, 0.23, 165, 4, 5, 0, 24, 10, -14, 10, 3, -18, 8, 16, 20, 8, 20, 0),
+        (4.95, 0.25, 0.29, 190, 3, 4, 5, 4, 6, 20, 44, 4, 0, 9, 15, 2, 9, 15, 0),
+        (5.30, 0.27, 0.33, 245, 3, 8, 10, 14, 30, 2, 6, 5, 2, 10, 18, 6, 10, 18, 0),
+        (5.65, 0.27, 0.33, 300, 3, 6, 5, 6, 8, 16, 36, 4, 6, 9, 18, 2, 9, 18, 0),
+        (6.00, 0.25, 0.30, 330, 4, 6, 0, 28, 10, -18, 12, 2, -24, 8, 18, 26, 8, 22, 0),
+    ]
+)
 # In profile to cam_3, the right side toward it; the arm swings back and forth at constant speed.
 _ARM_SWING = np.array(
     [
@@ -160,13 +175,14 @@ class Performance:
         return np.array([values.get("x", 0.0), values.get("y", 0.0)]), _rotations(values)
 
 
+_WHOLE_BODY = (
+    "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out"
+    " r_elbow r_turn"
+)
 _linear = partial(make_interp_spline, k=1)
 PERFORMANCES = {
-    "three_seconds": Performance(
-        "x y yaw lean twist look l_hip l_knee r_hip r_knee straddle l_arm l_out l_elbow r_arm r_out"
-        " r_elbow r_turn",
-        _THREE_SECONDS,
-    ),
+    "three_seconds": Performance(_WHOLE_BODY, _THREE_SECONDS),
+    "there_and_back": Performance(_WHOLE_BODY, np.vstack([_THREE_SECONDS, _AND_BACK])),
     "arm_swing": Performance("yaw r_arm", _ARM_SWING, 15, 24, ("cam_3",), _linear),
     "golf": Performance(
         "yaw tip lean twist look l_hip l_knee r_hip r_knee straddle "
@@ -189,8 +205,8 @@ PERFORMANCES = {
     ),
 }
 """By name: "three_seconds" is two steps while turning, a wave with the right hand and a squat;
-"walk" goes round a circle; the others are those of the experiments of paper A, the arm swing also
-with the left side toward the camera."""
+"there_and_back" returns from there to its beginning; "walk" goes round a circle; the others are
+those of the experiments of paper A, the arm swing also with the left side toward the camera."""
 
 
 def _rotations(values: dict[str, float]) -> dict[str, Rotation]:

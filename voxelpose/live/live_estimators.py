@@ -41,7 +41,7 @@ from voxelpose.matching.track_jobs import FollowSettings, adapt_body, search, se
 Masks = Mapping[str, NDArray[np.bool_]]
 Pictures = Mapping[str, NDArray[np.uint8]]
 
-_HULL_EVERY = 5  # frames between two hulls, which are only shown
+_HULL_EVERY_S = 0.15  # between two hulls, which are only shown
 _HULL_VOXEL_M, _HULL_REACH_M = 0.05, 1.2
 _HYPOTHESES = 5
 _USUAL_STATURE_M = 1.70  # of the body with which kernels are loaded
@@ -148,7 +148,7 @@ class FollowedBody:
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
         self._executor = executor or ProcessPoolExecutor(1, get_context("spawn"), begin_process)
         self._follower = PoseFollower(self._pinholes, settings, self._executor)
-        self._frame = 0
+        self._hull_s = -np.inf
         self._hull: NDArray[np.float32] | None = None
         self._warm_up(settings)
 
@@ -159,9 +159,8 @@ class FollowedBody:
         if fit is None or body is None:
             self._hull = None
             return None
-        if self._frame % _HULL_EVERY == 0:
-            self._hull = self._carved(masks, fit.pose)
-        self._frame += 1
+        if self._hull is None or moment.time_s - self._hull_s > _HULL_EVERY_S:
+            self._hull_s, self._hull = moment.time_s, self._carved(masks, fit.pose)
         confidence = float(np.clip(1 - fit.error, 0, 1))
         return FoundPose(body.model, fit.pose, confidence, np.ones(15), hull_m=self._hull)
 

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from voxelpose.live.live_silhouettes import EmptyView, long_side_px
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
 from voxelpose.live.silhouette_process import SilhouetteProcess
 from voxelpose.live.stage_times import StageTimes
+from voxelpose.matching.body_track import Moment
 from voxelpose.recording.subject import Subject
 
 Picture = NDArray[np.uint8]
@@ -74,13 +75,13 @@ class SessionSettings:
 
 @dataclass(frozen=True, eq=False)
 class _Observed:
-    """A moment between silhouettes and estimation."""
+    """A moment on its way from the silhouettes to the estimation."""
 
     shot: Shot
-    masks: Mapping[str, NDArray[np.bool_]]
-    prepared: object
+    silhouettes: Moment
     stage_s: Mapping[str, float]
     note: str
+    prepared: object = None
 
 
 class LiveSession:
@@ -104,6 +105,7 @@ class LiveSession:
         names = settings.rig.names
         self._matcher = ShotMatcher(names, self._now, min(2, len(names)), self._keep)
         self._observed: Newest[_Observed] = Newest()
+        self._prepared: Newest[_Observed] = Newest()
         self._readers = [
             CameraReader(
                 settings.sources[camera.name],
@@ -117,7 +119,11 @@ class LiveSession:
         ]
         self._threads = [
             threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
-            for name, work in (("silhouettes", self._observe), ("estimation", self._estimate))
+            for name, work in (
+                ("silhouettes", self._observe),
+                ("preparation", self._prepare_moments),
+                ("estimation", self._estimate),
+            )
         ]
         self._failure: BaseException | None = None
         self._over = threading.Event()
@@ -167,6 +173,7 @@ class LiveSession:
             reader.stop()
         self._matcher.shots.close()
         self._observed.close()
+        self._prepared.close()
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
@@ -197,12 +204,17 @@ class LiveSession:
             f"{message}. {notice}" if notice else message,
             recorder is not None and not recorder.failure,
             self.times.frames,
-            self._matcher.shots.dropped + self._observed.dropped,
+            self._dropped,
             self.times.fps,
             self.times.recent("total"),
             self.times.medians(),
             cameras,
         )
+
+    @property
+    def _dropped(self) -> int:
+        places = self._matcher.shots, self._observed, self._prepared
+        return sum(place.dropped for place in places)
 
     def learn_background(self) -> None:
         """See `Controls.learn_background`."""
@@ -279,17 +291,24 @@ class LiveSession:
             if phase not in ("searching", "following"):
                 self._show(self._frame(shot, {}, None, {}, ""))
                 continue
-            packed, others = self._silhouettes.of(shot.time_s, shot.pictures)
-            masks = packed.masks()
+            silhouettes, others = self._silhouettes.of(shot.time_s, shot.pictures)
+            done_s = self._now()
+            self._keep_silhouettes(shot, silhouettes)
+            several = len(others) >= min(2, len(shot.pictures))
+            note = "somebody else is in the picture" if several else ""
+            stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
+            self._observed.put(_Observed(shot, silhouettes, stage_s, note))
+
+    def _prepare_moments(self) -> None:
+        """First stage of the estimator."""
+        while (observed := self._observed.take()) is not None:
+            begun_s, shot = self._now(), observed.shot
             pictures = shot.pictures if len(self.settings.rig) == 1 else {}
             prepared = self._estimator.prepare(
-                LiveMoment(shot.number, shot.time_s, packed, pictures)
+                LiveMoment(shot.number, shot.time_s, observed.silhouettes, pictures)
             )
-            done_s = self._now()
-            self._keep_silhouettes(shot, masks)
-            note = "somebody else is in the picture" if len(others) >= min(2, len(masks)) else ""
-            stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
-            self._observed.put(_Observed(shot, masks, prepared, stage_s, note))
+            stage_s = {**observed.stage_s, "preparation": self._now() - begun_s}
+            self._prepared.put(replace(observed, prepared=prepared, stage_s=stage_s))
 
     def _prepare(self, shot: Shot) -> Phase:
         """Phase for a moment; learns the background in between."""
@@ -324,7 +343,7 @@ class LiveSession:
 
     def _estimate(self) -> None:
         """Stage of the estimation, and of what is done with its result."""
-        while (observed := self._observed.take()) is not None:
+        while (observed := self._prepared.take()) is not None:
             begun_s = self._now()
             shot = observed.shot
             found = self._estimator.step(observed.prepared)
@@ -338,7 +357,7 @@ class LiveSession:
                 "waiting": begun_s - shot.time_s - sum(observed.stage_s.values()),
                 "estimation": done_s - begun_s,
             }
-            frame = self._frame(shot, observed.masks, body, stage_s, observed.note)
+            frame = self._frame(shot, observed.silhouettes.masks(), body, stage_s, observed.note)
             self._show(frame)
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
@@ -364,7 +383,7 @@ class LiveSession:
         if recorder is not None and not recorder.private:
             recorder.put(shot)
 
-    def _keep_silhouettes(self, shot: Shot, masks: Mapping[str, NDArray[np.bool_]]) -> None:
+    def _keep_silhouettes(self, shot: Shot, silhouettes: Moment) -> None:
         recorder = self._recorder
         if recorder is not None and recorder.private:
-            recorder.put(shot, masks)
+            recorder.put(shot, silhouettes.masks())

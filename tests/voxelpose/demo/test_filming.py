@@ -139,3 +139,15 @@ def test_golf_and_pointing_face_their_camera():
         ).max()
         < 25
     )
+
+
+def test_there_and_back_ends_where_it_began():
+    played = PERFORMANCES["there_and_back"]
+    end_s = played.keys[-1, 0]
+    (first, first_bones), (last, last_bones) = played.pose_at(0.0), played.pose_at(end_s - 1e-9)
+    np.testing.assert_allclose(last, first, atol=1e-6)
+    assert first_bones.keys() == last_bones.keys()
+    for name, rotation in first_bones.items():
+        assert (rotation.inv() * last_bones[name]).magnitude() < 1e-5
+    moved = [played.pose_at(t)[0] for t in np.arange(0, end_s, 0.05)]
+    assert np.linalg.norm(np.diff(moved, axis=0), axis=1).max() < 0.05  # 1 m/s
