@@ -33,7 +33,7 @@ from voxelpose.live.session import LiveSession
 from voxelpose.live.setup import LiveInput, make_estimator, open_input
 
 _QUALITY = 95
-_STAGES = ("capture", "silhouettes", "preparation", "waiting", "estimation", "send", "total")
+_STAGES = ("capture", "silhouettes", "waiting", "estimation", "send", "total")
 
 
 class Receiver:
@@ -133,8 +133,6 @@ def measure(live: LiveInput, settings: Settings, shown: int, seconds: float) -> 
     )
     for stage in _STAGES:
         one = spent[stage]
-        if stage == "preparation" and cameras > 1:
-            continue  # nothing to be done
         values = one.least, one.most, one.mean, one.median, one.p95, one.p99
         print(f"| {stage} | " + " | ".join(f"{1000 * value:.1f}" for value in values) + " |")
     late = 1000 * np.array([t - message["captured_unix_s"] for t, message in received])

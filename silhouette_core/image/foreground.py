@@ -209,7 +209,9 @@ def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np
         before, after = empty[:, channel], observed[:, channel]
         valid = (before > 16) & (before < 235) & (after < 250)
         if valid.sum() >= 16:
-            gain[channel] = np.median(after[valid] / before[valid])
+            # The median; NumPy's own takes four times as long for so few.
+            ratios = np.sort(after[valid] / before[valid])
+            gain[channel] = (ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
     return np.clip(gain, 0.5, 2.0)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from voxelpose.live.own_process import OwnProcess
+from voxelpose.live.remote_object import RemoteObject
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
@@ -38,7 +38,7 @@ class EstimatorProcess:
 
     def __init__(self, make: Callable[..., PoseFinder], *arguments: object):
         """Begins the process, and waits until it is ready."""
-        self._process = OwnProcess(_Sparing, make, arguments)
+        self._process = RemoteObject(_Sparing, make, arguments)
         self._model: BodyModel | None = None
         self._process.wait()
 

@@ -32,7 +32,7 @@ from voxelpose.carving.grid import VoxelGrid
 from voxelpose.live.estimator_process import EstimatorProcess
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
-from voxelpose.live.own_process import begin_process
+from voxelpose.live.remote_object import begin_process
 from voxelpose.matching.body_track import Moment
 from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.observe import body_rule

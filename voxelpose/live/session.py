@@ -6,7 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,7 @@ from voxelpose.recording.subject import Subject
 Picture = NDArray[np.uint8]
 
 _LEARNED_FRAMES = 45  # of the empty view
+_SEARCHING_S = 0.09  # between frames while a person is searched: the search needs the processor
 _MESSAGES: dict[Phase, str] = {
     "no background": "the empty view is not known: press Background and step out of the picture",
     "countdown": "step out of the picture",
@@ -79,9 +80,9 @@ class _Observed:
 
     shot: Shot
     silhouettes: Moment
+    prepared: object
     stage_s: Mapping[str, float]
     note: str
-    prepared: object = None
 
 
 class LiveSession:
@@ -105,7 +106,6 @@ class LiveSession:
         names = settings.rig.names
         self._matcher = ShotMatcher(names, self._now, min(2, len(names)), self._keep)
         self._observed: Newest[_Observed] = Newest()
-        self._prepared: Newest[_Observed] = Newest()
         self._readers = [
             CameraReader(
                 settings.sources[camera.name],
@@ -121,7 +121,6 @@ class LiveSession:
             threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
             for name, work in (
                 ("silhouettes", self._observe),
-                ("preparation", self._prepare_moments),
                 ("estimation", self._estimate),
             )
         ]
@@ -173,7 +172,6 @@ class LiveSession:
             reader.stop()
         self._matcher.shots.close()
         self._observed.close()
-        self._prepared.close()
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
@@ -204,17 +202,12 @@ class LiveSession:
             f"{message}. {notice}" if notice else message,
             recorder is not None and not recorder.failure,
             self.times.frames,
-            self._dropped,
+            self._matcher.shots.dropped + self._observed.dropped,
             self.times.fps,
             self.times.recent("total"),
             self.times.medians(),
             cameras,
         )
-
-    @property
-    def _dropped(self) -> int:
-        places = self._matcher.shots, self._observed, self._prepared
-        return sum(place.dropped for place in places)
 
     def learn_background(self) -> None:
         """See `Controls.learn_background`."""
@@ -285,30 +278,27 @@ class LiveSession:
 
     def _observe(self) -> None:
         """Stage of the silhouettes."""
+        looked_s = -np.inf
         while (shot := self._matcher.shots.take()) is not None:
             begun_s = self._now()
             phase = self._prepare(shot)
+            if phase == "searching" and shot.time_s - looked_s < _SEARCHING_S:
+                continue
             if phase not in ("searching", "following"):
                 self._show(self._frame(shot, {}, None, {}, ""))
                 continue
+            looked_s = shot.time_s
             silhouettes, others = self._silhouettes.of(shot.time_s, shot.pictures)
+            pictures = shot.pictures if len(self.settings.rig) == 1 else {}
+            prepared = self._estimator.prepare(
+                LiveMoment(shot.number, shot.time_s, silhouettes, pictures)
+            )
             done_s = self._now()
             self._keep_silhouettes(shot, silhouettes)
             several = len(others) >= min(2, len(shot.pictures))
             note = "somebody else is in the picture" if several else ""
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
-            self._observed.put(_Observed(shot, silhouettes, stage_s, note))
-
-    def _prepare_moments(self) -> None:
-        """First stage of the estimator."""
-        while (observed := self._observed.take()) is not None:
-            begun_s, shot = self._now(), observed.shot
-            pictures = shot.pictures if len(self.settings.rig) == 1 else {}
-            prepared = self._estimator.prepare(
-                LiveMoment(shot.number, shot.time_s, observed.silhouettes, pictures)
-            )
-            stage_s = {**observed.stage_s, "preparation": self._now() - begun_s}
-            self._prepared.put(replace(observed, prepared=prepared, stage_s=stage_s))
+            self._observed.put(_Observed(shot, silhouettes, prepared, stage_s, note))
 
     def _prepare(self, shot: Shot) -> Phase:
         """Phase for a moment; learns the background in between."""
@@ -343,7 +333,7 @@ class LiveSession:
 
     def _estimate(self) -> None:
         """Stage of the estimation, and of what is done with its result."""
-        while (observed := self._prepared.take()) is not None:
+        while (observed := self._observed.take()) is not None:
             begun_s = self._now()
             shot = observed.shot
             found = self._estimator.step(observed.prepared)

@@ -14,7 +14,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.live.live_silhouettes import LiveSilhouettes
-from voxelpose.live.own_process import OwnProcess
+from voxelpose.live.remote_object import RemoteObject
 from voxelpose.matching.body_track import Moment
 
 Picture = NDArray[np.uint8]
@@ -42,7 +42,7 @@ class SilhouetteProcess:
             self._release()
             raise
         self._pictures = _arrays(self._memory, shapes)
-        self._process = OwnProcess(_SilhouetteFinder, self._memory.name, shapes)
+        self._process = RemoteObject(_SilhouetteFinder, self._memory.name, shapes)
 
     def learn(self, silhouettes: Silhouettes) -> None:
         """Takes other backgrounds."""

@@ -42,6 +42,8 @@ BETTER = 0.97
 SUSPECT = 0.16
 """Error above which a pose may be a wrong one, or the body another."""
 _VOXEL_M = 0.025
+_LONGEST_STEP_S = 0.14  # to which frames are passed over
+_SUDDEN, _SUDDEN_BY, _MOST_SEARCHES, _MOST_WRONG = 1.5, 0.03, 1, 3
 _FIRST_STEP = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
 _GIVEN_SIGMA_M, _HULL_SIGMA = 0.006, 0.05
 
@@ -135,19 +137,27 @@ def adapt_body(
 def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack | None:
     """Track in the last of some moments that followed on its latest frame; None where it is lost.
 
+    Where it suddenly fits worse, arms and legs are searched: they move farthest between frames, and
+    what begins wrong here is followed wrong.
+
     Args:
         rig: pinhole cameras.
         track: the track.
-        moments: in order; every second is passed over while there are many.
+        moments: in order; some are passed over, as long as no step becomes long.
     """
     settings = _FIRST_STEP if track.before is None else STEP
-    waiting = list(moments)
+    usual, waiting, searches, wrong = track.usual, list(moments), 0, 0
     while waiting:
-        moment = waiting.pop(1 if len(waiting) > 2 else 0)
+        near = [one for one in waiting[:2] if one.time_s - track.time_s < _LONGEST_STEP_S]
+        moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
         track = track.step(rig, moment.time_s, moment.masks(), settings)
         settings = STEP
-        if track.fit.error > LOST:
+        if track.fit.error > _SUDDEN * usual + _SUDDEN_BY and searches < _MOST_SEARCHES:
+            searches += 1
+            track = search_limbs(rig, track, moment) or track
+        wrong = wrong + 1 if track.fit.error > max(SUSPECT, _SUDDEN * usual) else 0
+        if track.fit.error > LOST or wrong == _MOST_WRONG:
             return None
     return track
 

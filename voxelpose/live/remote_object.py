@@ -1,0 +1,135 @@
+"""An object in a process of its own, whose interpreter it shares with nobody."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import Connection
+from multiprocessing.util import Finalize
+from typing import Any
+
+from silhouette_core.jit import set_threads
+
+_CLOSE_S = 10.0  # after which a process that does not end is killed
+
+
+class RemoteObject:
+    """An object in another process: threads of one would wait for each other's Python.
+
+    A pipe rather than an executor: that one has threads of its own on the way, which take turns
+    with the session's.
+
+    Args:
+        make: makes the object there; a function or class of a module.
+        arguments: of `make`.
+    """
+
+    def __init__(self, make: Callable[..., Any], *arguments: object):
+        """Begins the process, and returns at once."""
+        context = get_context("spawn")
+        self._pipe, there = context.Pipe()
+        self._process = context.Process(target=_serve, args=(there, make, arguments))
+        self._process.start()
+        there.close()
+        # At the program's end, before it waits for its processes.
+        Finalize(self, self._pipe.close, exitpriority=0)
+        self._made = False
+
+    def wait(self) -> None:
+        """Waits until the object is made; what that raises is raised here, and the process ends."""
+        if self._made:
+            return
+        try:
+            self._receive()
+        except BaseException:
+            self._end()
+            raise
+        self._made = True
+
+    def call(self, method: str, *arguments: object) -> Any:
+        """Result of one of the object's methods; one thread calls at a time.
+
+        Raises:
+            RuntimeError: the process has ended.
+            BaseException: what the method raised there.
+        """
+        self.wait()
+        try:
+            self._pipe.send((method, arguments))
+        except OSError as error:
+            raise _ended() from error
+        return self._receive()
+
+    def close(self) -> None:
+        """Calls the object's `close`, and ends the process."""
+        try:
+            self.call("close")
+        except RuntimeError:  # it has ended already
+            pass
+        finally:
+            self._end()
+
+    def _receive(self) -> Any:
+        try:
+            result, error, trace = self._pipe.recv()
+        except (EOFError, OSError) as lost:
+            raise _ended() from lost
+        if error is not None:
+            error.add_note(trace)
+            raise error
+        return result
+
+    def _end(self) -> None:
+        self._pipe.close()  # which ends what serves it
+        self._process.join(_CLOSE_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def begin_process() -> None:
+    """Keeps a process to one core, leaves interrupts to the one that began it, and ends with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_threads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _ended() -> RuntimeError:
+    return RuntimeError("a process of the live session has ended")
+
+
+def _end_with_parent() -> None:
+    """Ends this process once the one that began it is gone, even if that was killed."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _serve(pipe: Connection, make: Callable[..., Any], arguments: tuple[object, ...]) -> None:
+    """Makes the object, and calls its methods until the other end is closed."""
+    begin_process()
+    made = _answer(pipe, make, arguments, keep=True)
+    while made is not None:
+        try:
+            method, given = pipe.recv()
+        except (EOFError, OSError):
+            return
+        _answer(pipe, getattr(made, method), given)
+
+
+def _answer(
+    pipe: Connection, work: Callable[..., Any], given: tuple[object, ...], keep: bool = False
+) -> Any:
+    """Sends what a call returns or raises; returns it, too, and does not send it, if it is kept."""
+    result, error, trace = None, None, ""
+    try:
+        result = work(*given)
+    except BaseException as raised:
+        error, trace = raised, traceback.format_exc()
+    pipe.send((None if keep else result, error, trace))
+    return result
