@@ -43,7 +43,7 @@ SUSPECT = 0.16
 """Error above which a pose may be a wrong one, or the body another."""
 _VOXEL_M = 0.025
 _LONGEST_STEP_S = 0.14  # to which frames are passed over
-_SUDDEN, _SUDDEN_BY, _MOST_SEARCHES, _MOST_WRONG = 1.5, 0.03, 1, 3
+_SUDDEN, _SUDDEN_BY, _MOST_SEARCHES, _MOST_WRONG = 1.5, 0.03, 1, 5
 _FIRST_STEP = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
 _GIVEN_SIGMA_M, _HULL_SIGMA = 0.006, 0.05
 
