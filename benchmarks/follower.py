@@ -1,8 +1,10 @@
 """The live follower's accuracy without a clock: `python -m benchmarks.follower RECORDING ...
-[--side 480] [--starts 0 4 8 12] [--every 1]`.
+[--side 480] [--starts 0 4 8 12] [--every 1] [--late FACTOR]`.
 
 Every frame is followed, or every so many-th, and searches end before the next one, as on a machine
-fast enough. Printed
+fast enough. With --late the recording is played forth and back for 18 s, and what a search finds is
+handed over as late as the search takes here, times the factor: as on a slow one. Then the mean of
+the last 5 s is printed. Printed
 is the mean error of the joints relative to the pelvis, mm, begun at several frames.
 """
 
@@ -10,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
@@ -25,6 +28,8 @@ from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.track_jobs import FollowSettings
 from voxelpose.recording.folder import Recording
 
+_PLAYED_S, _COUNTED_S = 18.0, 5.0
+
 
 class AtOnce(Executor):
     """Does what is submitted before it returns."""
@@ -33,6 +38,34 @@ class AtOnce(Executor):
         future: Future = Future()
         future.set_result(fn(*args, **kwargs))
         return future
+
+
+class Late(Executor):
+    """Does what is submitted at once, and hands it over as late as it took, times a factor.
+
+    Attributes:
+        now_s: the present, to be set.
+    """
+
+    def __init__(self, factor: float):
+        self.now_s = 0.0
+        self._factor = factor
+        self._waiting: list[tuple[float, Future, object]] = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        begun_s, future = time.perf_counter(), Future()
+        result = fn(*args, **kwargs)
+        took_s = self._factor * (time.perf_counter() - begun_s)
+        self._waiting.append((self.now_s + took_s, future, result))
+        return future
+
+    def hand_over(self, now_s: float) -> None:
+        """Sets the present, and completes what is due."""
+        self.now_s = now_s
+        for due_s, future, result in self._waiting:
+            if due_s <= now_s:
+                future.set_result(result)
+        self._waiting = [one for one in self._waiting if one[0] > now_s]
 
 
 def silhouettes(recording: Recording, side_px: int) -> tuple[Rig, list[dict[str, NDArray]]]:
@@ -54,24 +87,37 @@ def main() -> None:
     words.add_argument("--side", type=int, default=480)
     words.add_argument("--starts", type=int, nargs="+", default=[0, 4, 8, 12])
     words.add_argument("--every", type=int, default=1)
+    words.add_argument("--late", type=float)
     given = words.parse_args()
     for folder in given.recordings:
         recording = Recording.open(folder)
         truth = json.loads((folder / "truth.json").read_text())
         joints = np.stack([np.array(truth["joints"][name]) for name in LANDMARK_NAMES], axis=1)
         rig, masks = silhouettes(recording, given.side)
+        rows = list(range(len(masks)))
+        counted = len(rows)
+        if given.late is not None:
+            counted = round(_COUNTED_S * recording.fps)
+            there_and_back = rows + rows[-2:0:-1]
+            rows = [
+                there_and_back[k % len(there_and_back)]
+                for k in range(round(_PLAYED_S * recording.fps))
+            ]
         means = []
         for start in given.starts:
-            follower, errors = PoseFollower(rig, FollowSettings(truth["stature"]), AtOnce()), []
-            for row in range(start, len(masks), given.every):
-                fit, body = follower.step(row / recording.fps, masks[row]), follower.body
-                if fit is None or body is None:
+            executor = AtOnce() if given.late is None else Late(given.late)
+            follower, errors = PoseFollower(rig, FollowSettings(truth["stature"]), executor), []
+            for k in range(start, len(rows), given.every):
+                if isinstance(executor, Late):
+                    executor.hand_over(k / recording.fps)
+                fit, body = follower.step(k / recording.fps, masks[rows[k]]), follower.body
+                if fit is None or body is None or k < len(rows) - counted:
                     continue
                 placed = place(body.model, *PoseArrays.from_poses([fit.pose]).arrays)
                 found = landmarks(body.model, *placed)[0]
-                off = (found - found[0]) - (joints[row] - joints[row][0])
+                off = (found - found[0]) - (joints[rows[k]] - joints[rows[k]][0])
                 errors.append(1000 * np.linalg.norm(off, axis=1).mean())
-            means.append(np.mean(errors))
+            means.append(np.mean(errors) if errors else np.nan)
         print(folder.name, " ".join(f"{mean:.1f}" for mean in means), flush=True)
 
 
