@@ -12,6 +12,7 @@ from tests.voxelpose.matching.matching_scenes import (
     stance,
     views,
 )
+from voxelpose.matching import track_jobs
 from voxelpose.matching.body_track import BodyTrack, Moment, observed_near, views_of
 from voxelpose.matching.follower import PoseFollower
 from voxelpose.matching.track_jobs import FollowSettings, catch_up, search
@@ -169,3 +170,43 @@ def test_time_stretches_the_prediction():
     one, two = (track.predicted(t).root_m[0] - second.root_m[0] for t in (0.2, 0.3))
     assert two == pytest.approx(2 * one)
     assert 0.05 < one < 0.1
+
+
+def striding(frame: int) -> Pose:
+    """From one frame to the next the legs change places, as in a run seen too seldom."""
+    ahead, behind = {"thigh": 22, "shin": 8}, {"thigh": -10, "shin": 14}
+    left, right = (behind, ahead) if frame else (ahead, behind)
+    turns = {f"left_{part}.flexion": angle for part, angle in left.items()}
+    turns |= {f"right_{part}.flexion": angle for part, angle in right.items()}
+    return stance(PERSON, turns, (0.0, 0.0))
+
+
+@pytest.mark.slow
+def test_limbs_that_jump_while_catching_up_are_searched(monkeypatch):
+    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(striding(0))), 4)
+    assert found is not None
+    later = [Moment.of(0.1 * k, masks_of(striding(k))) for k in range(1, 4)]
+    errors = []
+    for most in (1, 0):  # the second without the search
+        monkeypatch.setattr(track_jobs, "_MOST_SEARCHES", most)
+        track = catch_up(SEEN_BY.rig, found, later)
+        assert track is not None
+        wrong = joint_errors_m(track.body.model, track.fit.pose, PERSON, striding(3))
+        errors.append(1000 * float(wrong.mean()))
+    assert errors[0] < 50
+    assert errors[1] > 1.5 * errors[0]
+
+
+@pytest.mark.slow
+def test_what_stays_wrong_is_given_up():
+    """Somebody else stands where the body was found, lying on the floor from then on."""
+    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(striding(0))), 4)
+    assert found is not None
+    crouching = stance(
+        PERSON,
+        dict.fromkeys(("left_thigh.flexion", "right_thigh.flexion"), 110)
+        | dict.fromkeys(("left_shin.flexion", "right_shin.flexion"), 130),
+        (0.5, 0.4),
+    )
+    later = [Moment.of(0.1 * k, masks_of(crouching)) for k in range(1, 12)]
+    assert catch_up(SEEN_BY.rig, found, later) is None
