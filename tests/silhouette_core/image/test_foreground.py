@@ -160,6 +160,33 @@ def test_a_view_into_a_larger_picture_works(room, model, person):
     np.testing.assert_array_equal(model.silhouette(wide[:, 5:-5]), model.silhouette(frame))
 
 
+def test_a_window_around_the_person_gives_the_same_silhouette(room, model, person):
+    """With the exposure of the whole frame; what lies outside of the window is not found."""
+    picture, _ = composed(room, person, CLOTHES["blue"])
+    frame = noisy(picture * np.array((0.9, 0.95, 1.0)), np.random.default_rng(11))
+    whole = model.silhouette(frame)
+    rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
+    margin = 20
+    window = (
+        slice(max(rows[0] - margin, 0), rows[-1] + margin),
+        slice(max(columns[0] - margin, 0), columns[-1] + margin),
+    )
+    near = model.silhouette_near(frame[window], window, model.exposure(frame))
+    assert overlap(near, whole) > 0.995
+    upper = slice(window[0].start, int(rows.mean())), window[1]
+    half = model.silhouette_near(frame[upper], upper, model.exposure(frame))
+    assert half.any()
+    assert not half[upper[0].stop :].any()
+    with pytest.raises(ValueError, match="part"):
+        model.silhouette_near(frame, window, model.exposure(frame))
+
+
+def test_the_gain_is_found_on_pictures_that_are_not_reduced(room, model):
+    frame = noisy(room * np.array((0.8, 1.0, 1.1)), np.random.default_rng(13))
+    larger = cv2.resize(frame, None, fx=1.5, fy=1.5, interpolation=cv2.INTER_CUBIC)
+    np.testing.assert_allclose(model.gain(larger), (0.8, 1.0, 1.1), atol=0.02)
+
+
 def test_fractions_of_colours_sum_to_one():
     rng = np.random.default_rng(12)
     counts, fractions = (

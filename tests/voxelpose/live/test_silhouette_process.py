@@ -1,0 +1,50 @@
+import errno
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.image.silhouettes import Silhouettes
+from tests.sources import ring, write_staged
+from tests.voxelpose.live.sessions import MOTION
+from voxelpose.live import silhouette_process
+from voxelpose.live.silhouette_process import SilhouetteProcess
+from voxelpose.recording.folder import Recording
+
+
+def test_silhouettes_near_the_last_ones_are_those_of_the_whole_pictures(tmp_path):
+    """Reduced by a factor that is no whole number."""
+    recording = Recording.open(write_staged(tmp_path / "staged", MOTION, ring(2)))
+    side = round(0.75 * max(recording.rig.cameras[0].size))
+    process = SilhouetteProcess(recording.rig)
+    whole = Silhouettes(recording, "refined", side)
+    try:
+        process.learn(Silhouettes(recording, "refined", side))
+        for number, time_s, pictures in recording:
+            moment, others = process.of(time_s, pictures)
+            assert moment.time_s == time_s
+            assert not others
+            expected = whole.of(pictures)
+            for name, mask in moment.masks().items():
+                assert mask.shape == expected[name].shape
+                different = np.count_nonzero(mask != expected[name])
+                assert different < 0.01 * expected[name].sum()
+            if number > 12:
+                break
+    finally:
+        process.close()
+
+
+def test_too_little_shared_memory_is_said(monkeypatch):
+    if not Path("/dev/shm").is_dir():
+        pytest.skip("shared memory is no file on this machine")
+
+    def full(*_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    before = set(Path("/dev/shm").iterdir())
+    monkeypatch.setattr(silhouette_process.os, "posix_fallocate", full)
+    with pytest.raises(InputError, match="shared memory"):
+        SilhouetteProcess(ring(2))
+    assert not [path for path in set(Path("/dev/shm").iterdir()) - before if "psm_" in path.name]
