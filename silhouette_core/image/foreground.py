@@ -154,18 +154,18 @@ def refined_mask(
         background: of the whole frame's size.
         settings: thresholds.
         region: (H, W) bool, where the person may be; None: everywhere.
-        exposure: of the whole frame, by `measure_exposure`; None: measured here.
+        exposure: of the whole frame, by `measure_exposure`; None: measured here, on a whole frame.
         window: rows and columns outside of which nothing is looked for; None: the whole frame.
     """
-    silhouette = np.zeros(background.mean.shape[:2], np.bool_)
-    exposure = exposure or measure_exposure(frame, background, settings)
-    scale, everywhere = exposure.noise, silhouette
+    everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
     radius = _radius(background)
+    gain = measure_gain(frame, background) if exposure is None else exposure.gain
     if window is not None:
         background = background.part(window)
         region = None if region is None else region[window]
         silhouette = silhouette[window]
-    view = _View(frame, _planes(frame), background, exposure.gain, radius, settings)
+    view = _View(frame, _planes(frame), background, gain, radius, settings)
+    scale = _noise_scale(view) if exposure is None else exposure.noise
     mask, pooled = _detect(view, scale)
     mask = _clean(mask, settings, region, everywhere.size)
     if not mask.any():

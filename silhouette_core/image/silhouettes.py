@@ -94,29 +94,36 @@ class Silhouettes:
         Args:
             frames: by camera name.
             near: rows and columns of the silhouettes outside of which nothing is looked for, by
-                camera name; for the refined method, in frames that follow on each other.
+                camera name; for the refined method, in frames that follow on each other. None:
+                whole frames.
         """
-        windows = near or {}
-        masks = side_by_side(
-            lambda name: self._silhouette(name, frames[name], windows.get(name)), list(frames)
-        )
-        return dict(zip(frames, masks, strict=True))
 
-    def _silhouette(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
-        region = self._regions.get(name)
-        if self._given:
-            mask = self._scaled(name, frame).max(axis=2) > 127
-            return mask if region is None else mask & region
-        model, exposure = self._models[name], self._exposures.get(name)
-        if near is not None and exposure is not None:
-            # The gain changes from frame to frame, the noise slowly.
-            exposure = replace(exposure, gain=model.gain(frame))
-            window, part = self._part(name, frame, near)
-            return model.silhouette_near(part, window, exposure, region)
-        frame = self._scaled(name, frame)
-        if model.settings.method == "refined":
+        def silhouette(name: str) -> NDArray[np.bool_]:
+            if near is None or self._given:
+                return self._silhouette(name, frames[name])
+            return self._silhouette_near(name, frames[name], near.get(name))
+
+        return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
+
+    def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
+        region, frame = self._regions.get(name), self._scaled(name, frame)
+        if not self._given:
+            return self._models[name].silhouette(frame, region)
+        mask = frame.max(axis=2) > 127
+        return mask if region is None else mask & region
+
+    def _silhouette_near(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
+        """Within a window, or of the whole frame, whose exposure is then remembered."""
+        region, model = self._regions.get(name), self._models[name]
+        exposure = self._exposures.get(name)
+        if near is None or exposure is None:
+            frame = self._scaled(name, frame)
             exposure = self._exposures[name] = model.exposure(frame)
-        return model.silhouette(frame, region, exposure)
+            return model.silhouette(frame, region, exposure)
+        # The gain changes from frame to frame, the noise slowly.
+        exposure = replace(exposure, gain=model.gain(frame))
+        window, part = self._part(name, frame, near)
+        return model.silhouette_near(part, window, exposure, region)
 
     def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, NDArray[np.uint8]]:
         """A frame in a window of its silhouette, and the window: widened so that its edges are
