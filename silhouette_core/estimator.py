@@ -83,6 +83,8 @@ class Settings:
         sex: sex of the person, which decides the proportions.
         background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
             does against shadows and noise.
+        up: direction of up in the world, three numbers; None: as the calibration states, else
+            found from the cameras and the person.
         smooth: smooth the finished motion over time (off-line, without lag).
         threads: number of threads; None: all cores.
         backend: scoring backend, a name as for `silhouette_core.scoring.backend.load_backend`.
@@ -94,6 +96,7 @@ class Settings:
     chest_m: float | None = None
     sex: Literal["male", "female", "unknown"] = "unknown"
     background: Literal["refined", "paper"] = "refined"
+    up: tuple[float, float, float] | None = None
     smooth: bool = True
     threads: int | None = None
     backend: str = "cpu"

@@ -56,7 +56,7 @@ def fit(
         recording: the frames.
         output: destination of the results.
         settings: settings of the estimator; stature, chest girth and sex that are not set are taken
-            from the recording's subject.toml.
+            from the recording's subject.toml, and up from its calibration.
         estimator: name under which the estimator is registered.
         reporter: receiver of progress; None reports nothing.
 
@@ -136,7 +136,15 @@ def _with_subject(settings: Settings, recording: Recording) -> Settings:
         stature_m=settings.stature_m if settings.stature_m is not None else subject.stature_m,
         chest_m=settings.chest_m if settings.chest_m is not None else subject.chest_girth_m,
         sex=settings.sex if settings.sex != "unknown" else subject.sex,
+        up=settings.up if settings.up is not None else _stated_up(recording),
     )
+
+
+def _stated_up(recording: Recording) -> tuple[float, float, float] | None:
+    if recording.up is None:
+        return None
+    x, y, z = recording.up.tolist()
+    return x, y, z
 
 
 def _title(recording: Recording, estimate: Estimate) -> str:
@@ -191,6 +199,8 @@ def _summary(
         "recording": recording.folder.resolve().name,
         "fps": recording.fps,
         "cameras": list(recording.rig.names),
+        "up": motion.up.round(6) + 0.0,
+        "floor_m": round(motion.floor_m, 4),
         "frames": {
             "first": first,
             "last": first + count - 1,

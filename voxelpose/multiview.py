@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
+from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
@@ -29,6 +30,7 @@ from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import HullObserver, body_rule
 from voxelpose.matching.quality import assess
 from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.matching.up_search import UpSearch, choose_upright
 from voxelpose.recording.frame_reader import Frame
 
 LONG_SIDE_PX = 960  # larger images are reduced: contours are finer there than clothes are
@@ -83,12 +85,19 @@ class MultiViewEstimator:
         set_threads(settings.threads)
         clock = StageClock()
         lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
-        views = PinholeViews.from_rig(Rig(tuple(lens.pinhole for lens in lenses)))
+        pinholes = Rig(tuple(lens.pinhole for lens in lenses))
         tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
         sizes = [lens.pinhole.size for lens in lenses]
         with closing(MaskStore(sizes, source.frame_count)) as store:
             numbers, times = _store_silhouettes(source, settings, lenses, store, clock, reporter)
-            observer = _observer(views, store, options, reporter)
+            reporter.stage("volume")
+            upright = choose_upright(
+                UpSearch(pinholes, settings, tracking.match),
+                store,
+                lambda rig: _observer(rig, store, options),
+                reporter,
+            )
+            observer = _observer(upright.rig(pinholes), store, options)
             with closing(ObservationStore(observer, store)) as observations:
                 reporter.stage("hulls", len(store))
                 for first in range(0, len(store), _CARVED_TOGETHER):
@@ -99,6 +108,7 @@ class MultiViewEstimator:
                         reporter.advance()
                 tracker, facts = _track(observations, settings, tracking, clock, reporter)
                 motion = _motion(tracker, settings, numbers, times, clock, reporter)
+        motion = replace(motion, floor_m=floor_height(motion)).in_world(upright)
         return Estimate(
             motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts
         )
@@ -134,18 +144,15 @@ def _store_silhouettes(
     return numbers, times
 
 
-def _observer(
-    views: PinholeViews, store: MaskStore, options: _Options, reporter: Reporter
-) -> HullObserver:
+def _observer(rig: Rig, store: MaskStore, options: _Options) -> HullObserver:
     """Observer of the volume in which the silhouettes of the whole recording allow a body."""
-    reporter.stage("volume")
     union = store[0]
     for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
         union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
-    require_foreground(views.rig, union, options.tolerance)
-    rule = body_rule(len(views.rig), options.tolerance)
-    grid = place_grid(views.rig, union, voxel_size_m=2 * options.voxel_size_m, rule=rule)
-    return HullObserver(views, grid, options.voxel_size_m, rule)
+    require_foreground(rig, union, options.tolerance)
+    rule = body_rule(len(rig), options.tolerance)
+    grid = place_grid(rig, union, voxel_size_m=2 * options.voxel_size_m, rule=rule)
+    return HullObserver(PinholeViews.from_rig(rig), grid, options.voxel_size_m, rule)
 
 
 def _track(

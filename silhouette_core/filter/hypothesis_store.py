@@ -9,6 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.upright import Z_UP, UprightFrame
+
 COUNT = 5
 """Largest number of hypotheses that are stored of a frame."""
 
@@ -16,15 +18,21 @@ COUNT = 5
 class HypothesisStore:
     """Hypotheses of all frames in a temporary file, so that memory does not grow with time."""
 
-    def __init__(self) -> None:
-        """Creates the file, which is deleted with the process."""
+    def __init__(self, upright: UprightFrame | None = None) -> None:
+        """Creates the file, which is deleted with the process.
+
+        Args:
+            upright: the frame in which joints are given; None: the world, in which they are stored.
+        """
+        self._upright = upright or UprightFrame.from_up(Z_UP)
         self._file = tempfile.TemporaryFile()  # noqa: SIM115
         self._frames, self._counts = array("q"), array("q")
 
     def put(
         self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]
     ) -> None:
-        """Stores a frame's n hypotheses: probabilities (n,) and joints (n, 15, 3), world, m."""
+        """Stores a frame's n hypotheses: probabilities (n,) and joints (n, 15, 3), m."""
+        joints_m = self._upright.world_points(joints_m)
         rows = np.concatenate(
             [probability[:, None], joints_m.reshape(len(probability), -1)], axis=1
         )
@@ -33,7 +41,7 @@ class HypothesisStore:
         self._counts.append(len(rows))
 
     def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
-        """Yields frame number, probabilities (n,) and joints (n, 15, 3)."""
+        """Yields frame number, probabilities (n,) and joints (n, 15, 3), world, m."""
         self._file.seek(0)
         for frame, count in zip(self._frames, self._counts, strict=True):
             rows = np.frombuffer(self._file.read(count * 46 * 4), np.float32).reshape(count, 46)

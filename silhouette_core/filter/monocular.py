@@ -10,7 +10,9 @@ from itertools import islice
 
 import numpy as np
 
+from calib.camera import Rig
 from calib.errors import InputError
+from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
@@ -80,11 +82,12 @@ class MonocularEstimator:
             )
         set_threads(settings.threads)
         library = library_for(options, settings, reporter)
+        frame = upright_frame(source.rig, settings, reporter)
         reporter.stage("motion model")
-        clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore()
+        clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore(frame)
         stages = MonocularStages(
             library,
-            source.rig.cameras[0],
+            frame.rig(source.rig).cameras[0],
             settings,
             options,
             1 / source.fps,
@@ -122,11 +125,22 @@ class MonocularEstimator:
             )
         facts = _facts(library, options, settings, counts, stages.coloured)
         return Estimate(
-            motion,
+            motion.in_world(frame),
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
             facts,
             hypotheses,
         )
+
+
+def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:
+    """The frame with z up as the settings state it, else as the camera alone tells."""
+    up = up_from_cameras(rig) if settings.up is None else settings.up
+    if settings.up is None and not np.array_equal(up, Z_UP):
+        reporter.note(
+            f"up is {axis_name(up)} of the calibration's world, by how the camera stands (--up z"
+            " keeps z; results stay in that world, exports are upright)"
+        )
+    return UprightFrame.from_up(up)
 
 
 def _people(

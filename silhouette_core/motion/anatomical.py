@@ -132,7 +132,7 @@ def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
         of hip, knee, ankle, shoulder, elbow and wrist, the left ones mirrored.
     """
     model = motion.model
-    rotation, _ = motion.parts()
+    rotation, _ = motion.upright().parts()
     axes = segment_axes(model)
     axes_in_world = {name: rotation[:, model.names.index(name)] @ axes[name] for name in axes}
 

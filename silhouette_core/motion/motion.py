@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
+from calib.upright import Z_UP, UprightFrame
 from silhouette_core.body.joints import LANDMARK_NAMES
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ class Motion:
             the part's volume inside the hull; `part_unsupported` (T, P) bool, no voxel supports the
             part; `unexplained` (T,), fraction of the hull's voxels that no part covers;
             `confidence` (T,) from 0 to 1; `landmark_confidence` (T, 15) from 0 to 1.
+        up: (3,) float64, unit, direction of up in the world.
+        floor_m: height of the floor in the world, along up, metres.
     """
 
     fps: float
@@ -44,6 +47,8 @@ class Motion:
     frames: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     time_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     quality: Mapping[str, NDArray] = field(default_factory=dict)
+    up: NDArray[np.float64] = field(default_factory=Z_UP.copy)
+    floor_m: float = 0.0
 
     def __post_init__(self) -> None:
         """Fills in frames and times if not given, and checks the arrays.
@@ -62,6 +67,7 @@ class Motion:
             "angles_rad": (self.angles_rad, (count, len(self.model.dof_part))),
             "frames": (self.frames, (count,)),
             "time_s": (self.time_s, (count,)),
+            "up": (self.up, (3,)),
         }
         for name, (array, shape) in shapes.items():
             check_array(name, array, shape, finite=True)
@@ -92,6 +98,33 @@ class Motion:
         from silhouette_core.motion import kinematics
 
         return kinematics.landmarks(self.model, *self.parts())
+
+    @property
+    def upright_frame(self) -> UprightFrame:
+        """The frame with z up and the floor at z = 0."""
+        return UprightFrame.from_up(self.up, self.floor_m)
+
+    def upright(self) -> Motion:
+        """The same motion in a world that is its upright frame."""
+        frame = self.upright_frame
+        if frame.is_world:
+            return self
+        turned = self._turned(frame.rotation)
+        return replace(turned, root_m=frame.points(self.root_m), up=Z_UP.copy(), floor_m=0.0)
+
+    def in_world(self, frame: UprightFrame) -> Motion:
+        """A motion that was estimated in an upright frame, in the world in which that frame is."""
+        if frame.is_world:
+            return self
+        turned = self._turned(frame.rotation.T)
+        root_m = frame.world_points(self.root_m)
+        return replace(turned, root_m=root_m, up=frame.up, floor_m=frame.floor_m + self.floor_m)
+
+    def _turned(self, rotation: NDArray[np.float64]) -> Motion:
+        from silhouette_core.motion.kinematics import quaternions, rotation_matrices
+
+        turned = quaternions(rotation @ rotation_matrices(self.root_quaternion))
+        return replace(self, root_quaternion=turned)
 
     def landmark_confidence(self) -> NDArray[np.float64]:
         """Confidence (T, 15) of the landmarks, from 0 to 1.

@@ -10,6 +10,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from calib.errors import InputError
+from calib.upright import Z_UP
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.motion import Motion
@@ -35,6 +36,7 @@ def write_motion(motion: Motion, path: Path) -> None:
         "frames": motion.frames,
         "time_s": motion.time_s,
         "body_shape": motion.model.shape,
+        "up": motion.up,
         **{_QUALITY + name: array for name, array in motion.quality.items()},
     }
     sizes = motion.model.sizes
@@ -44,6 +46,7 @@ def write_motion(motion: Motion, path: Path) -> None:
         "stature_m": repr(sizes.stature_m),
         "chest_girth_m": "" if sizes.chest_girth_m is None else repr(sizes.chest_girth_m),
         "sex": sizes.sex,
+        "floor_m": repr(motion.floor_m),
         "parts": json.dumps(motion.model.names),
         "angles": json.dumps(motion.model.dof_names),
     }
@@ -94,4 +97,6 @@ def read_motion(path: Path) -> Motion:
             for name, array in arrays.items()
             if name.startswith(_QUALITY)
         },
+        up=arrays.get("up", Z_UP),  # files of version 0.2 have z up
+        floor_m=float(about.get("floor_m", 0.0)),
     )

@@ -16,6 +16,7 @@ from calib.errors import InputError
 from calib.files import write_rig
 from calib.repair import Repair, explain
 from calib.tangency import Outline, OutlineTrack
+from calib.upright import axis_name, other_up
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
@@ -271,6 +272,12 @@ def _notes(recording: Recording, silhouettes: Silhouettes, checked: Agreement) -
         notes.append(
             "with three cameras a small error can be laid at the wrong one's door; a fourth makes"
             " it sure"
+        )
+    up = other_up(recording.rig) if recording.up is None else None
+    if up is not None:
+        notes.append(
+            f"the cameras stand as if {axis_name(up)} were up, not z; `fit` finds up by itself,"
+            " `voxelpose calibrate convert --up cameras` writes a calibration with z up"
         )
     few = [
         line.camera

@@ -1,7 +1,6 @@
 """Output files of a calibration: the calibration itself, a report and a picture."""
 
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -60,16 +59,3 @@ def write_calibration(
 def report_json(document: Mapping[str, object]) -> bytes:
     """JSON encoding of a report."""
     return as_json(document).encode()
-
-
-def notes_of(path: Path) -> dict[str, Any]:
-    """Entries under [metadata] of a calibration, without the unit; empty if there are none."""
-    try:
-        metadata = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("metadata", {})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return {}
-    return (
-        {key: value for key, value in metadata.items() if key not in ("unit", "units")}
-        if isinstance(metadata, dict)
-        else {}
-    )

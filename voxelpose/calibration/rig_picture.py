@@ -1,13 +1,13 @@
 """Picture of a rig from above and from the side: cameras, their common volume, and the floor."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, FloatArray, Rig
-from calib.rotation import matrix_from_rodrigues
+from calib.upright import UprightFrame, up_candidates
 from voxelpose.view.images.canvas import (
     FAINT,
     INK,
@@ -65,13 +65,13 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
 
     Args:
         rig: The cameras.
-        floor: Whether the world's z is the height above the floor; if not, the mean upright of the
+        floor: Whether the world's z is the height above the floor; if not, what is up for the
             cameras is drawn upward.
 
     Returns:
         (H, W, 3) uint8, BGR: from above on the left, from the side on the right.
     """
-    rig = rig if floor else _upright(rig)
+    rig = rig if floor else UprightFrame.from_up(up_candidates(rig)[0]).rig(rig)
     low, high = _extent(rig, floor)
     edges = high - low
     scale = _PANEL / edges.max()
@@ -125,20 +125,6 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
     write_text(picture, f"{len(rig)} cameras, a line every metre", _MARGIN, 36, 20, INK, bold=True)
     write_text(picture, caption, _MARGIN, height - 14, 14, FAINT)
     return picture
-
-
-def _upright(rig: Rig) -> Rig:
-    """The rig in a world in which z is the cameras' mean upright."""
-    up = -np.mean([camera.rotation[1] for camera in rig], axis=0)
-    up /= np.linalg.norm(up)
-    axis = np.cross(up, [0, 0, 1.0])
-    sine = float(np.linalg.norm(axis))
-    turn = (
-        matrix_from_rodrigues(axis / sine * np.arctan2(sine, up[2]))
-        if sine > 1e-9
-        else np.diag([1, np.sign(up[2]), np.sign(up[2])])
-    )
-    return Rig(tuple(replace(camera, rotation=camera.rotation @ turn.T) for camera in rig))
 
 
 def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:

@@ -51,6 +51,15 @@ Threads = Annotated[
     int | None,
     arg(metavar="N", help_behavior_hint="", help="Number of processor threads. Default: all."),
 ]
+Up = Annotated[
+    str | None,
+    arg(
+        metavar="AXIS",
+        help_behavior_hint="",
+        help="Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers"
+        " (0,0.1,-1). Default: [metadata] up of the calibration, else found.",
+    ),
+]
 OverwriteFile = Annotated[bool, arg(help="Replace existing files.")]
 OverwriteResult = Annotated[
     bool, arg(help="Replace an earlier result in OUT, once the new one is complete.")
@@ -75,6 +84,26 @@ def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
             f"--frames {text} is not understood: give first:last, as in 0:100 (the last is not"
             " included)"
         ) from None
+
+
+def up_direction(text: str | None) -> tuple[float, float, float] | None:
+    """Reads the direction of up, as a unit vector.
+
+    Raises:
+        InputError: the text is neither an axis nor three numbers.
+    """
+    if text is None:
+        return None
+    from calib.upright import direction_of
+
+    try:
+        x, y, z = direction_of(text).tolist()
+    except ValueError:
+        raise InputError(
+            f"--up {text} is no direction: give an axis, as in --up=-z, or three numbers, as in"
+            " --up 0,0.1,-1"
+        ) from None
+    return x, y, z
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:

@@ -77,10 +77,10 @@ Next to OUT, an image of the cameras and a report in JSON are written.
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
+            from calib.files.notes import read_notes
             from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
             from voxelpose.calibration.files import (
                 beside,
-                notes_of,
                 report_json,
                 write_calibration,
             )
@@ -90,6 +90,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)
             extrinsics = self._extrinsics(read_rig(self.intrinsics, self.unit), progress)
+        from calib.upright import axis_name, other_up
         from voxelpose.cli.calibrate_tables import print_extrinsics
 
         grounded = self.points is not None or self.floor is not None
@@ -98,14 +99,22 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             picture: png(rig_picture(extrinsics.rig, grounded)),
             report: report_json(extrinsics_report(extrinsics)),
         }
-        notes = notes_of(self.intrinsics) | {"extrinsics": extrinsics_notes(extrinsics)}
+        notes = read_notes(self.intrinsics) | {"extrinsics": extrinsics_notes(extrinsics)}
         write_calibration(extrinsics.rig, self.out, notes, others)
         print(f"{self.out}: {len(extrinsics.rig)} cameras with their positions, in metres")
         print(f"{picture}: the rig from above and from the side; does it look like the room?")
+        up = other_up(extrinsics.rig)
         if not grounded:
+            found = "z" if up is None else axis_name(up)
             print(
-                "note: without --floor the world is the first camera's frame, and z is not up:"
-                " voxelpose fit needs z up"
+                "note: without --floor the world is the first camera's frame, in which up is"
+                f" {found} by how the cameras stand: `fit` and `track` turn it by themselves"
+            )
+        elif up is not None:
+            print(
+                f"note: the cameras stand as if {axis_name(up)} were up, not z (z into the floor is"
+                " usual for OpenCV's boards; points may be mirrored): `fit` and `track` turn the"
+                " world by themselves; for others `voxelpose calibrate convert --up cameras`"
             )
         return 0
 

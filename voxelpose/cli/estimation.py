@@ -18,7 +18,9 @@ from voxelpose.cli.arguments import (
     Sex,
     Threads,
     Unit,
+    Up,
     frame_range,
+    up_direction,
 )
 
 
@@ -37,6 +39,7 @@ class EstimationArguments:
     frames: Frames = None
     unit: Unit = None
     fps: Fps = None
+    up: Up = None
     overwrite: OverwriteResult = False
     smooth: bool = True
     """Smooth the motion over time; with track, --no-smooth uses previous frames only."""
@@ -79,6 +82,7 @@ class EstimationArguments:
                 sex=self.sex,
                 background=self.background,
                 smooth=self.smooth,
+                up=up_direction(self.up),
                 threads=self.threads,
                 backend=self.backend,
                 options=options,

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import Cameras, Fps, OptionalLength, Sex, Unit, camera_names
+from voxelpose.cli.arguments import (
+    Cameras,
+    Fps,
+    OptionalLength,
+    Sex,
+    Unit,
+    Up,
+    camera_names,
+    up_direction,
+)
 
 if TYPE_CHECKING:
     from voxelpose.live.live_page import Page
@@ -82,6 +91,7 @@ Ctrl-C ends the session.
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
     unit: Unit = None
     fps: Fps = None
+    up: Up = None
 
     def run(self) -> int:
         """Runs the session; returns the exit code."""
@@ -103,6 +113,7 @@ Ctrl-C ends the session.
             sources = [CameraSource.parse(text) for text in self.source]
             names = (self.camera,) if self.camera is not None else camera_names(self.cameras)
             live = open_input(self.folder, sources, names, self.unit, self.fps)
+            live = live.upright(up_direction(self.up), progress)
             known = live.recording.subject
             subject = replace(
                 known,

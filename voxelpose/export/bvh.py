@@ -19,11 +19,11 @@ _ORDER = "ZXY"
 def write_bvh(motion: Motion, path: Path) -> None:
     """Writes a motion as BVH.
 
-    Axis map: x_bvh = x, y_bvh = z, z_bvh = -y; centimetres. With all rotations zero the skeleton
-    stands in the model's rest pose (upright, arms 45 degrees down), facing +z. Every joint has Z, X
-    and Y rotations in degrees, applied as R = Rz Rx Ry; the root's position precedes them. The 27
-    joints have the names of the body's parts; hands, toes and head end in end sites. Importers that
-    ask for axes (Blender): forward -Z, up Y, scale 0.01.
+    Axis map: x_bvh = x, y_bvh = z, z_bvh = -y of the upright frame; centimetres. With all rotations
+    zero the skeleton stands in the model's rest pose (upright, arms 45 degrees down), facing +z.
+    Every joint has Z, X and Y rotations in degrees, applied as R = Rz Rx Ry; the root's position
+    precedes them. The 27 joints have the names of the body's parts; hands, toes and head end in end
+    sites. Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
 
     Frames without a pose between the first and the last pose are interpolated, since BVH cannot
     contain gaps.
@@ -32,6 +32,7 @@ def write_bvh(motion: Motion, path: Path) -> None:
         motion: at least one pose.
         path: the file.
     """
+    motion = motion.upright()
     local, root = _without_gaps(motion)
     degrees = (
         Rotation.from_matrix(local.reshape(-1, 3, 3))

@@ -20,7 +20,7 @@ _POINT_BYTES = 16  # one point in one frame: x, y, z and residual, as float32
 def write_c3d(motion: Motion, path: Path) -> None:
     """Writes the points of `named_points` as C3D.
 
-    Axis map: none; x, y, z are the world's, z up, as is usual in motion capture laboratories;
+    Axis map: none; x, y, z are the upright frame's, as is usual in motion capture laboratories;
     millimetres. POINT:X_SCREEN and POINT:Y_SCREEN state the axes that point right and up on a
     screen: +X and +Z.
 
@@ -36,6 +36,7 @@ def write_c3d(motion: Motion, path: Path) -> None:
         InputError: the motion is too long for C3D.
         OSError: the disk is full.
     """
+    motion = motion.upright()
     frames = every_frame(motion)
     if len(frames) > _MAX_FRAMES:
         raise InputError(

@@ -23,10 +23,10 @@ _BODY = 0  # node of the mesh; the node of part p is p + 1
 def write_glb(motion: Motion, path: Path) -> None:
     """Writes a motion as a skinned, animated body in one file.
 
-    Axis map: x = x, y = z, z = -y of the world; metres. The skeleton's 27 nodes have the names of
-    the body's parts; without animation they are in the rest pose (upright, arms 45 degrees down,
-    facing +z), to which the skin is bound. The only animation, `motion`, rotates every node and
-    translates `pelvis`. Its time is zero at the first pose.
+    Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's 27 nodes have the
+    names of the body's parts; without animation they are in the rest pose (upright, arms 45 degrees
+    down, facing +z), to which the skin is bound. The only animation, `motion`, rotates every node
+    and translates `pelvis`. Its time is zero at the first pose.
 
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
@@ -35,6 +35,7 @@ def write_glb(motion: Motion, path: Path) -> None:
         motion: at least one pose.
         path: the file.
     """
+    motion = motion.upright()
     model = motion.model
     document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator=f"voxelpose {__version__}"))
     document.extras = {"fps": motion.fps, "first_frame": int(motion.frames[0])}

@@ -69,6 +69,7 @@ def write_mot(motion: Motion, path: Path) -> None:
 
 def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
     """Returns the coordinates of a MOT file by name, (T,) float64 each, degrees and metres."""
+    motion = motion.upright()
     rotations = joint_rotations(motion)
     names = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
     columns = dict(zip(names, _rotation_angles(rotations["pelvis"]), strict=True))

@@ -42,13 +42,13 @@ def write_angles(motion: Motion, path: Path) -> None:
 def write_npz(motion: Motion, path: Path) -> None:
     """Writes all data of a motion as NumPy arrays, compressed and without pickle.
 
-    Axes are the world's, z up; metres, radians (`angles_rad`) and degrees (`anatomical_deg`).
-    Arrays with one row per pose: `frames`, `time_s`, `root_m`, `root_quaternion` (w x y z),
-    `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world from part, `part_origin`
-    (T, 27, 3) joint of every part, `landmarks` and `landmark_confidence` (the 15 joints of
-    joints.csv). Other arrays: `fps`, `parents`, `rest_joints` (27, 3), and the names of the
-    columns: `part_names`, `angle_names`, `anatomical_names`, `landmark_names`. Frames without a
-    pose have no row.
+    Axes are those of the calibration's world, as in joints.csv; metres, radians (`angles_rad`) and
+    degrees (`anatomical_deg`). Arrays with one row per pose: `frames`, `time_s`, `root_m`,
+    `root_quaternion` (w x y z), `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world
+    from part, `part_origin` (T, 27, 3) joint of every part, `landmarks` and `landmark_confidence`
+    (the 15 joints of joints.csv). Other arrays: `fps`, `up` (3,) and `floor_m` (the floor's height
+    along it), `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`,
+    `angle_names`, `anatomical_names`, `landmark_names`. Frames without a pose have no row.
 
     Args:
         motion: T poses.
@@ -60,6 +60,8 @@ def write_npz(motion: Motion, path: Path) -> None:
         np.savez_compressed(
             file,
             fps=np.float64(motion.fps),
+            up=motion.up,
+            floor_m=np.float64(motion.floor_m),
             frames=motion.frames,
             time_s=motion.time_s,
             root_m=motion.root_m,

@@ -1,8 +1,8 @@
 """TRC: marker files of OpenSim and Pose2Sim, written, and read as known joint positions.
 
-Axis map of written files: x = y, y = z, z = x of the world (y up), metres, as in Pose2Sim: files of
-both programs made with one calibration coincide. A person who faces the world's +y faces OpenSim's
-+x, as OpenSim's models do.
+Axis map of written files: x = y, y = z, z = x of the upright frame (y up), metres, as in Pose2Sim:
+files of both programs made with one calibration with z up coincide. A person who faces +y faces
+OpenSim's +x, as OpenSim's models do.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ def write_trc(motion: Motion, path: Path) -> None:
         motion: at least one pose.
         path: the file.
     """
+    motion = motion.upright()
     names, positions = named_points(motion)
     rows = dict(
         zip(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from calib.camera import Rig
 from calib.errors import InputError
+from calib.upright import axis_name
 from silhouette_core.estimator import Settings, read_options
 from silhouette_core.filter.monocular_stages import MonocularOptions
 from silhouette_core.progress import Reporter
@@ -45,6 +46,23 @@ class LiveInput:
     recording: Recording
     sources: dict[str, CameraSource]
     fps: float
+
+    def upright(self, up: tuple[float, float, float] | None, reporter: Reporter) -> LiveInput:
+        """The same cameras in a world with z up, in which a session works and sends.
+
+        Args:
+            up: direction of up in the calibration's world; None: as it states, else as the cameras
+                stand.
+            reporter: told if up is not z.
+        """
+        frame = self.recording.upright_frame(up)
+        if not frame.is_world:
+            reporter.note(
+                f"up is {axis_name(frame.up)} of the calibration's world (--up z keeps z); the"
+                " session works and sends in a world with z up"
+            )
+        rig = frame.rig(self.recording.rig)
+        return replace(self, recording=replace(self.recording, rig=rig, up=None))
 
     def settings(self, subject: Subject) -> SessionSettings:
         """Settings of a session; the empty view is read from background/."""

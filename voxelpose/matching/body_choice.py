@@ -99,7 +99,7 @@ def choose_body(
             f"no stature given: about {stature.metres:.2f} m by the hull (--stature makes every"
             " joint more accurate)"
         )
-    body = _body(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
+    body = body_of(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
     templates = ("male", "female") if settings.sex == "unknown" else (sex,)
 
     def starts(searched: BodyGeometry, chest_m: float | None) -> list[Start]:
@@ -114,7 +114,7 @@ def choose_body(
 
     def adapted(poses: dict[int, Pose], chest_m: float | None) -> list[Start]:
         bodies = [
-            _body(BodySizes(stature.metres, chest_m, name), voxel_size_m, backend)
+            body_of(BodySizes(stature.metres, chest_m, name), voxel_size_m, backend)
             for name in templates
         ]
         return side_by_side(
@@ -129,7 +129,7 @@ def choose_body(
         stout = min(adapted(best.poses, chest_m), key=_mean_error)
         if _mean_error(stout) < _OTHER_GIRTH * _mean_error(best):
             # Poses of a body so different are to be searched with it.
-            body = _body(BodySizes(stature.metres, chest_m, sex), voxel_size_m, backend)
+            body = body_of(BodySizes(stature.metres, chest_m, sex), voxel_size_m, backend)
             best = min([stout, *starts(body, chest_m)], key=_mean_error)
     reporter.advance()
     return best
@@ -177,7 +177,7 @@ def _stature_from_hull(
     typical = min(heights, key=lambda t: abs(heights[t] - middle))
     # The posture is searched with one body; the others start from it.
     bodies = {
-        metres: _body(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
+        metres: body_of(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
         for metres in (float(np.clip(middle * scale, 0.6, 2.4)) for scale in _SCALES)
     }
     searched = list(bodies.values())[len(bodies) // 2]
@@ -218,7 +218,8 @@ def _adapted(
     )
 
 
-def _body(sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+def body_of(sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+    """A body of these measurements, prepared for fitting with voxels of that size."""
     surface = Surface(BodyModel.from_sizes(sizes), taken=_sampled(sizes.sex))
     return BodyGeometry.from_surface(surface, voxel_size_m, backend)
 

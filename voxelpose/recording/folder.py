@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import read_rig
+from calib.files.notes import read_up
+from calib.upright import UprightFrame, up_from_cameras
 from voxelpose.recording.frame_reader import (
     STILLS,
     VIDEOS,
@@ -54,6 +56,8 @@ class Recording:
         subject: the person that was filmed.
         silhouettes_given: whether the frames are silhouettes already (white on black, from
             masks/) and not camera images.
+        up: (3,) float64, unit, direction of up in the world as the calibration states it; None:
+            not stated.
     """
 
     folder: Path
@@ -66,6 +70,7 @@ class Recording:
     times_s: NDArray[np.float64]
     subject: Subject
     silhouettes_given: bool = False
+    up: NDArray[np.float64] | None = None
 
     @classmethod
     def open(
@@ -134,6 +139,7 @@ class Recording:
             times_s[start:stop],
             subject,
             silhouettes_given,
+            None if calibration is None else read_up(calibration),
         )
 
     @classmethod
@@ -164,7 +170,8 @@ class Recording:
                 raise InputError(f"there is no camera {name}: {calibration} knows {known}")
         rig = rig.select([name for name in rig.names if cameras is None or name in cameras])
         subject = read_subject(folder / "subject.toml")
-        return cls(folder, calibration, rig, {}, 0, 0, 1.0, np.zeros(0), subject)
+        up = read_up(calibration)
+        return cls(folder, calibration, rig, {}, 0, 0, 1.0, np.zeros(0), subject, up=up)
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
         """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.
@@ -188,6 +195,17 @@ class Recording:
         numbers = [self.first + int(step) for step in steps]
         readers = {name: reader.select(numbers) for name, reader in self.readers.items()}
         return read_together(readers, 0, len(numbers))
+
+    def upright_frame(self, up: Sequence[float] | None = None) -> UprightFrame:
+        """The frame with z up, as far as it is known without looking for a person.
+
+        Args:
+            up: direction of up in the world; None: as the calibration states, else as the cameras
+                stand.
+        """
+        if up is not None:
+            return UprightFrame.from_up(up)
+        return UprightFrame.from_up(up_from_cameras(self.rig) if self.up is None else self.up)
 
     def file_times(self) -> dict[str, NDArray[np.float64]]:
         """Returns the time of every frame of every camera's file, s, by camera name.

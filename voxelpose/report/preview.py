@@ -52,7 +52,7 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
     if all((result.folder / f"overlay_{name}.webm").exists() for name in names):
         tiled = _from_overlays(result, names, first, set(chosen))
     elif scenes.recording is not None:
-        tiled = _drawn(result, scenes, names, chosen)
+        tiled = _drawn(scenes, names, chosen)
     else:
         return None
     pictures, frames, size = [], [], (0, 0)
@@ -98,9 +98,11 @@ def _from_overlays(
 
 
 def _drawn(
-    result: Result, scenes: ResultScenes, names: tuple[str, ...], chosen: list[int]
+    scenes: ResultScenes, names: tuple[str, ...], chosen: list[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
-    rotation, origin = result.motion.parts()
+    if scenes.motion is None:
+        return
+    rotation, origin = scenes.motion.parts()
     for frame in chosen:
         tiles, row = [], scenes.row(frame)
         for camera_frame in scenes.camera_frames(frame):
@@ -110,7 +112,7 @@ def _drawn(
                     picture = np.where(mask[..., None], 200, 40).repeat(3, 2)
                 tile = np.ascontiguousarray(picture[..., ::-1], np.uint8)
                 if row is not None:
-                    painter = FigurePainter(result.motion.model, camera)
+                    painter = FigurePainter(scenes.motion.model, camera)
                     tile = painter.paint(tile, rotation[row], origin[row])
                 tiles.append(tile)
         yield frame, tiles

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.silhouette_source import SilhouetteSource
 from calib.camera import Rig
 from calib.errors import InputError
+from calib.upright import UprightFrame
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.filter import trajectory
@@ -178,3 +179,17 @@ def test_two_cameras_are_too_many(library_file):
         MonocularEstimator().estimate(
             source, Settings(options={"library": str(library_file)}), SilentReporter()
         )
+
+
+@pytest.mark.slow
+def test_the_calibrations_axes_change_nothing(track, tracked, filmed):
+    """A world with z downward, told from the camera alone: the same motion, in that world."""
+    turned = UprightFrame.from_up([0.0, 0.0, -1.0])
+    camera = replace(CAMERA, rotation=CAMERA.rotation @ turned.rotation)
+    other = track(filmed[1], camera=camera)
+    np.testing.assert_allclose(other.motion.up, [0, 0, -1])
+    np.testing.assert_allclose(
+        other.motion.upright().landmarks(), tracked.motion.landmarks(), atol=1e-6
+    )
+    for (_, _, there), (_, _, here) in zip(other.hypotheses, tracked.hypotheses, strict=True):
+        np.testing.assert_allclose(turned.points(there), here, atol=1e-4)

@@ -1,11 +1,15 @@
 """Motion checks what it is given."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from calib.upright import Z_UP, UprightFrame
+from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.motion import Motion
+from tests.clips import waving
 
 MODEL = SimpleNamespace(dof_part=np.zeros(4, int), landmark_part=np.zeros(15, int))
 
@@ -61,3 +65,25 @@ def test_landmark_confidence_takes_the_best_that_there_is():
 def test_wrong_arrays_are_named(changes, words):
     with pytest.raises(ValueError, match=words):
         motion(**changes)
+
+
+@pytest.mark.parametrize("up", [(0, 0, -1.0), (0, 1.0, 0), (0.6, 0, 0.8)])
+def test_a_motion_goes_into_another_world_and_comes_back(up):
+    clip, frame = waving(4), UprightFrame.from_up(up, -0.3)
+    elsewhere = clip.in_world(frame)
+    np.testing.assert_allclose(elsewhere.up, np.array(up), atol=1e-12)
+    assert elsewhere.floor_m == -0.3
+    joints = clip.landmarks()
+    np.testing.assert_allclose(frame.points(elsewhere.landmarks()), joints, atol=1e-12)
+    back = elsewhere.upright()
+    np.testing.assert_allclose(back.landmarks(), joints, atol=1e-12)
+    np.testing.assert_array_equal(back.up, Z_UP)
+    assert back.floor_m == 0
+    assert clip.upright() is clip
+
+
+def test_the_floor_is_under_the_feet():
+    clip = waving(4)
+    assert floor_height(clip) == 0.0
+    raised = replace(clip, root_m=clip.root_m + np.array([0, 0, 0.75]))
+    assert floor_height(raised) == pytest.approx(0.75, abs=0.05)

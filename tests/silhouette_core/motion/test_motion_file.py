@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.upright import UprightFrame
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.clips import waving
 
 
 def test_round_trip(tmp_path):
-    clip = waving()
+    clip = waving().in_world(UprightFrame.from_up([0.1, 0.9, -0.3], 0.8))
     write_motion(clip, tmp_path / "motion.safetensors")
     read = read_motion(tmp_path / "motion.safetensors")
     assert read.fps == clip.fps
+    assert read.floor_m == clip.floor_m
+    np.testing.assert_array_equal(read.up, clip.up)
     np.testing.assert_array_equal(read.angles_rad, clip.angles_rad)
     np.testing.assert_array_equal(read.landmarks(), clip.landmarks())
     np.testing.assert_array_equal(read.model.vertices_m, clip.model.vertices_m)

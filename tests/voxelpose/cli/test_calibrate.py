@@ -21,8 +21,14 @@ from benchmarks.board_scene import (
 )
 from calib.board import Board
 from calib.camera import Rig
+from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
+from calib.files.notes import read_up
+from calib.upright import UprightFrame
+from silhouette_core.motion.motion_file import write_motion
+from tests.clips import waving
+from tests.sources import ring
 from voxelpose.cli import run
 
 BOARD = Board(8, 5, 0.15)
@@ -343,3 +349,43 @@ def test_a_printed_board_says_what_to_measure(tmp_path, capsys):
     assert "say how large a square is" in failure(
         capsys, "calibrate", "board", "--out", tmp_path / "b.pdf", "--paper", "large"
     )
+
+
+def test_a_world_with_z_into_the_floor_is_put_right(tmp_path, capsys):
+    """By its cameras, by a named axis, and by a fit, which knows the floor as well."""
+    upright = ring(3)
+    frame = UprightFrame.from_up([0.0, 0.0, -1.0], -0.5)
+    wrong = Rig(
+        tuple(
+            replace(
+                camera,
+                rotation=camera.rotation @ frame.rotation,
+                translation=camera.translation - camera.rotation @ [0, 0, -0.5],
+            )
+            for camera in upright
+        )
+    )
+    source = tmp_path / "board.toml"
+    write_rig(wrong, source)
+    result = tmp_path / "fitted"
+    result.mkdir()
+    write_motion(waving(2).in_world(frame), result / "motion.safetensors")
+    write_rig(wrong, result / "calibration.toml")
+    (result / "settings.toml").write_text("")
+    (result / "summary.json").write_text('{"voxelpose": "0"}')
+    for number, words in enumerate((["cameras"], ["-z"], ["person", "--result", str(result)])):
+        out = tmp_path / f"{number}.toml"
+        option = [f"--up={words[0]}", *words[1:]]
+        assert run(["calibrate", "convert", str(source), str(out), *option]) == 0
+        assert "z is now up, which was -z" in capsys.readouterr().out
+        for camera, expected in zip(read_rig(out), upright, strict=True):
+            np.testing.assert_allclose(camera.rotation, expected.rotation, atol=1e-9)
+            height = expected.center_m[2] - (0.0 if words[0] == "person" else 0.5)
+            assert camera.center_m[2] == pytest.approx(height, abs=1e-9)
+        assert read_up(out) == pytest.approx([0, 0, 1])
+    failing = ["calibrate", "convert", str(source), str(tmp_path / "x.toml")]
+    assert "--up person needs --result" in failure(capsys, *failing, "--up", "person")
+    assert "--up sky is no direction" in failure(capsys, *failing, "--up", "sky")
+    source.write_text(source.read_text().replace('unit = "m"', 'unit = "m"\nup = "sky"'))
+    with pytest.raises(InputError, match="up = sky is no direction: give an axis"):
+        read_up(source)

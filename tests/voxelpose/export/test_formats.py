@@ -1,9 +1,12 @@
 """Several formats at once: whole or not at all."""
 
+import re
+
 import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.upright import UprightFrame
 from tests.clips import waving
 from voxelpose.export import mot
 from voxelpose.export.formats import FORMATS, export_motion
@@ -71,3 +74,22 @@ def test_a_file_in_the_way(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError, match="out cannot be written"):
         export_motion(waving(2), tmp_path / "out", ["csv"])
+
+
+def test_files_of_a_turned_world_are_upright(tmp_path):
+    """All but positions in the world are the same, whatever the calibration's axes."""
+    clip = waving(3)
+    turned = clip.in_world(UprightFrame.from_up([0.0, 0.2, -1.0], 0.7))
+    export_motion(clip, tmp_path / "plain")
+    export_motion(turned, tmp_path / "turned")
+    for name in ("motion.bvh", "motion.trc", "motion.mot", "angles.csv"):
+        plain, other = (numbers_of(tmp_path / where / name) for where in ("plain", "turned"))
+        np.testing.assert_allclose(other, plain, atol=2e-3, err_msg=name)
+    assert (tmp_path / "plain" / "joints.csv").read_text() != (
+        tmp_path / "turned" / "joints.csv"
+    ).read_text()
+
+
+def numbers_of(path):
+    """All numbers in a text file."""
+    return np.array(re.findall(r"-?\d+\.\d+", path.read_text()), float)

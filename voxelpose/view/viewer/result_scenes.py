@@ -71,12 +71,17 @@ class ResultScenes:
         if is_result(folder):
             result = Result.open(folder)
             settings = result.settings
-            self.motion, self.rig, self.fps = result.motion, result.rig, result.motion.fps
-            self._hypotheses = read_hypotheses(folder / HYPOTHESES)
+            frame, self.motion = result.motion.upright_frame, result.motion.upright()
+            self.rig, self.fps = frame.rig(result.rig), result.motion.fps
+            self._hypotheses = {
+                number: tuple(replace(pose, joints_m=frame.points(pose.joints_m)) for pose in poses)
+                for number, poses in read_hypotheses(folder / HYPOTHESES).items()
+            }
             self._reopen(result, recording, unit)
         else:
             self.recording = _open_recording(folder, None, None, unit, None)
-            self.rig, self.fps = self.recording.rig, self.recording.fps
+            self.rig = self.recording.upright_frame().rig(self.recording.rig)
+            self.fps = self.recording.fps
             self.frames = np.arange(self.recording.frame_count)
         options = settings.get("options", {})
         self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", VOXEL_M))
@@ -147,7 +152,7 @@ class ResultScenes:
         try:
             names = list(result.rig.names)
             recording = _open_recording(folder, (first, stop), names, unit, result.motion.fps)
-            self.recording = replace(recording, rig=result.rig)
+            self.recording = replace(recording, rig=self.rig)
         except InputError as error:
             self.missing = f"the recording cannot be read: {error}"
 

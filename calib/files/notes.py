@@ -1,0 +1,41 @@
+"""Entries under [metadata] of a calibration in TOML, beside the unit."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from calib.checks import FloatArray
+from calib.errors import InputError
+from calib.upright import direction_of
+
+
+def read_notes(path: Path) -> dict[str, Any]:
+    """Entries under [metadata] of a calibration, without the unit; empty if there are none."""
+    try:
+        metadata = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("metadata", {})
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return {}
+    return (
+        {key: value for key, value in metadata.items() if key not in ("unit", "units")}
+        if isinstance(metadata, dict)
+        else {}
+    )
+
+
+def read_up(path: Path) -> FloatArray | None:
+    """Direction of up (3,) in the world as `[metadata] up` states it; None if it does not.
+
+    Raises:
+        InputError: it is neither an axis nor three numbers.
+    """
+    stated = read_notes(path).get("up")
+    if stated is None:
+        return None
+    text = ",".join(map(str, stated)) if isinstance(stated, list) else str(stated)
+    try:
+        return direction_of(text)
+    except ValueError:
+        raise InputError(
+            f"{path}: [metadata] up = {str(stated)[:40]} is no direction: give an axis, as in"
+            ' up = "-z", or three numbers'
+        ) from None
