@@ -32,6 +32,7 @@ AXES = {
 _SAME_RAD = np.radians(20.0)  # a direction so near to an axis of the world is that axis
 _AMBIGUOUS = 0.9  # a direction that explains so much of what the best one does may be up
 _ALIKE = 0.8  # the same for an axis near the best direction: images lean
+_EQUAL = 0.98  # the same for any axis: one camera leaves open how far it looks down
 _POSSIBLE = 0.6  # z is kept where it explains so much and nothing but the cameras can be asked
 _MOST = 4  # candidates
 # Worth of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
@@ -231,8 +232,10 @@ def _angle(first: FloatArray, second: FloatArray) -> float:
 def _axis_near(rig: Rig, up: FloatArray) -> FloatArray:
     """The axis of the world near a direction, if the cameras may stand so; else the direction."""
     axis = max(AXES.values(), key=lambda axis: float(axis @ up))
-    same = not is_cameras_own(rig) and _angle(axis, up) < _SAME_RAD
-    return axis if same and cameras_worth(rig, axis) >= _ALIKE * cameras_worth(rig, up) else up
+    if is_cameras_own(rig):
+        return up
+    share, angle = cameras_worth(rig, axis) / max(cameras_worth(rig, up), 1e-9), _angle(axis, up)
+    return axis if (angle < _SAME_RAD and share >= _ALIKE) or share >= _EQUAL else up
 
 
 def _directions(rig: Rig) -> Iterable[FloatArray]:
