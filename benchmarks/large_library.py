@@ -40,9 +40,9 @@ from silhouette_core.library.from_motion import make_library, read_clips
 from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import read_library
 from silhouette_core.library.transitions import NeighbourWeights
-from silhouette_core.library.workers import open_workers
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.mocap.load import motion_files
+from silhouette_core.workers import open_workers
 
 _ROOT = Path(__file__).resolve().parents[1]
 _FOLDER = _ROOT / "out" / "benchmarks"

@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> int:
         result, truth = track(library, folder), read_truth(folder / "truth.json")
         score = score_motion(truth, read_joints(result / "joints.csv", len(truth)))
         quality = json.loads((result / "summary.json").read_text())["quality"]
-        error = 1 - quality["confidence"]["median"]
+        error = 1 - quality["outline_agreement"]["median"]
         rows.append([*(getattr(score, column) for column in COLUMNS), error])
         answers += hypotheses(result, truth)
         print(f"{folder.name:<14}" + "".join(f"{value:>10.2f}" for value in rows[-1]), flush=True)

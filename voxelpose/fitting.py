@@ -23,6 +23,7 @@ from voxelpose.export.bvh import write_bvh
 from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
 from voxelpose.export.joints import JOINTS, write_joints
 from voxelpose.recording.folder import Recording
+from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.version import __version__
 from voxelpose.view.images.overlay import draw_pictures
@@ -193,7 +194,7 @@ def _summary(
     posed = {int(frame) for frame in motion.frames}
     first, count = recording.first, recording.frame_count
     sizes = motion.model.sizes
-    return {
+    summary: dict[str, object] = {
         "voxelpose": __version__,
         "estimator": estimator,
         "recording": recording.folder.resolve().name,
@@ -212,7 +213,7 @@ def _summary(
             "chest_girth_m": sizes.chest_girth_m,
             "sex": sizes.sex,
         },
-        "quality": _quality(motion),
+        "quality": _quality(motion, recording.rig.names),
         "seconds": {
             **{name: round(value, 3) for name, value in seconds.items()},
             "stages": {
@@ -222,23 +223,30 @@ def _summary(
         },
         "facts": dict(estimate.facts),
     }
+    summary["verdict"] = asdict(verdict_of(summary))
+    return summary
 
 
-def _quality(motion: Motion) -> dict[str, object]:
-    """Returns ranges of the quality arrays over frames, and means of those per part or joint."""
+def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    """Ranges of the quality arrays over frames, and means of those per part, joint or camera."""
     from silhouette_core.body.joints import LANDMARK_NAMES
 
-    summary: dict[str, object] = {}
+    summary: dict[str, dict[str, float]] = {}
     for name, array in motion.quality.items():
         values = np.asarray(array, float)
         if values.ndim == 1:
             summary[name] = _range_of(values, 4)
-        for columns in (motion.model.names, LANDMARK_NAMES):
-            if values.ndim == 2 and values.shape[1] == len(columns):
-                summary[name] = {
-                    column: round(float(np.nanmean(values[:, k])), 4)
-                    for k, column in enumerate(columns)
-                }
+            if name == "right_probability":
+                summary[name] |= {"lower_quarter": round(float(np.nanquantile(values, 0.25)), 4)}
+        columns = cameras if name == "camera_agreement" else motion.model.names
+        if name.startswith(("joint_", "landmark_")):
+            columns = LANDMARK_NAMES
+        if values.ndim == 2 and values.shape[1] == len(columns):
+            summary[name] = {
+                column: round(float(np.nanmean(values[:, k])), 4)
+                for k, column in enumerate(columns)
+                if np.isfinite(values[:, k]).any()
+            }
     return summary
 
 

@@ -15,9 +15,8 @@ from silhouette_core.estimator import Estimate, FrameSource, Settings, read_opti
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.floor import floor_height
-from silhouette_core.motion.kinematics import quaternions, rotation_matrices
+from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.pose import Pose
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
@@ -26,9 +25,9 @@ from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.body_choice import choose_body, refit
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.motion_quality import motion_quality
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import HullObserver, body_rule
-from voxelpose.matching.quality import assess
 from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 from voxelpose.matching.up_search import UpSearch, choose_upright
 from voxelpose.recording.frame_reader import Frame
@@ -107,7 +106,8 @@ class MultiViewEstimator:
                     for _ in together:
                         reporter.advance()
                 tracker, facts = _track(observations, settings, tracking, clock, reporter)
-                motion = _motion(tracker, settings, numbers, times, clock, reporter)
+                motion, ratio = _motion(tracker, settings, numbers, times, clock, reporter)
+                facts["half_turn_ratio"] = round(ratio, 3)
         motion = replace(motion, floor_m=floor_height(motion)).in_world(upright)
         return Estimate(
             motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts
@@ -201,8 +201,8 @@ def _motion(
     times: np.ndarray,
     clock: StageClock,
     reporter: Reporter,
-) -> Motion:
-    """Poses as a motion, smoothed if requested, with the quality of each."""
+) -> tuple[Motion, float]:
+    """Poses as a motion, smoothed if requested, with their quality, and the half-turn ratio."""
     posed = [t for t, pose in enumerate(tracker.poses) if pose is not None]
     poses = [pose for pose in tracker.poses if pose is not None]
     if not poses:
@@ -216,27 +216,7 @@ def _motion(
     rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))
     if settings.smooth:
         smooth_runs(root, rotation, angles, np.array(posed), fps)
+    motion = Motion(fps, tracker.body.model, root, rotation, angles, numbers[posed], times[posed])
     reporter.stage("quality", len(posed))
-    assessed = []
-    for k, t in enumerate(posed):
-        with clock("quality"):
-            frame = tracker.observe(t)
-            # As written, smoothed if requested.
-            pose = Pose(root[k], rotation_matrices(rotation[k]), angles[k])
-            volume = tracker.body.body_volume
-            assessed.append(None if frame is None else assess(volume, pose, frame))
-        reporter.advance()
-    parts = len(tracker.body.model.names)
-    quality = {
-        "part_overlap": np.stack(
-            [np.full(parts, np.nan) if q is None else q.part_overlap for q in assessed]
-        ),
-        "part_unsupported": np.stack(
-            [np.zeros(parts, bool) if q is None else q.part_unsupported for q in assessed]
-        ),
-        "unexplained": np.array([np.nan if q is None else q.unexplained for q in assessed]),
-        "confidence": np.clip(1 - tracker.error[posed], 0.0, 1.0),
-    }
-    return Motion(
-        fps, tracker.body.model, root, rotation, angles, numbers[posed], times[posed], quality
-    )
+    found = motion_quality(tracker, motion, posed, clock, reporter)
+    return replace(motion, quality=found.arrays), found.half_turn_ratio

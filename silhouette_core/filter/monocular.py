@@ -184,11 +184,11 @@ def _motion(
     )
     if smoothed:
         smooth_runs(root, rotation, angles, numbers, fps)
-    confidence = np.clip(1 - whole["error"], 0.0, 1.0)
+    agreement = np.clip(1 - whole["error"], 0.0, 1.0)
     quality = {
-        "confidence": confidence,
+        "outline_agreement": agreement,
         "landmark_confidence": (
-            confidence[:, None] * np.where(occluded[:, trajectory.model.landmark_part], 0.3, 1.0)
+            agreement[:, None] * np.where(occluded[:, trajectory.model.landmark_part], 0.3, 1.0)
         ),
         "occluded": occluded,
         "cut": whole["cut"],

@@ -31,8 +31,8 @@ from silhouette_core.library.thresholds import first_threshold, next_threshold
 from silhouette_core.library.transitions import find_neighbours, view_orientations
 from silhouette_core.library.tree import Nodes, PoseSpace, Scorer, Split, divide
 from silhouette_core.library.view_build import build_views
-from silhouette_core.library.workers import Workers
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.workers import Workers
 
 _AT_ONCE = 480  # views held in memory together
 _PER_STEP = 4800  # views between two checkpoints

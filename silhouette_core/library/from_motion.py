@@ -17,12 +17,12 @@ from silhouette_core.library.build import build_library
 from silhouette_core.library.checkpoint import Checkpoint
 from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import is_library, read_library, write_library
-from silhouette_core.library.workers import Workers
 from silhouette_core.motion.mocap.load import load_motions, motion_files
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
+from silhouette_core.workers import Workers
 
 
 def read_clips(

@@ -26,8 +26,8 @@ from silhouette_core.library.rendering import (
 )
 from silhouette_core.library.view_neighbours import neighbour_tasks, view_neighbours
 from silhouette_core.library.view_tree import divide_view
-from silhouette_core.library.workers import OwnProcess, Workers
 from silhouette_core.progress import Reporter
+from silhouette_core.workers import OwnProcess, Workers
 
 _REDUCTION = 2  # of the finest silhouettes: 160 x 120
 _FINE_PX = WINDOW_PX[0] // 2, WINDOW_PX[1] // 2

@@ -33,8 +33,13 @@ class Motion:
         time_s: (T,) float64, increasing, seconds.
         quality: arrays with T rows. Known names, all optional: `part_overlap` (T, P), fraction of
             the part's volume inside the hull; `part_unsupported` (T, P) bool, no voxel supports the
-            part; `unexplained` (T,), fraction of the hull's voxels that no part covers;
-            `confidence` (T,) from 0 to 1; `landmark_confidence` (T, 15) from 0 to 1.
+            part; `unexplained` (T,), fraction of the hull's voxels that no part covers; `outside`
+            (T,), fraction of the body outside the hull; `outline_agreement` (T,), share of their
+            union that body and silhouettes have in common, the mean over the cameras, and
+            `camera_agreement` (T, C) of each; `joint_disagreement` (T, 15), share of the
+            surroundings of each joint in which they differ; `joint_error_mm` (T, 15), median error
+            to expect; `landmark_confidence` (T, 15), probability that a joint is within 30 mm of
+            the truth; `right_probability` (T,), that the joints' mean error is below 80 mm.
         up: (3,) float64, unit, direction of up in the world.
         floor_m: height of the floor in the world, along up, metres.
     """
@@ -137,7 +142,7 @@ class Motion:
         if "part_overlap" in self.quality:
             overlap = np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part]
             return np.clip(np.nan_to_num(overlap), 0.0, 1.0)
-        frame = np.asarray(self.quality.get("confidence", np.ones(len(self))), float)
+        frame = np.asarray(self.quality.get("outline_agreement", np.ones(len(self))), float)
         return np.repeat(frame[:, None], len(LANDMARK_NAMES), axis=1)
 
     def select(self, rows: slice | NDArray) -> Motion:

@@ -46,7 +46,7 @@ class TrainingSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class TrainingBatch:
     """Samples of a step.
 
     Attributes:
@@ -77,7 +77,7 @@ class LossGradient:
 
 def loss_gradient(
     network: MixtureNetwork,
-    batch: Batch,
+    batch: TrainingBatch,
     share: float = 0.0,
     dropout: float = 0.0,
     rng: np.random.Generator | None = None,
@@ -141,7 +141,7 @@ def loss_gradient(
 
 def train_network(
     network: MixtureNetwork,
-    draw: Callable[[np.random.Generator], Batch],
+    draw: Callable[[np.random.Generator], TrainingBatch],
     settings: TrainingSettings,
     rng: np.random.Generator,
     reporter: Reporter,
@@ -167,7 +167,7 @@ def train_network(
     for step in range(settings.steps):
         batch, done = draw(rng), step / settings.steps
         noise = rng.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
-        noisy = Batch(batch.inputs + noise, batch.joints, batch.offset)
+        noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
         share = max(_SHARE * (1 - done / _CLAIMED), _LEAST_SHARE) if done < _CLAIMED else 0.0
         found = loss_gradient(network, noisy, share, settings.dropout, rng)
         gradients = [*found.weights, *found.biases]

@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.proposal.mixture_network import MixtureNetwork
-from silhouette_core.proposal.network_training import Batch, TrainingSettings, train_network
+from silhouette_core.proposal.network_training import TrainingBatch, TrainingSettings, train_network
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.silhouette_features import (
     COMPONENTS,
@@ -171,11 +171,11 @@ def _trained(
     training = replace(training, steps=min(training.steps, max(steps, _LEAST_STEPS)))
     nearby = nearby_frames(filmed.features.time_s)
 
-    def draw(rng: np.random.Generator) -> Batch:
+    def draw(rng: np.random.Generator) -> TrainingBatch:
         frames = rng.integers(0, count, training.batch)
         causal = rng.random(training.batch) < _CAUSAL
         coloured = rng.random(training.batch) >= _COLOURLESS
-        return Batch(
+        return TrainingBatch(
             network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
             filmed.joints[frames],
             filmed.offset[frames],

@@ -56,7 +56,12 @@ def check_report(summary, motion):
     assert summary["facts"]["stature_given"] is True
     assert abs(summary["facts"]["stature_m"] - summary["body"]["stature_m"]) < 0.05
     assert motion.quality["part_overlap"].shape == (FRAMES, 27)
-    assert 0.6 < motion.quality["confidence"].min() <= motion.quality["confidence"].max() <= 1
+    assert (
+        0.6
+        < motion.quality["outline_agreement"].min()
+        <= motion.quality["outline_agreement"].max()
+        <= 1
+    )
     assert (motion.quality["unexplained"] < 0.7).all()
     core = [
         motion.model.names.index(name)

@@ -22,6 +22,7 @@ COMMANDS = {
     "fit": "estimate the motion of a person from several cameras",
     "calibrate": "calibrate cameras, convert and check calibrations",
     "track": "estimate the motion of a person from one camera",
+    "batch": "fit or track many recordings, and compare the results",
     "live": "follow a person before running cameras, and send the motion",
     "carve": "carve the visual hull of one frame, as a PLY file",
     "library": "build or describe a pose library for track",

@@ -73,7 +73,7 @@ number of processes and machines build together.
             from silhouette_core.jit import set_threads
             from silhouette_core.library.from_motion import make_library, read_clips
             from silhouette_core.library.pose_library import LARGEST_WHOLE, LibrarySettings
-            from silhouette_core.library.workers import open_workers
+            from silhouette_core.workers import open_workers
 
             set_threads(self.threads)
             settings = LibrarySettings(

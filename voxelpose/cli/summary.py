@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from voxelpose.reliability import verdict_of
+
 if TYPE_CHECKING:
     from voxelpose.evaluation import Score
     from voxelpose.results import Result
@@ -46,8 +48,12 @@ def print_result(result: Result) -> None:
     for pattern, meaning in _FILES:
         if any(result.folder.glob(pattern)):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
+    verdict = verdict_of(summary)
     console.print(f"to see it in three dimensions: voxelpose view {result.folder}", soft_wrap=True)
     console.print(f"to assess its quality: voxelpose report {result.folder}", soft_wrap=True)
+    colour = "green" if verdict.level == "reliable" else "yellow"
+    words = f": {verdict.reason}" if verdict.reason else ""
+    console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
 
 
 def print_score(score: Score) -> None:

@@ -19,6 +19,7 @@ _MARGIN_M = 0.10
 _EXPLAINED = 0.04  # largest unexplained fraction of a silhouette that the hull counts as explaining
 _SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
 _CRUMB = 0.03  # of the largest component
+_GAP_M = 0.25  # height of a gap between pieces of one body
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
 _NEAR_M = 1.0  # distance from the last position at which a component's weight falls to 1/e
 
@@ -138,7 +139,7 @@ class HullObserver:
     def components(self, masks: list[np.ndarray]) -> HullComponents:
         """Components of the coarse hull of the whole volume."""
         hull = carve(self.views.rig, masks, self._coarse, self.rule)
-        return HullComponents.from_voxels(label_components(hull), self._coarse)
+        return HullComponents.from_voxels(_label_bodies(hull, self._coarse), self._coarse)
 
     def window(self, components: HullComponents, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""
@@ -165,7 +166,7 @@ class HullObserver:
         near_m: np.ndarray | None,
     ) -> FrameObservation | None:
         """The body's component of a carved window, or None where it is too small for a body."""
-        voxels = label_components(occupancy)
+        voxels = _label_bodies(occupancy, grid)
         body = HullComponents.from_voxels(voxels, grid).body(near_m)
         if body is None:
             return None
@@ -230,6 +231,20 @@ class HullObserver:
             result[window] = mask[window] & _dilate(footprint[window], side)
             confirmed.append(result)
         return confirmed
+
+
+def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid) -> MaskComponents:
+    """Components of a hull, where pieces above one another are one.
+
+    A stripe of the wall's colour in one camera cuts a hull in two at its height, and what is above
+    a gap belongs to what is below it. People beside each other remain apart.
+    """
+    reach = round(0.5 * _GAP_M / grid.voxel_size_m)
+    columns = occupancy.reshape(-1, occupancy.shape[2]).view(np.uint8)
+    line = np.ones((1, 2 * reach + 1), np.uint8)
+    joined = np.asarray(cv2.dilate(columns, line)).view(np.bool_).reshape(occupancy.shape)
+    labels = np.where(occupancy, label_components(joined).labels, 0)
+    return MaskComponents(labels, np.bincount(labels[occupancy], minlength=1))
 
 
 def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:

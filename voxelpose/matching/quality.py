@@ -25,7 +25,8 @@ class Quality:
         part_overlap: (27,) float64, fraction of each part's volume inside the hull; NaN for a part
             smaller than a voxel.
         part_unsupported: (27,) bool, parts that hardly overlap the hull.
-        unexplained: fraction of the hull's voxels that no part covers.
+        unexplained: fraction of the hull's voxels that no part covers, nor a neighbour of which:
+            a part's points leave gaps of a voxel.
         unexplained_voxels: (n, 3) int64, indices of those voxels in the frame's grid.
     """
 
@@ -51,7 +52,20 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
             bits, empty, _ = voxel_set.cover(points, rotation[0, part][None], origin[0, part][None])
             overlap[part] = 1 - empty[0] / len(points)
             union |= bits[0]
-    unexplained = voxel_set.voxels(~union)
+    covered = np.zeros(frame.occupancy.shape, bool)
+    covered[tuple(voxel_set.voxels(union).T)] = True
+    unexplained = np.argwhere(frame.occupancy & ~_dilated(covered))
     return Quality(
         overlap, overlap < _UNSUPPORTED, len(unexplained) / max(len(voxel_set), 1), unexplained
     )
+
+
+def _dilated(mask: np.ndarray) -> np.ndarray:
+    """A volume with all neighbours of its voxels, those at corners included."""
+    for axis in range(mask.ndim):
+        moved = np.moveaxis(mask, axis, 0)
+        wider = moved.copy()
+        wider[1:] |= moved[:-1]
+        wider[:-1] |= moved[1:]
+        mask = np.moveaxis(wider, 0, axis)
+    return mask

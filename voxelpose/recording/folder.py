@@ -297,6 +297,14 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
     return paths
 
 
+def is_recording(folder: Path) -> bool:
+    """Whether a folder holds a calibration, or videos, so that it is meant as a recording."""
+    if not folder.is_dir():
+        return False
+    files = any(path.is_file() and path.suffix.lower() in VIDEOS for path in folder.iterdir())
+    return files or _calibration_path(folder) is not None or (folder / "masks").is_dir()
+
+
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
     """Videos or image folders by camera name, and whether they are silhouettes, from masks/."""
     paths = pictures_by_camera(folder)

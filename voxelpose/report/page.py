@@ -177,7 +177,7 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
         angles.append((time_chart(chart, motion.time_s, f"angle{k}"), note))
     quality = []
     for name, title, below in (
-        ("confidence", "Confidence", DOUBTFUL),
+        ("outline_agreement", "Outlines: body and silhouettes in common", DOUBTFUL),
         ("unexplained", "Unexplained share of the hull", None),
     ):
         if name in motion.quality:

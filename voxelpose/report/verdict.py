@@ -15,8 +15,8 @@ from voxelpose.view.viewer.legend import display_name
 
 Level = Literal["good", "look", "bad"]
 
-SURE = 0.85  # confidence from which a frame is reliable
-DOUBTFUL = 0.7  # confidence below which a frame is doubtful
+SURE = 0.85  # outline agreement from which a frame is reliable
+DOUBTFUL = 0.7  # outline agreement below which a frame is doubtful
 COVERED = 0.7  # fraction of a part's volume inside the hull
 _LOST = 0.05  # fraction of frames without a pose that is bad
 _MANY = 0.1  # fraction of frames in which a part is uncovered that is reported
@@ -50,8 +50,9 @@ def findings(result: Result, cameras: CameraCheck | None = None) -> list[Finding
         cameras: agreement of its cameras; None where it was not checked.
     """
     assessed = [
+        *_verdict(result),
         _lost(result),
-        *_confidence(result),
+        *_outlines(result),
         *_parts(result),
         *_cameras(cameras or CameraCheck()),
     ]
@@ -89,6 +90,16 @@ def ranges_text(ranges: Sequence[tuple[int, int]]) -> str:
     return f"frame{'' if single else 's'} {', '.join(listed)}{more}"
 
 
+def _verdict(result: Result) -> list[Finding]:
+    """The program's own verdict, where it doubts."""
+    verdict: Any = result.summary.get("verdict", {})
+    if verdict.get("level") != "doubtful":
+        return []
+    advice = "Look at the contact sheet below before anything else: is that the person?"
+    reason = str(verdict["reason"])
+    return [Finding("bad", "Doubtful", f"{reason[:1].upper()}{reason[1:]}.", advice)]
+
+
 def _lost(result: Result) -> Finding:
     summary: Any = result.summary
     lost = np.array(summary["frames"]["lost"], np.int64)
@@ -105,12 +116,12 @@ def _lost(result: Result) -> Finding:
     )
 
 
-def _confidence(result: Result) -> list[Finding]:
-    if "confidence" not in result.motion.quality:
+def _outlines(result: Result) -> list[Finding]:
+    if "outline_agreement" not in result.motion.quality:
         return []
-    confidence = np.asarray(result.motion.quality["confidence"], float)
-    median = float(np.nanmedian(confidence))
-    doubtful = confidence < DOUBTFUL
+    agreement = np.asarray(result.motion.quality["outline_agreement"], float)
+    median = float(np.nanmedian(agreement))
+    doubtful = agreement < DOUBTFUL
     level: Level = (
         "bad" if median < DOUBTFUL else "look" if median < SURE or doubtful.any() else "good"
     )

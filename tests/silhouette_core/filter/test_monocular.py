@@ -64,7 +64,7 @@ def test_the_motion_is_found(tracked, filmed):
     assert len(tracked.motion) == len(truth)
     assert root_mm(joints, truth) < 90
     assert np.linalg.norm(joints[:, 0] - truth[:, 0], axis=-1).mean() < 0.25
-    assert tracked.motion.quality["confidence"].min() > 0.8
+    assert tracked.motion.quality["outline_agreement"].min() > 0.8
     assert tracked.facts["library"]["samples"] > 1000 and tracked.facts["frames_absent"] == []
 
 

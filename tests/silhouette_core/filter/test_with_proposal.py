@@ -82,8 +82,8 @@ def test_the_body_is_adapted(tracked, filmed, library_with_proposal, monkeypatch
     assert tracked.motion.model.shape[stouter].mean() > 0.04
     monkeypatch.setattr(trajectory, "adapted_body", lambda model, *_: model)
     usual = track(filmed[1], library_with_proposal)
-    assert np.median(tracked.motion.quality["confidence"]) > 0.01 + np.median(
-        usual.motion.quality["confidence"]
+    assert np.median(tracked.motion.quality["outline_agreement"]) > 0.01 + np.median(
+        usual.motion.quality["outline_agreement"]
     )
 
 

@@ -19,7 +19,7 @@ from silhouette_core.library.rendering import (
 from silhouette_core.library.store import read_library, write_library
 from silhouette_core.library.transitions import NeighbourWeights, find_neighbours, transitions
 from silhouette_core.library.view_tree import divide_view, group_by_medoids
-from silhouette_core.library.workers import OwnProcess, open_workers
+from silhouette_core.workers import OwnProcess, open_workers
 from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
 
 VIEWS = replace(SETTINGS, tree="views", weighting="xor")

@@ -8,7 +8,7 @@ from silhouette_core.progress import SilentReporter
 from silhouette_core.proposal.kernels import mixture as kernels
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.network_training import (
-    Batch,
+    TrainingBatch,
     TrainingSettings,
     loss_gradient,
     train_network,
@@ -30,7 +30,7 @@ def network(rng):
 
 def batch(rng, count=4):
     joints = rng.normal(0, 0.2, (count, JOINTS, 3))
-    return Batch(rng.normal(size=(count, 5)), joints, rng.normal(0, 0.1, (count, 3)))
+    return TrainingBatch(rng.normal(size=(count, 5)), joints, rng.normal(0, 0.1, (count, 3)))
 
 
 def test_the_likelihood_is_that_of_a_mixture_of_student_t(network, rng):
@@ -95,7 +95,9 @@ def test_the_nearest_mode_learns_whatever_its_probability(network, rng):
         .sum(axis=(2, 3))
         .argmin(axis=1)
     )
-    given = Batch(*(array[nearest == 0] for array in (given.inputs, given.joints, given.offset)))
+    given = TrainingBatch(
+        *(array[nearest == 0] for array in (given.inputs, given.joints, given.offset))
+    )
     assert len(given.inputs)
     first = slice(0, JOINTS * 3)
     assert np.abs(loss_gradient(network, given).biases[-1][first]).max() < 1e-3
@@ -112,7 +114,7 @@ def test_training_finds_both_of_two_answers(rng):
         side = rng.choice([-1, 1], 64)
         joints = np.stack([inputs[:, 0] * 0.2, side * 0.3, np.full(64, 0.1)], axis=-1)
         joints = (joints + rng.normal(0, 0.01, joints.shape)).astype(np.float32)
-        return Batch(inputs, joints[:, None], np.tile(inputs, 3) * np.float32(0.1))
+        return TrainingBatch(inputs, joints[:, None], np.tile(inputs, 3) * np.float32(0.1))
 
     settings = TrainingSettings(steps=600, batch=64, rate=5e-3, modes=2, dropout=0.0)
     train_network(network, draw, settings, rng, SilentReporter())

@@ -1,8 +1,11 @@
 """Silhouettes stored as bits, one body selected from them, and its agreement with a pose."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from silhouette_core.motion.kinematics import place, rotation_matrices
 from tests.voxelpose.matching.matching_scenes import (
     fitting_model,
     other_body,
@@ -151,3 +154,44 @@ def test_quality_says_which_parts_the_voxels_support(observer, masks):
     # What is smaller than a voxel was not measured, and is not called unsupported.
     unknown = np.isnan(away.part_overlap)
     assert unknown.sum() == 27 - len(sampled) and not away.part_unsupported[unknown].any()
+
+
+def test_a_body_explains_its_own_voxels(observer, masks):
+    """Its points leave no holes, whichever way the body is turned against the grid."""
+    observed = observer.observe(masks)
+    model = fitting_model()
+    body_volume = BodyVolume.from_model(model, observed.grid.voxel_size_m)
+    pose = replace(stance(model), root_rotation=rotation_matrices(np.array([0.9, 0.1, 0.2, 0.38])))
+    points = np.concatenate(posed_points(body_volume, pose))
+    low = points.min(axis=0) - 0.1
+    grid = VoxelGrid.from_bounds(low, points.max(axis=0) + 0.1, observed.grid.voxel_size_m)
+    occupancy = np.zeros(grid.shape, bool)
+    # Filled ten times as densely as by the points that are compared.
+    fine = np.concatenate(posed_points(BodyVolume.from_model(model, 0.012), pose))
+    occupancy[tuple(((fine - grid.origin_m) / grid.voxel_size_m).astype(int).T)] = True
+    own = assess(body_volume, pose, replace(observed, grid=grid, occupancy=occupancy))
+    assert own.unexplained < 0.08
+
+
+def posed_points(volume, pose):
+    rotation, origin = place(
+        volume.model, pose.root_m[None], pose.root_rotation[None], pose.angles_rad[None]
+    )
+    return [
+        points @ rotation[0, part].T + origin[0, part]
+        for part, points in enumerate(volume.part_points)
+        if len(points)
+    ]
+
+
+def test_a_stripe_of_the_walls_colour_does_not_halve_the_body(observer, masks):
+    """One camera lacks a band across the trunk: what is above it stays."""
+    whole = observer.observe(masks)
+    torn = [mask.copy() for mask in masks]
+    camera = observer.views.rig.cameras[0]
+    rows = camera.project(np.array([[0.0, 0.0, 1.25], [0.0, 0.0, 1.15]]))[0][:, 1]
+    torn[0][int(rows[0]) : int(rows[1])] = False
+    observed = observer.observe(torn)
+    heights = [frame.grid.occupied_points(frame.occupancy)[:, 2] for frame in (whole, observed)]
+    assert heights[1].max() > heights[0].max() - 0.1
+    assert not ((heights[1] > 1.18) & (heights[1] < 1.21)).any()

@@ -12,13 +12,13 @@ from voxelpose.report.verdict import findings, frame_ranges, overall, ranges_tex
 from voxelpose.results import Result
 
 
-def result(tmp_path, lost=(), confidence=0.9, **overlaps):
+def result(tmp_path, lost=(), outline_agreement=0.9, **overlaps):
     motion = waving(20)
     overlap = np.ones((20, 27))
     for name, share in overlaps.items():
         overlap[:, motion.model.names.index(name)] = share
     quality = {
-        "confidence": np.broadcast_to(np.asarray(confidence, float), 20),
+        "outline_agreement": np.broadcast_to(np.asarray(outline_agreement, float), 20),
         "part_overlap": overlap,
     }
     summary = {"frames": {"with_pose": 20 - len(lost), "lost": list(lost)}}
@@ -37,8 +37,8 @@ def test_all_is_well(tmp_path):
     [
         ({"lost": [4, 5, 6, 9]}, "bad", "4 of 20 frames have no pose: frames 4–6, 9."),
         ({"lost": [4]}, "look", "1 of 20 frames have no pose: frame 4."),
-        ({"confidence": 0.5}, "bad", "agree to 50 %"),
-        ({"confidence": [0.9] * 18 + [0.6] * 2}, "look", "Below 70 %: frames 18–19."),
+        ({"outline_agreement": 0.5}, "bad", "agree to 50 %"),
+        ({"outline_agreement": [0.9] * 18 + [0.6] * 2}, "look", "Below 70 %: frames 18–19."),
         ({"left_forearm": 0.3}, "look", "left forearm (100 % of frames)"),
         ({"thorax": 0.3, "left_forearm": [0.9] * 19 + [0.1]}, "bad", "thorax (100 % of frames)."),
     ],
@@ -67,3 +67,11 @@ def test_many_ranges_are_not_all_listed():
     ranges = frame_ranges(frames, frames % 4 == 0)
     assert ranges[:2] == [(100, 100), (104, 104)]
     assert ranges_text(ranges).endswith("120 and 4 more ranges")
+
+
+def test_what_the_program_doubts_comes_first(tmp_path):
+    doubted = result(tmp_path, lost=[4, 5, 6, 9])
+    verdict = {"level": "doubtful", "reason": "turned half round, it fits as well"}
+    doubted = replace(doubted, summary={**doubted.summary, "verdict": verdict})
+    first = findings(doubted)[0]
+    assert first.level == "bad" and first.words == "Turned half round, it fits as well."

@@ -39,7 +39,7 @@ class FittedBody:
         overlap = quality.get("part_overlap")
         fractions = (
             float(quality[name][row]) if name in quality else None
-            for name in ("confidence", "unexplained")
+            for name in ("outline_agreement", "unexplained")
         )
         unknown = np.full(len(model.names), np.nan)
         return BodyState(

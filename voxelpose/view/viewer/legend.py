@@ -80,10 +80,11 @@ def frame_text(scene: Scene) -> str:
     """Description of a frame, as Markdown."""
     lines = [f"**Frame {scene.frame}**, {scene.time_s:.2f} s"]
     if scene.body is not None:
-        if scene.body.confidence is not None and np.isfinite(scene.body.confidence):
+        agreement = scene.body.outline_agreement
+        if agreement is not None and np.isfinite(agreement):
             lines.append(
-                f"Confidence {100 * scene.body.confidence:.0f} %: how well the body's outline"
-                " covers the silhouettes."
+                f"Outline agreement {100 * agreement:.0f} %: how well the body's outline covers the"
+                " silhouettes."
             )
         weak = [
             display_name(name)

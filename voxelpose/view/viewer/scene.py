@@ -61,14 +61,14 @@ class BodyState:
         vertices_m: (V, 3) float64, its skin in the world.
         joints_m: (28, 3) float64, the ends of `skeleton_bones`.
         overlap: (27,) float64, fraction of each part inside the hull; NaN where unknown.
-        confidence: of the frame, from 0 to 1; None where the estimator gave none.
+        outline_agreement: of the frame, from 0 to 1; None where the estimator gave none.
         unexplained: fraction of the hull that no part covers; None where the estimator gave none.
     """
 
     vertices_m: NDArray[np.float64]
     joints_m: NDArray[np.float64]
     overlap: NDArray[np.float64]
-    confidence: float | None
+    outline_agreement: float | None
     unexplained: float | None
 
 

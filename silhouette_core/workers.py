@@ -1,13 +1,16 @@
-"""Workers that share the tasks of a library build: this process, several, or other machines."""
+"""Workers that share tasks which do not depend on each other: this process, several processes, or
+other machines.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 from calib.errors import InputError
@@ -15,6 +18,22 @@ from silhouette_core.jit import set_threads
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+
+class WorkerEndedError(InputError):
+    """A worker was ended from outside before its task, usually for want of memory.
+
+    Attributes:
+        tasks: numbers of the tasks that were in work, of which one is to blame.
+    """
+
+    def __init__(self, tasks: Iterable[int]):
+        """Says what to do."""
+        super().__init__(
+            "a worker process was ended from outside, usually for want of memory: run the command"
+            " again with fewer --workers; what was finished is kept"
+        )
+        self.tasks = tuple(tasks)
 
 
 class Workers(Protocol):
@@ -64,17 +83,24 @@ class Processes:
         """See `Workers.run`.
 
         Raises:
-            InputError: a process ended before its task, usually for want of memory.
+            WorkerEndedError: a process was ended before its task.
         """
-        for first in range(0, len(tasks), self._ahead):
-            some = tasks[first : first + self._ahead]
-            try:
-                yield from enumerate(self._pool.map(work, some), first)
-            except BrokenProcessPool as error:
-                raise InputError(
-                    "a worker process was ended from outside, usually for want of memory: run the"
-                    " command again with fewer --workers; finished views are kept"
-                ) from error
+        todo, waiting = iter(enumerate(tasks)), {}
+        try:
+            while True:
+                for number, task in islice(todo, self._ahead - len(waiting)):
+                    waiting[self._pool.submit(work, task)] = number
+                if not waiting:
+                    return
+                ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in ready:
+                    result = future.result()
+                    yield waiting.pop(future), result
+        except BrokenProcessPool as error:
+            raise WorkerEndedError(waiting.values()) from error
+        finally:
+            for future in waiting:
+                future.cancel()
 
 
 class Cluster:
@@ -92,24 +118,50 @@ class Cluster:
     def run(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result]]:
-        """See `Workers.run`."""
-        for first in range(0, len(tasks), self._ahead):
-            some = tasks[first : first + self._ahead]
+        """See `Workers.run`. A task whose machine is lost is given to another one.
+
+        Raises:
+            WorkerEndedError: several machines were lost with the same task.
+        """
+        from distributed import (  # type: ignore[import-not-found]
+            KilledWorker,
+            as_completed,
+        )
+
+        todo, numbers = iter(enumerate(tasks)), {}
+
+        def submitted(count: int) -> list[Any]:
             # pure=False: nothing is looked up by its content, which would be hashed first.
-            waiting = self._client.map(work, some, pure=False)
-            for number, future in enumerate(waiting, first):
+            some = list(islice(todo, count))
+            futures = self._client.map(work, [task for _, task in some], pure=False)
+            numbers.update(zip((f.key for f in futures), (n for n, _ in some), strict=True))
+            return futures
+
+        waiting = as_completed(submitted(self._ahead))
+        for future in waiting:
+            number = numbers.pop(future.key)
+            try:
                 yield number, future.result()
-                future.release()
+            except KilledWorker as error:
+                raise WorkerEndedError([number]) from error
+            future.release()
+            for further in submitted(1):
+                waiting.add(further)
 
 
 @contextmanager
-def open_workers(processes: int = 1, cluster: str | None = None) -> Iterator[Workers]:
+def open_workers(
+    processes: int = 1, cluster: str | None = None, ahead: int = 2, apart: bool = False
+) -> Iterator[Workers]:
     """Workers, for the length of a `with` block.
 
     Args:
         processes: number of processes on this machine; 1: this one.
         cluster: address of the scheduler of a Dask cluster, as in tcp://10.0.0.5:8786, on whose
             machines this program is installed; None: this machine alone.
+        ahead: number of tasks handed out to each worker at a time.
+        apart: whether a single process, too, is another one than this: it may use all threads, and
+            its end does not end this one.
 
     Raises:
         InputError: fewer than one process, Dask is not installed, or the cluster does not answer.
@@ -118,14 +170,15 @@ def open_workers(processes: int = 1, cluster: str | None = None) -> Iterator[Wor
         raise InputError(f"{processes} workers do no work: give 1 or more")
     if cluster is not None:
         with _client(cluster) as client:
-            yield Cluster(client, 2 * max(1, len(client.scheduler_info()["workers"])))
-    elif processes == 1:
+            yield Cluster(client, ahead * max(1, len(client.scheduler_info()["workers"])))
+    elif processes == 1 and not apart:
         yield OwnProcess()
     else:
         # Spawned, not forked: threads of numba and OpenCV do not survive a fork.
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(processes, context, _one_thread) as pool:
-            yield Processes(pool, 2 * processes)
+        prepare = None if processes == 1 else _one_thread
+        with ProcessPoolExecutor(processes, context, prepare) as pool:
+            yield Processes(pool, ahead * processes)
 
 
 def _client(address: str) -> Any:

@@ -1,0 +1,87 @@
+"""What is to be done: recordings named on the command line or in a list."""
+
+from pathlib import Path
+
+import pytest
+
+from calib.errors import InputError
+from tests.sources import ring, write_recording
+from voxelpose.batch.jobs import jobs_of, read_settings
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Path:
+    for name in ("anna/walk", "ben/walk", "ben/run fast"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_recording(tmp_path / name, ring(2), 2)
+    return tmp_path
+
+
+def names(jobs):
+    return [job.name for job in jobs]
+
+
+def test_folders_of_recordings_are_opened_and_names_kept_apart(studio):
+    jobs = jobs_of([studio / "anna" / "walk", studio / "ben"], "fit", {"stature": 1.7})
+    assert names(jobs) == ["walk", "run_fast", "walk_2"]
+    assert {Path(job.recording).name for job in jobs} == {"walk", "run fast"}
+    assert all(job.estimator_settings(1).stature_m == 1.7 for job in jobs)
+    assert jobs[0].open().rig.names == ("cam_1", "cam_2")
+
+
+def test_a_list_has_settings_for_all_and_for_each(studio):
+    (studio / "all.toml").write_text(
+        '[settings]\nstature = 1.8\nfps = 50\n[[recording]]\nfolder = "anna/walk"\n'
+        'stature = 1.62\nup = "-z"\n[[recording]]\nname = "one"\nfolder = "ben/walk"\n'
+        'command = "track"\ncamera = "cam_2"\nstart = "any"\nframes = "0:1"\n'
+    )
+    first, second = jobs_of([studio / "all.toml"], "fit", {"sex": "female", "stature": 1.5})
+    settings = first.estimator_settings(None)
+    assert (settings.stature_m, settings.sex, settings.up) == (1.62, "female", (0, 0, -1))
+    assert first.estimator == "multiview" and first.open().fps == 50
+    assert second.name == "one" and second.estimator == "monocular"
+    assert second.estimator_settings(None).options == {"start": "any"}
+    opened = second.open()
+    assert opened.rig.names == ("cam_2",) and opened.frame_count == 1
+
+
+def test_settings_are_read_as_in_toml_or_as_text():
+    words = ["stature=1.75", "smooth=false", "frames=0:100", 'sex="male"', "tolerance = 1"]
+    assert read_settings(words) == {
+        "stature": 1.75,
+        "smooth": False,
+        "frames": "0:100",
+        "sex": "male",
+        "tolerance": 1,
+    }
+    with pytest.raises(InputError, match="--set stature is not understood"):
+        read_settings(["stature"])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("recording = 3", r"lists no recordings: write a table \[\[recording\]\]"),
+        ("[[recording]]\nstature = 1.7", "recording 1 has no folder"),
+        ('[[recording]]\nfolder = "nobody"', "recording 1: .*nobody is no recording"),
+        ('[[recording]]\nfolder = "anna/walk"\nsize = 2', "fit has no setting 'size'.*stature"),
+        ('[[recording]]\nfolder = "anna/walk"\nstature = "tall"', "stature = 'tall' must be a num"),
+        ('[[recording]]\nfolder = "anna/walk"\ntolerance = true', "must be a whole number"),
+        ('[[recording]]\nfolder = "anna/walk"\nframes = "all"', "frames = 'all' is not underst"),
+        ('[[recording]]\nfolder = "anna/walk"\nup = "sky"', "up = 'sky' is no direction"),
+        ('[[recording]]\nfolder = "anna/walk"\ncommand = "guess"', 'command "fit" or "track"'),
+        ("[[recording", "cannot be read as TOML"),
+    ],
+)
+def test_a_list_that_makes_no_sense_is_refused_before_any_work(studio, content, words):
+    (studio / "all.toml").write_text(content)
+    with pytest.raises(InputError, match=words):
+        jobs_of([studio / "all.toml"], "fit", {})
+
+
+def test_what_is_not_there_is_named(studio):
+    (studio / "empty").mkdir()
+    with pytest.raises(InputError, match=r"there is no recording .*nobody"):
+        jobs_of([studio / "nobody"], "fit", {})
+    with pytest.raises(InputError, match="empty is no recording and holds none"):
+        jobs_of([studio / "empty"], "fit", {})

@@ -1,0 +1,142 @@
+"""Many recordings: done side by side, resumed, and none stopping the others."""
+
+import csv
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.sources import ring, write_recording
+from voxelpose.batch.batch_tables import write_tables
+from voxelpose.batch.jobs import jobs_of
+from voxelpose.batch.run import BatchSettings, run_batch
+from voxelpose.cli import run
+
+STANDING = {"estimator": "standing"}
+SAME = ("joints.csv", "motion.bvh", "motion.safetensors", "settings.toml")
+
+
+@pytest.fixture
+def studio(desk: Path) -> Path:
+    """Three recordings, of which one lacks a camera's video."""
+    for name in ("one", "two", "three"):
+        write_recording(desk / "in" / name, ring(2))
+    (desk / "in" / "two" / "cam_2.mp4").unlink()
+    return desk
+
+
+def statuses(outcomes):
+    return {outcome.job.name: outcome.status for outcome in outcomes}
+
+
+def test_one_that_fails_does_not_stop_the_others_and_a_second_run_does_the_rest(studio):
+    jobs = jobs_of([studio / "in"], "fit", STANDING)
+    settings = BatchSettings(studio / "out", 2, pictures=False, report=False)
+    told = []
+    outcomes = run_batch(jobs, settings, lambda outcome, n: told.append((outcome.job.name, n)))
+    assert statuses(outcomes) == {"one": "done", "three": "done", "two": "failed"}
+    failed = next(outcome for outcome in outcomes if outcome.status == "failed")
+    assert "camera cam_2 of" in failed.message and "has no video" in failed.message
+    assert sorted(n for _, n in told) == [1, 2, 3]
+    assert not (studio / "out" / "two").exists()
+    before = (studio / "out" / "one" / "summary.json").stat().st_mtime_ns
+    # A recording that is put right, and one whose settings are others now.
+    other = studio / "in" / "two"
+    (other / "cam_2.mp4").write_bytes((other / "cam_1.mp4").read_bytes())
+    jobs = [
+        *jobs_of([studio / "in" / "one", other], "fit", STANDING),
+        *jobs_of([studio / "in" / "three"], "fit", {**STANDING, "stature": 1.6}),
+    ]
+    again = run_batch(jobs, settings, lambda outcome, n: None)
+    assert statuses(again) == {"one": "kept", "two": "done", "three": "done"}
+    assert (studio / "out" / "one" / "summary.json").stat().st_mtime_ns == before
+    assert again[2].summary["body"]["stature_m"] == 1.6
+
+
+def test_tables_begin_with_what_is_wrong(studio):
+    out = studio / "out"
+    words = ["in", "--out", str(out), "--set", "estimator=standing", "--jobs", "1"]
+    assert run(["batch", *words]) == 1
+    with (out / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[0]["recording"] == "two" and rows[0]["verdict"] == "failed"
+    assert {row["recording"] for row in rows[1:]} == {"one", "three"}
+    assert (out / "table.md").read_text().splitlines()[2].startswith("| two | failed |")
+    page = (out / "index.html").read_text()
+    assert page.index(">two<") < page.index(">one<")
+    assert 'href="one/report.html"' in page and page.count("data:image/webp") == 2
+    assert (out / "one" / "report.html").is_file()
+
+
+def test_names_from_files_are_no_markup(studio):
+    hostile = write_recording(studio / "in" / "<script>alert(1)<", ring(2))
+    jobs = jobs_of([hostile], "fit", {**STANDING, "frames": "0:99"})
+    outcomes = run_batch(jobs, BatchSettings(studio / "out", 1), lambda outcome, n: None)
+    assert outcomes[0].status == "failed"
+    write_tables(outcomes, studio / "out")
+    assert "<script" not in (studio / "out" / "index.html").read_text()
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_costs_its_job_alone(studio):
+    """The kill is found, the other job is done, and the one that was killed is tried again."""
+    jobs = [
+        *jobs_of([studio / "in" / "one"], "fit", {**STANDING, "voxel": 0.09}),
+        *jobs_of([studio / "in" / "three"], "fit", STANDING),
+    ]
+    killed = []
+
+    def kill() -> None:
+        end = time.monotonic() + 60
+        while not killed and time.monotonic() < end:
+            for folder in Path("/proc").glob("[0-9]*"):
+                try:
+                    parent = int((folder / "stat").read_text().rsplit(")")[-1].split()[1])
+                    words = (folder / "cmdline").read_bytes()
+                except OSError:
+                    continue
+                if parent == os.getpid() and b"spawn_main" in words:
+                    os.kill(int(folder.name), signal.SIGKILL)
+                    killed.append(folder.name)
+                    return
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    settings = BatchSettings(studio / "out", 2, pictures=False, report=False)
+    outcomes = run_batch(jobs, settings, lambda outcome, n: None)
+    thread.join()
+    assert killed
+    assert statuses(outcomes) == {"one": "done", "three": "done"}
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_bytes_though_a_machine_is_lost(studio):
+    distributed = pytest.importorskip(
+        "distributed", reason="Dask is not installed: pip install 'voxelpose[cluster]'"
+    )
+    write_recording(studio / "in" / "four", ring(2), 40)
+    jobs = [job for job in jobs_of([studio / "in"], "fit", STANDING) if job.name != "two"]
+    here = BatchSettings(studio / "here", 2, pictures=False, report=False)
+    run_batch(jobs, here, lambda outcome, n: None)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        there = BatchSettings(studio / "there", 1, cluster.scheduler_address, False, False)
+        pid = next(iter(cluster.workers.values())).pid
+
+        def lose(outcome, n):
+            if n == 1:
+                os.kill(pid, signal.SIGKILL)
+
+        outcomes = run_batch(jobs, there, lose)
+    assert set(statuses(outcomes).values()) == {"done"}
+    for job in jobs:
+        for name in SAME:
+            ours = (studio / "here" / job.name / name).read_bytes()
+            assert (studio / "there" / job.name / name).read_bytes() == ours, name
+        assert json.loads((studio / "there" / job.name / "job.json").read_text())

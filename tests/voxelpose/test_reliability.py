@@ -1,0 +1,33 @@
+"""The verdict on a result, from summary.json."""
+
+import pytest
+
+from voxelpose.reliability import verdict_of
+
+
+def summary(lost=0, agreement=0.92, right=None, turn=3.0):
+    quality = {"outline_agreement": {"median": agreement}}
+    if right is not None:
+        quality["right_probability"] = {"lower_quarter": right}
+    frames = {"with_pose": 100 - lost, "lost": list(range(lost))}
+    return {"frames": frames, "quality": quality, "facts": {"half_turn_ratio": turn}}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "level", "words"),
+    [
+        ({"right": 0.98}, "reliable", ""),
+        ({"right": 0.55, "agreement": 0.74}, "reliable", ""),
+        ({"lost": 10, "right": 0.9}, "reliable", ""),
+        ({"lost": 11, "right": 0.9}, "doubtful", "11 of 100 frames have no pose"),
+        ({"right": 0.45, "agreement": 0.7}, "doubtful", "only 70 % in common"),
+        ({"right": 0.45, "agreement": 0.8, "turn": 1.1}, "doubtful", "turned half round"),
+        ({"right": 0.45, "agreement": 0.8}, "doubtful", "only 80 % in common"),
+        ({"agreement": 0.9}, "reliable", ""),
+        ({"agreement": 0.6}, "doubtful", "only 60 % in common"),
+    ],
+)
+def test_a_result_is_called_what_its_numbers_say(numbers, level, words):
+    verdict = verdict_of(summary(**numbers))
+    assert verdict.level == level
+    assert words in verdict.reason and bool(verdict.reason) == (level != "reliable")

@@ -1,0 +1,259 @@
+"""The jobs of a batch: recordings with the settings of each, named on the command line or listed in
+a TOML file.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from calib.errors import InputError
+from calib.upright import direction_of
+from silhouette_core.estimator import Settings
+from voxelpose.recording.folder import Recording, is_recording
+
+Command = Literal["fit", "track"]
+
+# Setting of a job: the type that it has in TOML, and the field of Settings where it is one.
+_SETTINGS = {
+    "stature": (float, "stature_m"),
+    "chest": (float, "chest_m"),
+    "sex": (str, "sex"),
+    "background": (str, "background"),
+    "smooth": (bool, "smooth"),
+    "up": (str, ""),
+    "frames": (str, ""),
+    "unit": (str, ""),
+    "fps": (float, ""),
+}
+_OPTIONS = {
+    "fit": {
+        "cameras": (str, ""),
+        "estimator": (str, ""),
+        "interference": (bool, "interference"),
+        "voxel": (float, "voxel_size_m"),
+        "tolerance": (int, "tolerance"),
+    },
+    "track": {
+        "camera": (str, ""),
+        "library": (str, "library"),
+        "start": (str, "start"),
+        "refine": (bool, "refine"),
+        "weighting": (str, "weighting"),
+        "motion_model": (str, "motion_model"),
+        "outline_only": (bool, "outline_only"),
+    },
+}
+_PLAIN_NAME = re.compile(r"[^\w.+-]+")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One recording and how it is estimated.
+
+    Attributes:
+        name: name of the result's folder, unique in the batch.
+        recording: the recording folder.
+        command: `fit` or `track`.
+        settings: values by name, as the options of that command.
+    """
+
+    name: str
+    recording: str
+    command: Command
+    settings: Mapping[str, bool | int | float | str]
+
+    def open(self) -> Recording:
+        """The recording.
+
+        Raises:
+            InputError: it cannot be used.
+        """
+        given = self.settings
+        key = "camera" if self.command == "track" else "cameras"
+        names = [name.strip() for name in str(given.get(key, "")).split(",") if name.strip()]
+        if self.command == "track" and not names:
+            names = [Recording.open(self.recording, unit=_text(given, "unit")).rig.names[0]]
+        return Recording.open(
+            self.recording,
+            _frames(_text(given, "frames")),
+            names or None,
+            _text(given, "unit"),
+            float(given["fps"]) if "fps" in given else None,
+        )
+
+    def estimator_settings(self, threads: int | None) -> Settings:
+        """Settings of the estimation.
+
+        Args:
+            threads: number of threads; None: all cores.
+
+        Raises:
+            InputError: a value cannot be used.
+        """
+        fields: dict[str, Any] = {
+            field: self.settings[name]
+            for name, (_, field) in _SETTINGS.items()
+            if field and name in self.settings
+        }
+        if "up" in self.settings:
+            fields["up"] = _up(str(self.settings["up"]))
+        options = {
+            field: self.settings[name]
+            for name, (_, field) in _OPTIONS[self.command].items()
+            if field and name in self.settings
+        }
+        return Settings(**fields, threads=threads, options=options)
+
+    @property
+    def estimator(self) -> str:
+        """Name of the estimator."""
+        usual = "monocular" if self.command == "track" else "multiview"
+        return str(self.settings.get("estimator", usual))
+
+
+def jobs_of(
+    paths: Sequence[Path], command: Command, common: Mapping[str, bool | int | float | str]
+) -> list[Job]:
+    """The jobs of recordings, of folders of recordings, and of TOML lists.
+
+    Args:
+        paths: a recording; a folder whose subfolders are recordings; or a TOML file with a table
+            `[[recording]]` for each, with `folder` (relative to the file) and, where they differ,
+            `name`, `command` and the settings.
+        command: what is done where a list does not say.
+        common: settings where a list has no other.
+
+    Raises:
+        InputError: something is not there or not understood, or nothing is to be done.
+    """
+    found: list[tuple[Path, str | None, Command, Mapping[str, Any]]] = []
+    for path in paths:
+        if path.suffix.lower() == ".toml" and path.is_file():
+            found += _listed(path, command, common)
+        elif not path.is_dir():
+            raise InputError(f"there is no recording {path}: give folders, or a TOML list of them")
+        elif is_recording(path):
+            found.append((path, None, command, common))
+        else:
+            inside = sorted(folder for folder in path.iterdir() if is_recording(folder))
+            if not inside:
+                raise InputError(
+                    f"{path} is no recording and holds none: give folders with a video per camera"
+                    " and calibration.toml"
+                )
+            found.extend((folder, None, command, common) for folder in inside)
+    names = _names([(folder, name) for folder, name, _, _ in found])
+    jobs = []
+    for name, (folder, _, what, settings) in zip(names, found, strict=True):
+        _check(settings, what, str(folder))
+        jobs.append(Job(name, str(folder.resolve()), what, dict(settings)))
+    return jobs
+
+
+def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
+    """Settings of the form name=value; values as in TOML, or plain text.
+
+    Raises:
+        InputError: a word has no equals sign.
+    """
+    settings = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"--set {word} is not understood: give NAME=VALUE, as in stature=1.75")
+        try:
+            settings[name.strip()] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            settings[name.strip()] = value.strip()
+    return settings
+
+
+def _listed(
+    path: Path, command: Command, common: Mapping[str, Any]
+) -> list[tuple[Path, str | None, Command, Mapping[str, Any]]]:
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path} cannot be read as TOML: {error}") from None
+    tables, unknown = document.get("recording"), sorted(set(document) - {"recording", "settings"})
+    shared = document.get("settings", {})
+    if unknown or not isinstance(tables, list) or not tables or not isinstance(shared, dict):
+        raise InputError(
+            f'{path} lists no recordings: write a table [[recording]] with folder = "..." for'
+            " each, and [settings] for what they have in common"
+        )
+    listed = []
+    for number, table in enumerate(tables, 1):
+        if not isinstance(table, dict) or not isinstance(table.get("folder"), str):
+            raise InputError(f'{path}: recording {number} has no folder = "..."')
+        own = {**common, **shared, **table}
+        folder = path.parent / own.pop("folder")
+        name, what = own.pop("name", None), own.pop("command", command)
+        if not isinstance(name, str | None) or what not in ("fit", "track"):
+            raise InputError(
+                f'{path}: recording {number}: name must be text, and command "fit" or "track"'
+            )
+        if not is_recording(folder):
+            raise InputError(f"{path}: recording {number}: {folder} is no recording")
+        listed.append((folder, name, what, own))
+    return listed
+
+
+def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
+    known = _SETTINGS | _OPTIONS[command]
+    for name, value in settings.items():
+        if name not in known:
+            raise InputError(
+                f"{where}: {command} has no setting {name!r}: it has {', '.join(sorted(known))}"
+            )
+        kind = known[name][0]
+        fits = isinstance(value, int | float) if kind is float else isinstance(value, kind)
+        if not fits or (isinstance(value, bool) and kind is not bool):
+            words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
+            raise InputError(f"{where}: {name} = {value!r} must be {words[kind]}")
+    if "frames" in settings:
+        _frames(str(settings["frames"]))
+    if "up" in settings:
+        _up(str(settings["up"]))
+
+
+def _names(found: Sequence[tuple[Path, str | None]]) -> list[str]:
+    """A name for each, plain enough for a folder; those of the same name are numbered."""
+    names: list[str] = []
+    for folder, given in found:
+        plain = _PLAIN_NAME.sub("_", given or folder.resolve().name).strip("._") or "recording"
+        name, count = plain, 1
+        while name.lower() in (other.lower() for other in names):
+            count += 1
+            name = f"{plain}_{count}"
+        names.append(name)
+    return names
+
+
+def _text(settings: Mapping[str, object], name: str) -> str | None:
+    return str(settings[name]) if name in settings else None
+
+
+def _frames(text: str | None) -> tuple[int | None, int | None] | None:
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        if colon:
+            return int(first) if first else None, int(last) if last else None
+    except ValueError:
+        pass
+    raise InputError(f'frames = {text!r} is not understood: give first:last, as in "0:100"')
+
+
+def _up(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = direction_of(text).tolist()
+    except ValueError:
+        raise InputError(f'up = {text!r} is no direction: give an axis, as in "-z"') from None
+    return x, y, z

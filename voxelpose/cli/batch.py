@@ -1,0 +1,93 @@
+"""voxelpose batch."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+if TYPE_CHECKING:
+    from voxelpose.batch.run import Outcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """Arguments of `voxelpose batch`."""
+
+    help: ClassVar[str] = """Estimates the motion in many recordings, several at a time.
+
+Each PATH is a recording, a folder of recordings, or a TOML list with the settings of each. DIR
+receives a folder with result and report for each, table.csv, table.md and index.html, which shows
+all with their verdicts, the doubtful ones first. A recording that fails does not stop the others.
+Run again, the same command does what is missing, what failed, and what has other settings now.
+
+  voxelpose batch subjects/*/walk --out walks --set stature=1.75
+  voxelpose batch subjects.toml --out results --jobs 4
+  voxelpose batch clips --command track --set camera=cam_1 --out tracked
+  voxelpose batch subjects --out results --cluster tcp://10.0.0.5:8786
+
+A list (docs/guide.md has more): [settings] for all, then for each
+  [[recording]]
+  folder = "anna/walk"
+  stature = 1.62
+
+Exit code 0: all done; 1: one failed.
+"""
+
+    paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
+    """Recordings, folders of recordings, or TOML lists."""
+    out: Annotated[Path, arg(metavar="DIR")]
+    """Folder of the results; made if it is not there."""
+    command: Literal["fit", "track"] = "fit"
+    """What to do where a list does not say: several cameras (fit) or one (track)."""
+    set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=VALUE")] = ()
+    """Setting for all: an option of `fit` or `track` by its name; may be repeated."""
+    jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Recordings at a time. Default: as many as there are cores, and as memory allows."""
+    cluster: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
+    """Scheduler of a Dask cluster that works instead; it must see the same folders."""
+    pictures: bool = True
+    """Draw overlay videos and contact sheets."""
+    report: bool = True
+    """Write report.html for each."""
+
+    def run(self) -> int:
+        """Runs the batch; returns the exit code."""
+        from voxelpose.batch.batch_tables import write_tables
+        from voxelpose.batch.jobs import jobs_of, read_settings
+        from voxelpose.batch.run import BatchSettings, run_batch
+
+        jobs = jobs_of(self.paths, self.command, read_settings(self.set))
+        processes = min(self.jobs or _usual_jobs(), len(jobs))
+        settings = BatchSettings(self.out, processes, self.cluster, self.pictures, self.report)
+        where = f"the cluster {self.cluster}" if self.cluster else f"{processes} at a time"
+        print(f"{len(jobs)} recordings, {where}", flush=True)
+        outcomes = run_batch(jobs, settings, lambda outcome, n: _tell(outcome, n, len(jobs)))
+        for path in write_tables(outcomes, self.out):
+            print(path)
+        return 1 if any(outcome.status == "failed" for outcome in outcomes) else 0
+
+
+def _usual_jobs() -> int:
+    """Cores, but no more than have a GiB of memory each."""
+    try:
+        memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    except (AttributeError, ValueError, OSError):  # not on Windows
+        memory_gib = 8.0
+    return max(1, min(os.cpu_count() or 1, int(memory_gib)))
+
+
+def _tell(outcome: Outcome, count: int, total: int) -> None:
+    """Prints one line about a job."""
+    from voxelpose.reliability import verdict_of
+
+    if outcome.status == "failed":
+        words = f"failed: {outcome.message}"
+    else:
+        verdict = verdict_of(outcome.summary)
+        words = verdict.level + (f": {verdict.reason}" if verdict.reason else "")
+        words += " (kept)" if outcome.status == "kept" else f" ({outcome.seconds:.0f} s)"
+    print(f"[{count}/{total}] {outcome.job.name}: {words}", flush=True)

@@ -1,0 +1,195 @@
+"""Errors to be expected of fitted poses, by what can be seen of them without the truth.
+
+A frame's evidence are the shares of the silhouettes that body and silhouettes do not have in common
+(the mean and the median over the cameras), the same near every joint, the body's part outside the
+hull, and how much worse the recording is explained by bodies turned half round. Logistic regression
+on it gives probabilities, and linear regression of log(error + 3 mm) the median error:
+
+.. math::
+
+    P = \\frac{1}{1 + \\exp(-(w_j + \\sum_k w_k x_k))}
+
+with a constant :math:`w_j` for every joint. The numbers are the result of `python -m
+benchmarks.expected_error` over recordings drawn at random (docs/results.md), four cameras each.
+
+Source: textbook (logistic regression); the evidence is this project's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.refine import RefineSettings, RefineStart
+from silhouette_core.scoring.silhouette_error import posed_mesh
+from voxelpose.matching.matcher import MatchSettings, match
+from voxelpose.matching.observe import FrameObservation
+from voxelpose.matching.pose_search import SEARCHED, BodyGeometry, refine_fits
+
+NEAR_MM = 30.0
+"""Error for which the probability of a joint is stated."""
+RIGHT_MM = 80.0
+"""Mean error of the joints relative to the pelvis up to which a frame counts as right."""
+_SQUARE_M = 0.12  # half the side of the square around a joint
+ADDED_MM = 3.0
+_LEAST = 0.01  # share below which a joint's surroundings count as alike
+_TURNS = (1.0, 4.0)  # range of the half-turn ratio
+_ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
+
+# Constants of the 15 joints, then the weights of: log of the mean share, log of the median one, log
+# of the share near the joint, log of the half-turn ratio, share of the body outside the hull.
+NEAR_WEIGHTS = np.array(
+    (
+        "-5.766 -6.412 -3.839 -3.434 -6.239 -3.97 -2.844 -3.154 -3.127 -4.754 "
+        "-4.675 -4.443 -5.315 -4.885 -5.011 1.835 -2.364 -1.085 2.072 -7.527"
+    ).split(),
+    float,
+)
+ERROR_WEIGHTS = np.array(
+    (
+        "6.996 6.985 6.384 6.135 7.016 6.389 6.114 6.284 6.312 6.599 6.542 6.644 6.661 6.659 6.865 "
+        "-0.829 1.678 0.352 -0.408 1.053"
+    ).split(),
+    float,
+)
+# A constant, then the weights of the same without the share near the joint.
+RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853".split(), float)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameEvidence:
+    """What speaks for and against one frame's pose.
+
+    Attributes:
+        camera_error: (C,) float64, |XOR| / |OR| of body and silhouette in each camera.
+        joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
+            square, the mean over the cameras that have the joint before them.
+        outside: share of the body's volume outside the hull.
+    """
+
+    camera_error: np.ndarray
+    joint_error: np.ndarray
+    outside: float
+
+
+def frame_evidence(
+    body: BodyGeometry, pose: Pose, joints_m: np.ndarray, frame: FrameObservation, outside: float
+) -> FrameEvidence:
+    """Compares a posed body with the silhouettes of its frame.
+
+    Args:
+        body: the body.
+        pose: its pose.
+        joints_m: (15, 3) its joints.
+        frame: the silhouettes.
+        outside: share of the body's volume outside the hull.
+    """
+    model, vertices_m = body.model, posed_mesh(body.model, pose)
+    errors, near = [], []
+    for camera, mask in zip(frame.views.rig, frame.masks, strict=True):
+        seen = vertices_m @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
+        drawn = parts > 0
+        apart = drawn ^ mask
+        errors.append(np.count_nonzero(apart) / max(np.count_nonzero(drawn | mask), 1))
+        pixels, depth_m = camera.project(joints_m)
+        shares = np.full(len(joints_m), np.nan)
+        for k in np.flatnonzero(np.isfinite(pixels).all(axis=1)):
+            reach = _SQUARE_M * camera.matrix[0, 0] / max(float(depth_m[k]), 0.3)
+            low = np.maximum((pixels[k] - reach).astype(int), 0)
+            high = np.maximum((pixels[k] + reach).astype(int) + 1, 0)
+            square = apart[low[1] : high[1], low[0] : high[0]]
+            shares[k] = np.count_nonzero(square) / (2 * reach) ** 2
+        near.append(shares)
+    known = np.isfinite(near)
+    sums = np.where(known, near, 0.0).sum(axis=0)
+    return FrameEvidence(np.array(errors), sums / np.maximum(known.sum(axis=0), 1), outside)
+
+
+def half_turn_ratio(
+    body: BodyGeometry, pose: Pose, frame: FrameObservation, settings: MatchSettings
+) -> float:
+    """How much worse the body turned half round explains a frame.
+
+    Its limbs are matched and refined again, so that only the heading is another one.
+
+    Args:
+        body: the body.
+        pose: its pose.
+        frame: silhouettes and hull.
+        settings: of the matcher.
+
+    Returns:
+        Silhouette error of the turned body over that of the pose itself, both refined.
+    """
+    turned = Pose(
+        pose.root_m,
+        pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),
+        np.zeros_like(pose.angles_rad),
+    )
+    found = match(body.body_volume, frame.grid, frame.occupancy, turned, settings)
+    other, own = refine_fits(
+        body,
+        frame.observation,
+        [RefineStart(found.pose, SEARCHED), RefineStart(pose, _ANGLES_KEPT)],
+    )
+    return other.error / max(own.error, 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedErrors:
+    """Errors to be expected of T poses.
+
+    Attributes:
+        median_mm: (T, 15) float64, median error of each joint, mm.
+        near_probability: (T, 15) float64, that a joint is within 30 mm of the truth.
+        right_probability: (T,) float64, that the joints' mean error relative to the pelvis is below
+            80 mm.
+    """
+
+    median_mm: np.ndarray
+    near_probability: np.ndarray
+    right_probability: np.ndarray
+
+
+def expected_errors(
+    camera_error: np.ndarray, joint_error: np.ndarray, outside: np.ndarray, half_turn: float
+) -> ExpectedErrors:
+    """Errors by regression on the evidence of T frames, as in `FrameEvidence`.
+
+    Args:
+        camera_error: (T, C) float64; rows of NaN for frames without evidence.
+        joint_error: (T, 15) float64.
+        outside: (T,) float64.
+        half_turn: median half-turn ratio of the recording.
+    """
+    joints, frames = regressors(camera_error, joint_error, outside, half_turn)
+    return ExpectedErrors(
+        np.maximum(np.exp(joints @ ERROR_WEIGHTS) - ADDED_MM, 1.0),
+        logistic(joints @ NEAR_WEIGHTS),
+        logistic(frames @ RIGHT_WEIGHTS),
+    )
+
+
+def regressors(
+    camera_error: np.ndarray, joint_error: np.ndarray, outside: np.ndarray, half_turn: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Regressors of the joints (T, 15, 20) and of the frames (T, 5), in the weights' order."""
+    camera_error = np.maximum(camera_error, 1e-3)
+    mean = np.log(camera_error.mean(axis=1))
+    middle = np.log(np.median(camera_error, axis=1))
+    turn = np.full(len(mean), np.log(np.clip(half_turn, *_TURNS)))
+    frames = np.stack([np.ones(len(mean)), mean, middle, turn, outside], axis=1)
+    near = np.log(joint_error + _LEAST)[..., None]
+    shared = np.repeat(frames[:, None, 1:], 15, axis=1)
+    constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
+    joints = np.concatenate([constants, shared[..., :2], near, shared[..., 2:]], axis=2)
+    return joints, frames
+
+
+def logistic(value: np.ndarray) -> np.ndarray:
+    """1 / (1 + exp(-value))."""
+    return 1.0 / (1.0 + np.exp(-np.clip(value, -30.0, 30.0)))

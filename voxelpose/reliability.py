@@ -1,0 +1,60 @@
+"""How far a result can be relied on, from its own numbers: one word and the reason for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Level = Literal["failed", "doubtful", "reliable"]
+
+_LOST = 0.1  # fraction of frames without a pose
+_RIGHT = 0.5  # probability below which a frame counts as wrong
+_WRONG = 0.25  # fraction of wrong frames
+_APART = 0.75  # outline agreement below which that is the reason, and the measure of one camera
+_TURN = 1.5  # half-turn ratio below which the heading is the reason
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a result can be relied on.
+
+    Attributes:
+        level: `reliable`, `doubtful`, or `failed` where there is no result.
+        reason: what speaks against it, and what helps; empty for a reliable one.
+    """
+
+    level: Level
+    reason: str = ""
+
+
+def verdict_of(summary: Mapping[str, Any]) -> Verdict:
+    """The verdict on a result.
+
+    A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
+    wrong more likely than not (several cameras), or if body and silhouettes have less than three
+    quarters of their union in common (one camera, whose errors in depth no silhouette shows).
+
+    Args:
+        summary: contents of summary.json; `frames`, `quality` and `facts` are read.
+    """
+    frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
+    lost, posed = len(frames["lost"]), frames["with_pose"]
+    agreement = quality.get("outline_agreement", {}).get("median", 1.0)
+    right = quality.get("right_probability", {}).get("lower_quarter")
+    if lost > _LOST * (lost + posed):
+        reason = f"{lost} of {lost + posed} frames have no pose: look at their silhouettes"
+        return Verdict("doubtful", f"{reason} (voxelpose view)")
+    if (right is None and agreement < _APART) or (right is not None and right < _RIGHT):
+        if agreement >= _APART and facts.get("half_turn_ratio", _TURN) < _TURN:
+            return Verdict(
+                "doubtful",
+                "turned half round, the body explains the silhouettes nearly as well: look which"
+                " way it faces",
+            )
+        return Verdict(
+            "doubtful",
+            f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
+            " sheet, at background and calibration, and at clothes of the walls' colours",
+        )
+    return Verdict("reliable")
