@@ -36,6 +36,7 @@ _CLEAR = 1.4  # an anchor is used where its error is below this many times the s
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
 _HULL_SIGMA = 0.05  # the same of one estimated from the hull, as a fraction of it
 _OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so much smaller
+_VARIES = 1.1  # the hull's largest height over its usual one from which both are looked at
 # Tried on a stature estimated from the hull: arms overhead or a crouch falsify it.
 _SCALES = (0.93, 1.0, 1.07)
 
@@ -168,27 +169,53 @@ def _stature_from_hull(
     voxel_size_m: float,
     backend: Backend,
 ) -> Stature:
-    """Height of the hull, corrected by which of three bodies fits a typical frame best."""
+    """Height of the hull, corrected by which of several bodies fits best.
+
+    Compared are bodies about the hull's usual height, in a frame of that height, and where it
+    varies, as in somebody who crouches or jumps, about its largest, in the tallest frame as well.
+    """
     heights = {
         t: float(np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) + 1) * frame.grid.voxel_size_m
         for t, frame in frames.items()
     }
-    middle = float(np.median(list(heights.values())))
-    typical = min(heights, key=lambda t: abs(heights[t] - middle))
-    # The posture is searched with one body; the others start from it.
-    bodies = {
-        metres: body_of(BodySizes(metres, settings.chest_m, "male"), voxel_size_m, backend)
-        for metres in (float(np.clip(middle * scale, 0.6, 2.4)) for scale in _SCALES)
-    }
-    searched = list(bodies.values())[len(bodies) // 2]
-    found = find_pose(searched, frames[typical], matching, count=5)[:3]
-    observation = frames[typical].observation
-    starts = [RefineStart(fit.pose, SEARCHED) for fit in found]
-    errors = {
-        metres: min((fit.error for fit in refine_fits(body, observation, starts)), default=np.inf)
-        for metres, body in bodies.items()
-    }
-    metres = min(errors, key=lambda key: errors[key])
+    middle, tallest = float(np.median(list(heights.values()))), max(heights.values())
+    varies = tallest > _VARIES * middle
+    looked_at = [
+        frames[min(heights, key=lambda t, height=height: abs(heights[t] - height))]
+        for height in ([middle, tallest] if varies else [middle])
+    ]
+
+    def of(metres: float) -> BodyGeometry:
+        sizes = BodySizes(float(np.clip(metres, 0.6, 2.4)), settings.chest_m, "male")
+        return body_of(sizes, voxel_size_m, backend)
+
+    # The postures are searched with few bodies; the others start from them.
+    searched = [of(height) for height in ([middle, tallest] if varies else [middle])]
+    pairs = [(body, frame) for frame in looked_at for body in searched]
+    found = side_by_side(lambda pair: find_pose(*pair, matching, count=5)[:3], pairs)
+    starts = [
+        [
+            RefineStart(fit.pose, SEARCHED)
+            for (_, frame), fits in zip(pairs, found, strict=True)
+            if frame is looked
+            for fit in fits
+        ]
+        for looked in looked_at
+    ]
+    bodies = [
+        of(body.model.sizes.stature_m * scale) if scale != 1 else body
+        for body in searched
+        for scale in _SCALES
+    ]
+
+    def error(body: BodyGeometry) -> float:
+        return sum(
+            min((fit.error for fit in refine_fits(body, frame.observation, begun)), default=np.inf)
+            for frame, begun in zip(looked_at, starts, strict=True)
+        )
+
+    errors = side_by_side(error, bodies)
+    metres = bodies[int(np.argmin(errors))].model.sizes.stature_m
     return Stature(metres, _HULL_SIGMA * metres)
 
 
