@@ -51,9 +51,20 @@ def write_motion(motion: Motion, path: Path) -> None:
         "angles": json.dumps(motion.model.dof_names),
     }
     # Written by Python and not by safetensors, so that a full disk raises OSError.
-    path.write_bytes(
-        save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
-    )
+    data = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
+    path.write_bytes(_with_ordered_metadata(data))
+
+
+def _with_ordered_metadata(data: bytes) -> bytes:
+    """The same file with its metadata in order, which safetensors leaves to chance: equal motions
+    make equal files.
+    """
+    start = 8 + int.from_bytes(data[:8], "little")
+    header = json.loads(data[8:start])
+    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    text = json.dumps(header, ensure_ascii=False, separators=(",", ":")).encode()
+    assert len(text) <= start - 8, "the header must fit where it was"
+    return data[:8] + text.ljust(start - 8) + data[start:]
 
 
 def read_motion(path: Path) -> Motion:

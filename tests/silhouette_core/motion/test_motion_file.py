@@ -22,6 +22,12 @@ def test_round_trip(tmp_path):
     assert read.quality.keys() == clip.quality.keys()
 
 
+def test_equal_motions_make_equal_files(tmp_path):
+    for name in ("a", "b", "c", "d"):
+        write_motion(waving(), tmp_path / name)
+    assert len({(tmp_path / name).read_bytes() for name in ("a", "b", "c", "d")}) == 1
+
+
 def test_body_keeps_its_shape(tmp_path):
     clip = waving()
     shaped = clip.model.reshaped(np.linspace(-0.05, 0.05, len(clip.model.shape)))
