@@ -34,6 +34,7 @@ _AMBIGUOUS = 0.9  # a direction that explains so much of what the best one does 
 _ALIKE = 0.8  # the same for an axis near the best direction: images lean
 _EQUAL = 0.98  # the same for any axis: one camera leaves open how far it looks down
 _POSSIBLE = 0.6  # z is kept where it explains so much and nothing but the cameras can be asked
+_STRAIGHT = 0.95  # cosine from which a camera looks straight up or down, and does not tell
 _MOST = 4  # candidates
 # Worth of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
 _WORTH = np.array([1.0, 0.7, 0.3, 0.7])
@@ -185,10 +186,11 @@ def up_candidates(rig: Rig) -> list[FloatArray]:
 def up_from_cameras(rig: Rig) -> FloatArray:
     """Direction of up (3,) in the world by the cameras alone.
 
-    It is z where the cameras may stand so: upright, or all on their side. Else it is the first of
-    `up_candidates`.
+    It is z where the cameras may stand so: upright, or all on their side, or looking straight down.
+    Else it is the first of `up_candidates`.
     """
-    if not is_cameras_own(rig) and cameras_worth(rig, Z_UP) >= _POSSIBLE:
+    down = all(abs(camera.rotation[2] @ Z_UP) > _STRAIGHT for camera in rig)
+    if not is_cameras_own(rig) and (down or cameras_worth(rig, Z_UP) >= _POSSIBLE):
         return Z_UP
     return up_candidates(rig)[0]
 

@@ -81,6 +81,17 @@ def test_where_all_cameras_lie_on_their_side_z_stays_up(count):
     np.testing.assert_array_equal(up_from_cameras(rolled(RING, (count,) * 4)), Z_UP)
 
 
+def test_a_camera_under_the_ceiling_tells_nothing():
+    tilt = np.radians(5.0)
+    down = np.array(
+        [[1, 0, 0], [0, -np.sin(tilt), -np.cos(tilt)], [0, np.cos(tilt), -np.sin(tilt)]]
+    )
+    ceiling = replace(RING.cameras[0], rotation=np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1.0]]))
+    level = replace(RING.cameras[0], rotation=down)
+    np.testing.assert_array_equal(up_from_cameras(Rig((ceiling,))), Z_UP)
+    np.testing.assert_array_equal(up_from_cameras(Rig((level,))), Z_UP)
+
+
 def test_a_camera_worth_less_the_more_it_leans():
     level, leant = (cameras_worth(leaning(RING, by), Z_UP) for by in (0.0, 30.0))
     assert level == pytest.approx(1.0)
