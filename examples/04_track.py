@@ -29,10 +29,10 @@ result = track(
     recording, Output(out / "track", overwrite=True), Settings(options={"library": str(library)})
 )
 
-confidence = result.motion.quality["confidence"]
+agreement = result.motion.quality["outline_agreement"]
 print(
-    f"{len(result.motion)} of {recording.frame_count} frames have a pose; confidence"
-    f" {confidence.min():.2f} to {confidence.max():.2f}"
+    f"{len(result.motion)} of {recording.frame_count} frames have a pose; outline agreement"
+    f" {agreement.min():.2f} to {agreement.max():.2f}"
 )
 
 shutil.copy(result.folder / "contact_sheet.png", out / "04_track.png")
