@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -65,7 +66,21 @@ Exit code 0: all done; 1: one failed.
         settings = BatchSettings(self.out, processes, self.cluster, self.pictures, self.report)
         where = f"the cluster {self.cluster}" if self.cluster else f"{processes} at a time"
         print(f"{len(jobs)} recordings, {where}", flush=True)
-        outcomes = run_batch(jobs, settings, lambda outcome, n: _tell(outcome, n, len(jobs)))
+        told: list[str] = []
+
+        def tell(outcome: Outcome, count: int) -> None:
+            told.append(outcome.job.name)
+            _tell(outcome, count, len(jobs))
+
+        try:
+            outcomes = run_batch(jobs, settings, tell)
+        except KeyboardInterrupt:
+            print(
+                f"voxelpose: interrupted after {len(told)} of {len(jobs)}; results are kept, and"
+                " the same command goes on from there",
+                file=sys.stderr,
+            )
+            return 130
         for path in write_tables(outcomes, self.out):
             print(path)
         return 1 if any(outcome.status == "failed" for outcome in outcomes) else 0

@@ -72,6 +72,15 @@ def test_tables_begin_with_what_is_wrong(studio):
     assert (out / "one" / "report.html").is_file()
 
 
+def test_an_interrupt_says_how_to_go_on(studio, capsys, monkeypatch):
+    def interrupted(jobs, settings, told):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("voxelpose.batch.run.run_batch", interrupted)
+    assert run(["batch", "in", "--out", "out", "--set", "estimator=standing"]) == 130
+    assert "interrupted after 0 of 3; results are kept" in capsys.readouterr().err
+
+
 def test_names_from_files_are_no_markup(studio):
     hostile = write_recording(studio / "in" / "<script>alert(1)<", ring(2))
     jobs = jobs_of([hostile], "fit", {**STANDING, "frames": "0:99"})
