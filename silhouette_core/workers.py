@@ -31,7 +31,7 @@ class WorkerEndedError(InputError):
         """Says what to do."""
         super().__init__(
             "a worker process was ended from outside, usually for want of memory: run the command"
-            " again with fewer --workers; what was finished is kept"
+            " again with fewer of them; what was finished is kept"
         )
         self.tasks = tuple(tasks)
 

@@ -108,6 +108,6 @@ def read_motion(path: Path) -> Motion:
             for name, array in arrays.items()
             if name.startswith(_QUALITY)
         },
-        up=arrays.get("up", Z_UP),  # files of version 0.2 have z up
+        up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
     )

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
-from voxelpose.recording.folder import Recording, is_recording
+from voxelpose.recording.folder import Recording, frame_range, is_recording
 
 Command = Literal["fit", "track"]
 
@@ -242,13 +242,12 @@ def _text(settings: Mapping[str, object], name: str) -> str | None:
 def _frames(text: str | None) -> tuple[int | None, int | None] | None:
     if text is None:
         return None
-    first, colon, last = text.partition(":")
     try:
-        if colon:
-            return int(first) if first else None, int(last) if last else None
+        return frame_range(text)
     except ValueError:
-        pass
-    raise InputError(f'frames = {text!r} is not understood: give first:last, as in "0:100"')
+        raise InputError(
+            f'frames = {text!r} is not understood: give first:last, as in "0:100"'
+        ) from None
 
 
 def _up(text: str) -> tuple[float, float, float]:

@@ -66,19 +66,18 @@ OverwriteResult = Annotated[
 ]
 
 
-def frame_range(text: str | None) -> tuple[int | None, int | None] | None:
-    """Reads A:B as a Python slice (10:50, 10:, :50); a single number is that frame alone.
+def frames_of(text: str | None) -> tuple[int | None, int | None] | None:
+    """First frame and one past the last of --frames, as `frame_range` reads them.
 
     Raises:
-        InputError: the text is none of these.
+        InputError: the text is not understood.
     """
     if text is None:
         return None
-    first, colon, last = text.partition(":")
+    from voxelpose.recording.folder import frame_range
+
     try:
-        if not colon:
-            return int(first), int(first) + 1
-        return (int(first) if first else None), (int(last) if last else None)
+        return frame_range(text)
     except ValueError:
         raise InputError(
             f"--frames {text} is not understood: give first:last, as in 0:100 (the last is not"

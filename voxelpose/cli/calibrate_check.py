@@ -18,7 +18,7 @@ from voxelpose.cli.arguments import (
     RecordingFolder,
     Unit,
     camera_names,
-    frame_range,
+    frames_of,
     refuse_existing,
 )
 
@@ -71,7 +71,7 @@ Exit code 0: all cameras agree; 1: one does not.
             settings = CheckSettings(self.moments, self.most_late)
             recording = Recording.open(
                 self.recording,
-                frame_range(self.frames),
+                frames_of(self.frames),
                 camera_names(self.cameras),
                 self.unit,
                 self.fps,

@@ -19,7 +19,7 @@ from voxelpose.cli.arguments import (
     Threads,
     Unit,
     Up,
-    frame_range,
+    frames_of,
     up_direction,
 )
 
@@ -87,7 +87,7 @@ class EstimationArguments:
                 backend=self.backend,
                 options=options,
             )
-            frames = frame_range(self.frames)
+            frames = frames_of(self.frames)
             recording = Recording.open(self.recording, frames, cameras, self.unit, self.fps)
             if recording.calibration_path is None:
                 progress.note(

@@ -17,7 +17,7 @@ from voxelpose.cli.arguments import (
     OverwriteResult,
     Threads,
     camera_names,
-    frame_range,
+    frames_of,
 )
 
 
@@ -96,7 +96,7 @@ summary.json, and the mannequin's recording/.
             if source is None:
                 performance = "arm_swing" if self.arm == "near" else "far_arm_swing"
                 source = make_recording(folder / "recording", performance=performance)
-            recording = Recording.open(source, frame_range(self.frames), camera_names(self.camera))
+            recording = Recording.open(source, frames_of(self.frames), camera_names(self.camera))
             truth = self.truth or source / TRUTH
             reading = Reading(self.sigma, self.prior == "normalised", self.additions)
             study = Study(

@@ -297,6 +297,18 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
     return paths
 
 
+def frame_range(text: str) -> tuple[int | None, int | None]:
+    """Reads A:B as a Python slice (10:50, 10:, :50); a single number is that frame alone.
+
+    Raises:
+        ValueError: the text is none of these.
+    """
+    first, colon, last = text.partition(":")
+    if not colon:
+        return int(first), int(first) + 1
+    return (int(first) if first else None), (int(last) if last else None)
+
+
 def is_recording(folder: Path) -> bool:
     """Whether a folder holds a calibration, or videos, so that it is meant as a recording."""
     if not folder.is_dir():

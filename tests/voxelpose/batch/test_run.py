@@ -91,6 +91,7 @@ def test_names_from_files_are_no_markup(studio):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are looked up in /proc")
 def test_a_process_that_is_killed_costs_its_job_alone(studio):
     """The kill is found, the other job is done, and the one that was killed is tried again."""
     jobs = [
