@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
+from silhouette_core.image.empty_scene import EmptyScene
 from silhouette_core.image.foreground import (
     Background,
     Exposure,
@@ -61,10 +62,10 @@ class _ColourStatistics:
 
 
 class BackgroundModel:
-    """Background of one camera. Construct it with `from_frames`, `from_still` or `from_median`.
+    """Background of one camera. Construct it with `from_frames`, `from_still` or `from_occupied`.
 
-    Source: Okada and Stenger, section 5.1. `from_still`, `from_median`, the lower bound of the
-    noise and the refined method are ours.
+    Source: Okada and Stenger, section 5.1. `from_still`, `from_occupied`, the lower bound of
+    the noise and the refined method are ours.
     """
 
     def __init__(self, statistics: _ColourStatistics, settings: BackgroundSettings | None = None):
@@ -132,17 +133,14 @@ class BackgroundModel:
         return cls.from_frames([frame], settings)
 
     @classmethod
-    def from_median(
+    def from_occupied(
         cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
     ) -> "BackgroundModel":
-        """Background from frames in which a person moves: the median over time of every pixel.
-
-        Correct for pixels that show the background more than half of the time; a person who does
-        not move becomes background.
+        """Background from frames in which a person is always somewhere; see `EmptyScene`.
 
         Args:
             frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
-                50 over the recording.
+                40 over the recording.
             settings: thresholds; None for the defaults.
 
         Raises:
@@ -155,13 +153,13 @@ class BackgroundModel:
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
-        median, deviation = (np.empty(stack[0].shape, np.float32) for _ in range(2))
-        kernels.median_and_deviation(np.stack(stack), median, deviation)
-        mean = median.astype(np.float64)
+        scene = EmptyScene.from_frames(np.stack(stack))
+        mean = scene.mean.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
-        # The median distance from a Gaussian's mean is 1 / 1.4826 standard deviations.
-        variance = np.square(1.4826 * deviation, dtype=np.float64)
-        return cls(_ColourStatistics(mean, variance, mean / length, variance / length**2), settings)
+        return cls(
+            _ColourStatistics(mean, scene.variance, mean / length, scene.variance / length**2),
+            settings,
+        )
 
     def silhouette(
         self,

@@ -22,15 +22,15 @@ from silhouette_core.read_ahead import side_by_side
 Window = tuple[slice, slice]
 
 _BACKGROUND_FRAMES = 120
-_MEDIAN_FRAMES = 40
+_OCCUPIED_FRAMES = 40
 
 
 class Silhouettes:
     """Background subtraction for all cameras of a recording.
 
     Attributes:
-        without_background: Cameras without frames of the empty scene; their background is the
-            temporal median of the recording.
+        without_background: Cameras without frames of the empty scene; theirs is estimated from
+            the recording's own frames.
     """
 
     def __init__(
@@ -76,14 +76,14 @@ class Silhouettes:
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
         if self.without_background:
             for name, frames in self._samples(source).items():
-                self._models[name] = BackgroundModel.from_median(frames, settings)
+                self._models[name] = BackgroundModel.from_occupied(frames, settings)
 
     def note(self, reporter: Reporter) -> None:
         """Tells which cameras have no pictures of the empty scene."""
         if self.without_background:
             reporter.note(
-                f"no picture of the empty view for {', '.join(self.without_background)}: the"
-                " temporal median stands in for it"
+                f"no picture of the empty view for {', '.join(self.without_background)}: it is"
+                " estimated from the recording's own frames"
             )
 
     def of(
@@ -148,7 +148,7 @@ class Silhouettes:
 
     def _samples(self, source: FrameSource) -> dict[str, list[Frame]]:
         """Frames sampled evenly over the recording, few enough for memory."""
-        step = max(1, source.frame_count // _MEDIAN_FRAMES)
+        step = max(1, source.frame_count // _OCCUPIED_FRAMES)
         samples: dict[str, list[Frame]] = {name: [] for name in self.without_background}
         for k, (_, _, frames) in enumerate(source):
             if k % step == 0:

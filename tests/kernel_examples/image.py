@@ -46,6 +46,23 @@ def median_and_deviation(rng):
     return Example((stack, np.empty((*SIZE, 3), np.float32), np.empty((*SIZE, 3), np.float32)))
 
 
+def colour_modes(rng):
+    samples = rng.choice([40.0, 45.0, 120.0, 200.0], (9, 30, 1)) + rng.normal(0, 2, (9, 30, 3))
+    filled = np.empty((30, 4, 3), np.float32), np.empty((30, 4), np.float32)
+    return Example((samples.astype(np.float32), np.float32(15), *filled), rtol=1e-4)
+
+
+def grow_background(rng):
+    unknown = blob(rng, (8, 10))
+    index = np.full(unknown.shape, -1, np.int32)
+    index[unknown] = np.arange(np.count_nonzero(unknown))
+    colour = rng.uniform(0, 255, (8, 10, 3)).astype(np.float32)
+    mean = rng.uniform(0, 255, (np.count_nonzero(unknown), 3, 3)).astype(np.float32)
+    share = rng.choice([0, 0.3, 0.6], mean.shape[:2]).astype(np.float32)
+    step = np.zeros(unknown.shape, np.float32)
+    return Example((colour, unknown, index, mean, share, 4.0, 30.0, step), rtol=1e-5)
+
+
 def sampled_chroma(rng):
     return Example((*scene(rng), np.float32(30), 2, 4, np.empty((5, 8), np.float32)), rtol=1e-4)
 

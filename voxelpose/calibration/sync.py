@@ -125,8 +125,8 @@ def sync_recording(
     result = synchronise(tracks, min(settings.max_offset_s, 0.5 * shortest), settings.reference)
     notes = (
         [
-            f"no empty view of {', '.join(without_background)}: the temporal median served as"
-            " background"
+            f"no empty view of {', '.join(without_background)}: it was estimated from the"
+            " recording's own frames"
         ]
         if without_background
         else []

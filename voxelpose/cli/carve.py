@@ -73,8 +73,8 @@ class Carve:
         hull = carve_recording(self.recording, self.out, settings, self.overwrite)
         if hull.without_background:
             print(
-                f"no empty view of {', '.join(hull.without_background)}: the temporal median was"
-                " used as background"
+                f"no empty view of {', '.join(hull.without_background)}: it was estimated"
+                " from the recording's own frames"
             )
         shape = " x ".join(str(n) for n in hull.grid.shape)
         print(

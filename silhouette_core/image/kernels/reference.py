@@ -34,6 +34,50 @@ def median_and_deviation(stack, median, deviation):
     deviation[:] = np.sort(np.abs(stack - median), axis=0)[half - 1]
 
 
+def colour_modes(samples, radius, mean, share):
+    """Greedy grouping: the sample with most neighbours and these, then of what is left."""
+    mean[:], share[:] = 0, 0
+    near = np.abs(samples[:, None] - samples[None]).sum(axis=3) < radius  # (T, T, n)
+    for pixel in range(samples.shape[1]):
+        left = np.ones(len(samples), bool)
+        for mode in range(mean.shape[1]):
+            counts = (near[:, :, pixel] & left).sum(axis=1) * left
+            if not counts.any():
+                break
+            members = near[counts.argmax(), :, pixel] & left
+            mean[pixel, mode] = samples[members, pixel].mean(axis=0)
+            share[pixel, mode] = members.mean()
+            left &= ~members
+
+
+def grow_background(colour, unknown, index, mean, share, tolerance, rarity, step):
+    """Dijkstra's algorithm over pixels and modes; a pixel's first mode is its only one."""
+    reached = {tuple(pixel): (0.0, 0.0) for pixel in np.argwhere(~unknown)}
+    height, width = unknown.shape
+    while True:
+        offers = []
+        for (row, column), (cost, largest) in reached.items():
+            for y, x in (
+                (row + 1, column),
+                (row - 1, column),
+                (row, column + 1),
+                (row, column - 1),
+            ):
+                if not (0 <= y < height and 0 <= x < width) or (y, x) in reached:
+                    continue
+                for mode in np.flatnonzero(share[index[y, x]]):
+                    difference = np.abs(colour[row, column] - mean[index[y, x], mode]).sum()
+                    beyond = max(float(difference) - tolerance, 0.0)
+                    price = cost + beyond**2 + rarity * (1 - share[index[y, x], mode])
+                    offers.append((price, y * width + x, mode, max(largest, beyond)))
+        if not offers:
+            return
+        price, pixel, mode, largest = min(offers)
+        at = pixel // width, pixel % width
+        reached[at] = price, largest
+        colour[at], step[at] = mean[index[at], mode], largest
+
+
 def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
     """Length of the mean chromatic residual of a window, each pixel's cut to length clip."""
     residual, _ = _split(frame, mean, scales, gain)

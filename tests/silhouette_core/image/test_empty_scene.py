@@ -1,0 +1,102 @@
+"""The empty scene from frames with a person in them, on drawn rooms."""
+
+import cv2
+import numpy as np
+
+from silhouette_core.image.background import BackgroundModel
+from silhouette_core.image.empty_scene import EmptyScene
+
+SIZE = (120, 160)
+SHIRT, TROUSERS = (40, 40, 180), (150, 70, 30)
+
+
+def room() -> np.ndarray:
+    """A coloured wall with soft folds above a floor, (H, W, 3) float."""
+    rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
+    light = 120 + 30 * columns / SIZE[1] + 8 * np.sin(columns / 4)
+    picture = light[..., None] * np.array([1.0, 0.9, 0.8])
+    picture[rows > 90] *= (0.6, 0.8, 0.7)
+    return picture
+
+
+def film(
+    boxes: list[tuple[slice, slice]], gain: float = 0.0, empty: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frames (T, H, W, 3) of a person in a box, shirt above trousers, and its silhouettes."""
+    empty = room() if empty is None else empty
+    rng = np.random.default_rng(5)
+    frames, masks = [], []
+    for rows, columns in boxes:
+        picture, mask = empty.copy(), np.zeros(SIZE, bool)
+        middle = (rows.start + rows.stop) // 2
+        picture[rows.start : middle, columns] = SHIRT
+        picture[middle : rows.stop, columns] = TROUSERS
+        mask[rows, columns] = True
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) * (1 + gain * rng.uniform(-1, 1))
+        frames.append(np.rint(picture + rng.normal(0, 2, picture.shape)).clip(0, 255))
+        masks.append(mask)
+    return np.stack(frames).astype(np.uint8), np.stack(masks)
+
+
+def agreement(frames: np.ndarray, masks: np.ndarray) -> float:
+    """Mean intersection over union of the silhouettes with the true ones."""
+    model = BackgroundModel.from_occupied(frames)
+    found = np.stack([model.silhouette(frame) for frame in frames])
+    return float(((found & masks).sum(axis=(1, 2)) / (found | masks).sum(axis=(1, 2))).mean())
+
+
+def box(left: int, top: int = 40, width: int = 24) -> tuple[slice, slice]:
+    return slice(top, 100), slice(left, left + width)
+
+
+def test_a_walking_person_is_left_out():
+    frames, masks = film([box(4 * k) for k in range(30)], gain=0.02)
+    scene = EmptyScene.from_frames(frames)
+    assert np.abs(scene.mean - room())[3:-3, 3:-3].mean() < 3
+    assert not scene.unseen.any()
+    assert agreement(frames, masks) > 0.95
+
+
+def test_a_person_who_stands_most_of_the_time_is_left_out():
+    frames, masks = film([box(60)] * 14 + [box(60 + 3 * k) for k in range(10)])
+    median = np.median(frames, axis=0)
+    assert np.abs(median - room())[50:90, 66:80].mean() > 40  # the median shows the person
+    scene = EmptyScene.from_frames(frames)
+    assert np.abs(scene.mean - room())[45:95, 64:80].mean() < 6
+    assert agreement(frames, masks) > 0.93
+
+
+def test_where_nothing_but_the_person_was_seen_the_surroundings_are_continued():
+    frames, masks = film([box(60 + k % 12, 40 + k % 5, 34) for k in range(24)])
+    always = masks.all(axis=0)
+    assert always.sum() > 500
+    scene = EmptyScene.from_frames(frames)
+    assert scene.unseen[always].mean() > 0.9
+    assert scene.unseen[~masks.any(axis=0)].mean() < 0.01
+    assert np.abs(scene.mean - room())[always].mean() < 20
+    assert agreement(frames, masks) > 0.9
+
+
+def test_furniture_behind_a_person_remains():
+    furnished = room()
+    furnished[60:100, 90:130] = (30, 50, 60)
+    furnished[20:50, 70:90] = (200, 210, 60)
+    frames, masks = film([box(60)] * 10 + [box(60 + 3 * k) for k in range(20)], empty=furnished)
+    scene = EmptyScene.from_frames(frames)
+    assert np.abs(scene.mean - furnished)[5:-5, 5:-5].mean() < 4
+    assert not scene.unseen.any()
+    assert agreement(frames, masks) > 0.93
+
+
+def test_an_empty_scene_is_its_median():
+    frames, _ = film([(slice(0, 0), slice(0, 0))] * 9)
+    scene = EmptyScene.from_frames(frames)
+    np.testing.assert_array_equal(scene.mean, np.median(frames, axis=0))
+    assert not scene.unseen.any()
+
+
+def test_a_person_in_a_single_frame_is_no_part_of_the_scene():
+    empty, _ = film([(slice(0, 0), slice(0, 0))] * 8)
+    frame, mask = film([box(60)])
+    scene = EmptyScene.from_frames(np.concatenate([empty, frame]))
+    assert np.abs(scene.mean - room())[mask[0]].mean() < 3
