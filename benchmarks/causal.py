@@ -64,17 +64,22 @@ class Pictures:
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         return {}
 
+    def at(self, steps: Sequence[int]) -> Iterator[dict[str, NDArray[np.uint8]]]:
+        turn = 2 * len(self.pictures) - 2
+        for step in steps:
+            place = step % turn
+            place = place if place < len(self.pictures) else turn - place
+            yield {self.camera.name: self.pictures[place]}
+
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, NDArray[np.uint8]]]]:
-        turn, started = 2 * len(self.pictures) - 2, 0.0
-        for number in range(self.frame_count):
-            place = number % turn
-            picture = self.pictures[place if place < len(self.pictures) else turn - place]
+        started = 0.0
+        for number, frames in enumerate(self.at(range(self.frame_count))):
             if number == _WARM:
                 started = time.perf_counter()
             if self.paced and number >= _WARM:
                 time.sleep(max(started + (number - _WARM) / self.fps - time.perf_counter(), 0))
             self.shown_s.append(time.perf_counter())
-            yield number, number / self.fps, {self.camera.name: picture}
+            yield number, number / self.fps, frames
 
 
 class PoseTimes(SilentReporter):

@@ -31,11 +31,11 @@ class SilhouetteSource:
     def regions(self) -> dict:
         return {}
 
+    def at(self, steps: Sequence[int]) -> Iterator[dict[str, np.ndarray]]:
+        for step in steps:
+            mask = self.masks[step % len(self.masks)]
+            yield {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)}
+
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
-        for frame in range(self.frame_count):
-            mask = self.masks[frame % len(self.masks)]
-            yield (
-                frame,
-                frame / self.fps,
-                {self.camera.name: np.repeat(mask[..., None].astype(np.uint8) * 255, 3, axis=2)},
-            )
+        for frame, frames in enumerate(self.at(range(self.frame_count))):
+            yield frame, frame / self.fps, frames

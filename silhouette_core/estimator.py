@@ -12,7 +12,7 @@ ran.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
@@ -63,6 +63,10 @@ class FrameSource(Protocol):
 
     def regions(self) -> Mapping[str, NDArray[np.bool_]]:
         """Regions in which the person may be, (H, W) bool, by camera name, where given."""
+        ...
+
+    def at(self, steps: Sequence[int]) -> Iterator[Mapping[str, Frame]]:
+        """Yields the frames of selected time steps, counted from 0, in ascending order."""
         ...
 
     def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:

@@ -1,6 +1,6 @@
 """Small sources of frames for tests: grey pictures of any rig, in memory or in a folder."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,13 +61,15 @@ class GreySource:
     def regions(self) -> dict:
         return {}
 
+    def at(self, steps: Sequence[int]) -> Iterator[dict[str, np.ndarray]]:
+        for _ in steps:
+            yield {
+                c.name: np.full((c.size[1], c.size[0], 3), self.grey, np.uint8) for c in self.rig
+            }
+
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
-        for frame in range(self.frame_count):
-            yield (
-                frame,
-                frame / self.fps,
-                {c.name: np.full((c.size[1], c.size[0], 3), self.grey, np.uint8) for c in self.rig},
-            )
+        for frame, frames in enumerate(self.at(range(self.frame_count))):
+            yield frame, frame / self.fps, frames
 
 
 def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 25.0) -> Path:

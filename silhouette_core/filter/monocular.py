@@ -95,7 +95,7 @@ class MonocularEstimator:
             clock,
         )
         reporter.stage("background")
-        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
+        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
         silhouettes.note(reporter)
         people = _people(source, silhouettes, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core

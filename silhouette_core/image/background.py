@@ -1,7 +1,8 @@
 """Background model of one fixed camera, and silhouettes by background subtraction."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from silhouette_core.image.foreground import (
     Background,
     Exposure,
     RefinedSettings,
+    count_shadows,
     measure_exposure,
     measure_gain,
     refined_mask,
@@ -154,10 +156,10 @@ class BackgroundModel:
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
         scene = EmptyScene.from_frames(np.stack(stack))
-        mean = scene.mean.astype(np.float64)
+        mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
         return cls(
-            _ColourStatistics(mean, scene.variance, mean / length, scene.variance / length**2),
+            _ColourStatistics(mean, variance, mean / length, variance / length**2),
             settings,
         )
 
@@ -232,6 +234,19 @@ class BackgroundModel:
         part = np.ascontiguousarray(part)
         settings = self.settings.refined
         return refined_mask(part, self._background, settings, region, exposure, window)
+
+    def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
+        """See `silhouette_core.image.foreground.count_shadows`; the frame is (H, W, 3) uint8."""
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        frame = np.ascontiguousarray(frame)
+        return count_shadows(frame, self._background, self.settings.refined)
+
+    def with_shadow(self, darkest: float) -> "BackgroundModel":
+        """The same background with another darkest cast shadow, see `RefinedSettings.shadow`."""
+        model = copy(self)
+        refined = replace(self.settings.refined, shadow=darkest)
+        model.settings = replace(self.settings, refined=refined)
+        return model
 
     def exposure(self, frame: np.ndarray) -> Exposure:
         """Exposure of a frame (H, W, 3) uint8, BGR, of the model's size."""

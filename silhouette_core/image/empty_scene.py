@@ -71,7 +71,8 @@ class EmptyScene:
         window = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in window)
         inside, smooth = changed[window], _smooth(stack[:, *window], gains)
         modes = _Modes.of(smooth, inside, _CHANGED * noise)
-        colour, step = cv2.blur(median[window], (3, 3)), np.zeros(inside.shape, np.float32)
+        colour = np.asarray(cv2.blur(median[window], (3, 3)), np.float32)
+        step = np.zeros(inside.shape, np.float32)
         kernels.grow_background(
             colour, inside, modes.index, modes.mean, modes.share, _TOLERANCE * noise, _RARITY, step
         )

@@ -10,7 +10,9 @@ The paper's two tests (direction of colour, clear difference) are extended as fo
 3. The clear difference is a brightness that neither shadow nor highlight explains.
 4. Where the background alone does not decide (clothes that resemble its shadow or itself, narrow
    gaps), the colours of the silhouette so far are compared with the colours around it.
-5. Edges are placed where half of a pixel's colour is the person's and half the (shadowed)
+5. The darkest cast shadow is measured in the recording: where nothing but the brightness differs,
+   its ratio to the background's has a peak at that of the shadow.
+6. Edges are placed where half of a pixel's colour is the person's and half the (shadowed)
    background's, which compensates for the averaging and for the subsampled colour of video.
 """
 
@@ -27,6 +29,14 @@ _GRID = 16  # px between the pixels from which gain and noise are estimated
 _COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
 _UNIT = 1000  # integer steps of the pooled evidence in one noise
 _USUAL_CHROMA = 0.7  # pooled chromatic residual of an empty scene whose noise is known
+_SHADOW_CHROMA = 1.0  # noise: largest pooled chromatic residual of what only the light explains
+_SHADOW_BRIGHTNESS = 5.0  # noise: least difference of its brightness
+_SHADOW_EDGES = np.arange(0.25, 0.96, 0.02)  # of the histogram of brightness ratios
+_SHADOW_PIXELS = 150  # fewest that show what shadows are like
+_SHADOW_MARGIN = 0.1  # darkest shadow below the peak of the histogram
+_SHADOW_CORE = 0.05  # share of the pixels that may be the core of a soft shadow
+_SHADOW_CORE_MARGIN = 0.03
+_SHADOW_LIMITS = 0.25, 0.5, 0.65  # lowest, usual, highest
 
 
 @dataclass(frozen=True)
@@ -39,7 +49,8 @@ class RefinedSettings:
         chroma: limit of the pooled chromatic residual, in noise.
         chroma_pixel: limit of a single pixel's chromatic residual, in noise.
         brightness: distance of a foreground brightness from shadow and highlight, in noise.
-        shadow: darkest cast shadow, as a fraction of the background's brightness.
+        shadow: darkest cast shadow, as a fraction of the background's brightness, where it is not
+            measured.
         highlight: brightest reflection, as a fraction of the background's brightness.
         colours: least mean log odds that a colour is the person's (or is not), where the background
             does not decide.
@@ -187,6 +198,54 @@ def measure_exposure(
     gain, radius = measure_gain(frame, background), _radius(background)
     view = _View(frame, _planes(frame), background, gain, radius, settings)
     return Exposure(gain, _noise_scale(view))
+
+
+def count_shadows(
+    frame: NDArray[np.uint8], background: Background, settings: RefinedSettings
+) -> NDArray[np.int64]:
+    """Histogram of the ratios of a frame's brightness to the background's, where only the
+    brightness is lower and the colour's direction is the same: mostly cast shadows.
+
+    Args:
+        frame: (H, W, 3) uint8.
+        background: of that size.
+        settings: thresholds.
+
+    Returns:
+        (35,) int64, of ratios from 0.25 to 0.95.
+    """
+    exposure, radius = measure_exposure(frame, background, settings), _radius(background)
+    view = _View(frame, _planes(frame), background, exposure.gain, radius, settings)
+    _, pooled = _detect(view, exposure.noise)
+    bright = np.empty(frame.shape[:2], np.float32)
+    kernels.brightness(*view.arrays, bright)
+    bright = cv2.blur(bright, (2 * radius + 1, 2 * radius + 1))
+    limits = round(_SHADOW_CHROMA * _UNIT), np.float32(np.inf)
+    coloured = np.empty(bright.shape, np.bool_)
+    kernels.doubt(pooled, bright, *limits, coloured)
+    dark = ~coloured & (bright < -_SHADOW_BRIGHTNESS * exposure.noise)
+    inside = ~_grown(~dark, radius, cv2.MORPH_RECT)
+    ratio = 1 + bright[inside] / background.scales[2][inside]
+    return np.histogram(ratio, _SHADOW_EDGES)[0]
+
+
+def darkest_shadow(counts: NDArray[np.int64]) -> float | None:
+    """Ratio of brightness below which nothing is a cast shadow; None where there are too few.
+
+    Args:
+        counts: (35,) sum of what `count_shadows` gives for some frames and cameras.
+    """
+    if counts.sum() < _SHADOW_PIXELS:
+        return None
+    middles = 0.5 * (_SHADOW_EDGES[:-1] + _SHADOW_EDGES[1:])
+    peak = middles[np.convolve(counts, np.ones(3), "same").argmax()]
+    # The penumbra of a soft shadow has the peak, its core is darker.
+    core = middles[np.searchsorted(np.cumsum(counts), _SHADOW_CORE * counts.sum())]
+    lowest, usual, highest = _SHADOW_LIMITS
+    below = peak - _SHADOW_MARGIN
+    if below < usual:
+        return max(lowest, float(below))
+    return float(np.clip(min(below, core - _SHADOW_CORE_MARGIN), usual, highest))
 
 
 def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.image.foreground import Exposure
+from silhouette_core.image.foreground import Exposure, darkest_shadow
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -23,6 +23,7 @@ Window = tuple[slice, slice]
 
 _BACKGROUND_FRAMES = 120
 _OCCUPIED_FRAMES = 40
+_SHADOW_FRAMES = 8
 
 
 class Silhouettes:
@@ -38,6 +39,8 @@ class Silhouettes:
         source: FrameSource,
         method: Literal["paper", "refined"] = "refined",
         long_side_px: int | None = None,
+        *,
+        ahead: bool = True,
     ) -> None:
         """Builds the background models of a recording.
 
@@ -46,6 +49,8 @@ class Silhouettes:
             method: See `BackgroundSettings`.
             long_side_px: Size of the longer side to which larger frames, and with them their
                 silhouettes, are scaled down; None keeps all sizes.
+            ahead: Whether the recording's own frames may be read beforehand, which tell how dark
+                cast shadows are. Cameras without frames of the empty scene need them anyway.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image.
@@ -77,6 +82,8 @@ class Silhouettes:
         if self.without_background:
             for name, frames in self._samples(source).items():
                 self._models[name] = BackgroundModel.from_occupied(frames, settings)
+        if ahead and method == "refined":
+            self._measure_shadow(source)
 
     def note(self, reporter: Reporter) -> None:
         """Tells which cameras have no pictures of the empty scene."""
@@ -147,14 +154,33 @@ class Silhouettes:
         return cv2.resize(image, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
     def _samples(self, source: FrameSource) -> dict[str, list[Frame]]:
-        """Frames sampled evenly over the recording, few enough for memory."""
-        step = max(1, source.frame_count // _OCCUPIED_FRAMES)
+        """Frames of the cameras without background, few enough for memory."""
         samples: dict[str, list[Frame]] = {name: [] for name in self.without_background}
-        for k, (_, _, frames) in enumerate(source):
-            if k % step == 0:
-                for name in samples:
-                    samples[name].append(self._scaled(name, frames[name]))
+        for frames in source.at(_spread(source.frame_count, _OCCUPIED_FRAMES)):
+            for name in samples:
+                samples[name].append(self._scaled(name, frames[name]))
         return samples
+
+    def _measure_shadow(self, source: FrameSource) -> None:
+        """Measures the darkest cast shadow of all cameras together: they see the same light."""
+        total = np.zeros(0, np.int64)
+        for frames in source.at(_spread(source.frame_count, _SHADOW_FRAMES)):
+
+            def counts(name: str, frames: Mapping[str, Frame] = frames) -> NDArray[np.int64]:
+                return self._models[name].shadow_counts(self._scaled(name, frames[name]))
+
+            found = side_by_side(counts, list(frames))
+            total = np.sum([*found, *([total] if len(total) else [])], axis=0)
+        darkest = darkest_shadow(total)
+        if darkest is not None:
+            self._models = {
+                name: model.with_shadow(darkest) for name, model in self._models.items()
+            }
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """At most so many numbers, spread over 0 to count - 1."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist()
 
 
 def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:

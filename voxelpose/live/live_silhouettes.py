@@ -60,6 +60,10 @@ class EmptyView:
         """See `FrameSource.regions`."""
         return self.allowed
 
+    def at(self, steps: Sequence[int]) -> Iterator[dict[str, Picture]]:
+        """See `FrameSource.at`: there are no frames."""
+        return iter(())
+
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Picture]]]:
         """There are no frames."""
         return iter(())

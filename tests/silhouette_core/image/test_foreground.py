@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.foreground import darkest_shadow
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.jit import cores, set_threads
 
@@ -50,16 +51,22 @@ def noisy(picture: np.ndarray, rng: np.random.Generator, noise: float = NOISE) -
 
 
 def composed(
-    room: np.ndarray, person: np.ndarray, colour: tuple[float, float, float]
+    room: np.ndarray,
+    person: np.ndarray,
+    colour: tuple[float, float, float],
+    shadow_ratio: float = 0.65,
+    length: float = 0.25,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Puts the person into the room with a cast shadow; returns the picture and the true
     silhouette.
     """
     coverage = cv2.resize(person.astype(np.float32), SIZE[::-1], interpolation=cv2.INTER_AREA)
     shadow = cv2.warpAffine(
-        coverage, np.array([[1, -0.9, 130], [0, 0.25, 152]], np.float32), SIZE[::-1]
+        coverage,
+        np.array([[1, -0.9, 130], [0, length, 202 - 200 * length]], np.float32),
+        SIZE[::-1],
     )
-    lit = room * (1 - 0.35 * cv2.GaussianBlur(shadow, (0, 0), 1.5))[..., None]
+    lit = room * (1 - (1 - shadow_ratio) * cv2.GaussianBlur(shadow, (0, 0), 1.5))[..., None]
     shading = np.linspace(0.9, 1.1, SIZE[1])[None, :, None]
     picture = coverage[..., None] * np.array(colour) * shading + (1 - coverage[..., None]) * lit
     return picture, coverage > 0.5
@@ -82,6 +89,30 @@ CLOTHES = {
 def test_clothes_are_detected_without_their_shadow(room, model, person, clothes):
     picture, truth = composed(room, person, CLOTHES[clothes])
     assert overlap(model.silhouette(noisy(picture, np.random.default_rng(2))), truth) > 0.96
+
+
+@pytest.mark.parametrize("ratio", [0.36, 0.65, 0.8])
+def test_the_darkest_shadow_is_measured(room, model, person, ratio):
+    picture, truth = composed(room, person, CLOTHES["red"], ratio, length=0.6)
+    frame = noisy(picture, np.random.default_rng(8))
+    darkest = darkest_shadow(model.shadow_counts(frame))
+    assert darkest == pytest.approx(min(ratio - 0.1, 0.65), abs=0.04)
+    assert overlap(model.with_shadow(darkest).silhouette(frame), truth) > 0.96
+    if ratio < 0.5:  # otherwise that shadow is the person's
+        assert overlap(model.silhouette(frame), truth) < 0.9
+
+
+def test_a_soft_shadow_does_not_hide_its_core():
+    counts = np.zeros(35, int)
+    counts[15:30] = [5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 120, 150, 120, 80]
+    assert darkest_shadow(counts) == pytest.approx(0.59, abs=0.02)
+    assert darkest_shadow(np.eye(35, dtype=int)[30] * 500) == 0.65
+    assert darkest_shadow(np.eye(35, dtype=int)[4] * 500) == 0.25
+
+
+def test_without_shadows_none_is_measured(room, model):
+    frame = noisy(room, np.random.default_rng(10))
+    assert darkest_shadow(model.shadow_counts(frame)) is None
 
 
 def test_the_refined_method_is_better_than_the_paper(room, person):
