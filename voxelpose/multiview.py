@@ -19,10 +19,12 @@ from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import stature_of
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.body_choice import choose_body, refit
+from voxelpose.matching.completion import SilhouetteCompletion
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
@@ -87,8 +89,12 @@ class MultiViewEstimator:
         pinholes = Rig(tuple(lens.pinhole for lens in lenses))
         tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
         sizes = [lens.pinhole.size for lens in lenses]
-        with closing(MaskStore(sizes, source.frame_count)) as store:
-            numbers, times = _store_silhouettes(source, settings, lenses, store, clock, reporter)
+        with (
+            closing(MaskStore(sizes, source.frame_count)) as store,
+            closing(MaskStore(sizes, source.frame_count)) as possible,
+        ):
+            stores = store, possible
+            numbers, times = _store_silhouettes(source, settings, lenses, stores, clock, reporter)
             reporter.stage("volume")
             upright = choose_upright(
                 UpSearch(pinholes, settings, tracking.match),
@@ -96,7 +102,10 @@ class MultiViewEstimator:
                 lambda rig: _observer(rig, store, options),
                 reporter,
             )
-            observer = _observer(upright.rig(pinholes), store, options)
+            rig = upright.rig(pinholes)
+            with clock("completion"):
+                added = _complete(_observer(rig, store, options), *stores)
+            observer = _observer(rig, store, options)
             with closing(ObservationStore(observer, store)) as observations:
                 reporter.stage("hulls", len(store))
                 for first in range(0, len(store), _CARVED_TOGETHER):
@@ -108,6 +117,7 @@ class MultiViewEstimator:
                 tracker, facts = _track(observations, settings, tracking, clock, reporter)
                 motion, ratio = _motion(tracker, settings, numbers, times, clock, reporter)
                 facts["half_turn_ratio"] = round(ratio, 3)
+                facts["completed"] = dict(zip(rig.names, added, strict=True))
         motion = replace(motion, floor_m=floor_height(motion)).in_world(upright)
         return Estimate(
             motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts
@@ -118,11 +128,13 @@ def _store_silhouettes(
     source: FrameSource,
     settings: Settings,
     lenses: list[UndistortedView],
-    store: MaskStore,
+    stores: tuple[MaskStore, MaskStore],
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Stores the silhouettes of all frames; frame numbers (T,) and times (T,) s."""
+    """Stores the silhouettes of all frames, and what may belong to them; frame numbers (T,) and
+    times (T,) s.
+    """
     reporter.stage("background")
     silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
     silhouettes.note(reporter)
@@ -131,17 +143,33 @@ def _store_silhouettes(
     frames: Mapping[str, Frame]
     for t, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
-            masks = silhouettes.of(frames)
-            store.put(
-                t,
-                [
-                    lens.undistort(masks[camera.name])
-                    for lens, camera in zip(lenses, source.rig, strict=True)
-                ],
-            )
+            trimaps = silhouettes.trimaps(frames)
+            for k, store in enumerate(stores):
+                masks = (trimaps[name][k] for name in source.rig.names)
+                store.put(
+                    t, [lens.undistort(mask) for lens, mask in zip(lenses, masks, strict=True)]
+                )
         numbers[t], times[t] = number, seconds
         reporter.advance()
     return numbers, times
+
+
+def _complete(observer: HullObserver, store: MaskStore, possible: MaskStore) -> list[float]:
+    """Completes the silhouettes of all frames; share of each camera's pixels that was added."""
+    completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule)
+    before, after = (np.zeros(len(observer.views.rig)) for _ in range(2))
+
+    def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        masks = store[t]
+        return masks, completion.complete(masks, possible[t])
+
+    for first in range(0, len(store), _CARVED_TOGETHER):
+        together = range(first, min(first + _CARVED_TOGETHER, len(store)))
+        for t, (old, new) in zip(together, side_by_side(completed, together), strict=True):
+            before += [np.count_nonzero(mask) for mask in old]
+            after += [np.count_nonzero(mask) for mask in new]
+            store.put(t, new)
+    return (1 - before / np.maximum(after, 1)).round(4).tolist()
 
 
 def _observer(rig: Rig, store: MaskStore, options: _Options) -> HullObserver:

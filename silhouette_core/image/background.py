@@ -18,6 +18,7 @@ from silhouette_core.image.foreground import (
     measure_exposure,
     measure_gain,
     refined_mask,
+    refined_trimap,
 )
 from silhouette_core.image.kernels import background as kernels
 
@@ -207,6 +208,30 @@ class BackgroundModel:
             frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask
         )
         return mask if region is None else mask & region
+
+    def trimap(
+        self, frame: np.ndarray, region: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Silhouette, and what may belong to it, in a frame.
+
+        Args:
+            frame: (H, W, 3) uint8, BGR.
+            region: region of interest, (H, W) bool; None means the whole image.
+
+        Returns:
+            Silhouette (H, W) bool as by `silhouette`, and (H, W) bool, the silhouette and where
+            clothes may resemble the background; the paper's method knows no such places.
+
+        Raises:
+            ValueError: the frame has another size than the model.
+            TypeError: the frame is not uint8.
+        """
+        if self.settings.method == "paper":
+            mask = self.silhouette(frame, region)
+            return mask, mask
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        frame = np.ascontiguousarray(frame)
+        return refined_trimap(frame, self._background, self.settings.refined, region)
 
     def silhouette_near(
         self,

@@ -47,6 +47,7 @@ class RefinedSettings:
 
     Attributes:
         chroma: limit of the pooled chromatic residual, in noise.
+        possible: limit of the pooled chromatic residual where clothes may resemble the background.
         chroma_pixel: limit of a single pixel's chromatic residual, in noise.
         brightness: distance of a foreground brightness from shadow and highlight, in noise.
         shadow: darkest cast shadow, as a fraction of the background's brightness, where it is not
@@ -59,9 +60,11 @@ class RefinedSettings:
         min_area_share: components smaller than this fraction of the image are removed.
         min_body_share: components smaller than this fraction of the largest one are removed.
         max_hole_share: holes up to this fraction of the image are filled.
+        possible_hole_share: the same where clothes may resemble the background.
     """
 
     chroma: float = 3.0
+    possible: float = 1.2
     chroma_pixel: float = 6.0
     brightness: float = 8.0
     shadow: float = 0.5
@@ -72,6 +75,7 @@ class RefinedSettings:
     min_area_share: float = 3e-4
     min_body_share: float = 0.01
     max_hole_share: float = 4e-5
+    possible_hole_share: float = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +172,40 @@ def refined_mask(
         exposure: of the whole frame, by `measure_exposure`; None: measured here, on a whole frame.
         window: rows and columns outside of which nothing is looked for; None: the whole frame.
     """
+    return _segmented(frame, background, settings, region, exposure, window)[0]
+
+
+def refined_trimap(
+    frame: NDArray[np.uint8],
+    background: Background,
+    settings: RefinedSettings,
+    region: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Silhouette (H, W) bool as `refined_mask`, and what may belong to it (H, W) bool: where the
+    colour differs less clearly, because clothes resemble the background. The rest is background.
+    """
+    silhouette, pooled = _segmented(frame, background, settings, region, None, None)
+    radius = _radius(background)
+    coloured = np.empty(silhouette.shape, np.bool_)
+    nowhere = np.zeros(silhouette.shape, np.float32)
+    kernels.doubt(pooled, nowhere, round(settings.possible * _UNIT), np.float32(1), coloured)
+    # Averaging has widened it by the radius.
+    possible = silhouette | ~_grown(~coloured, radius, cv2.MORPH_RECT)
+    gap = np.ones((4 * radius + 1, 4 * radius + 1), np.uint8)
+    possible = cv2.morphologyEx(possible.view(np.uint8), cv2.MORPH_CLOSE, gap).view(np.bool_)
+    hole = round(settings.possible_hole_share * possible.size)
+    return silhouette, clean(possible, max_hole_px=hole, region=region)
+
+
+def _segmented(
+    frame: NDArray[np.uint8],
+    background: Background,
+    settings: RefinedSettings,
+    region: NDArray[np.bool_] | None,
+    exposure: Exposure | None,
+    window: tuple[slice, slice] | None,
+) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
+    """Silhouette of `refined_mask`, and the pooled evidence (4, h, w) in the window."""
     everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
     radius = _radius(background)
     gain = measure_gain(frame, background) if exposure is None else exposure.gain
@@ -180,7 +218,7 @@ def refined_mask(
     mask, pooled = _detect(view, scale)
     mask = _clean(mask, settings, region, everywhere.size)
     if not mask.any():
-        return everywhere
+        return everywhere, pooled
     box = _bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
@@ -188,7 +226,7 @@ def refined_mask(
     mask = _sharpen(view, mask)
     region = None if region is None else region[box]
     silhouette[box] = _clean(mask, settings, region, everywhere.size)
-    return everywhere
+    return everywhere, pooled
 
 
 def measure_exposure(

@@ -112,6 +112,22 @@ class Silhouettes:
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
+    def trimaps(
+        self, frames: Mapping[str, Frame]
+    ) -> dict[str, tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+        """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, and what may belong to them, by
+        camera name; see `BackgroundModel.trimap`.
+        """
+
+        def trimap(name: str) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+            if self._given:
+                mask = self._silhouette(name, frames[name])
+                return mask, mask
+            frame = self._scaled(name, frames[name])
+            return self._models[name].trimap(frame, self._regions.get(name))
+
+        return dict(zip(frames, side_by_side(trimap, list(frames)), strict=True))
+
     def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._scaled(name, frame)
         if not self._given:

@@ -116,6 +116,7 @@ class HullObserver:
         self.views = views
         self.voxel_size_m = voxel_size_m
         self.rule = rule or CarveRule()
+        self.volume = volume
         low = volume.origin_m
         self._coarse = VoxelGrid.from_bounds(low, low + volume.size_m, max(_COARSE_M, voxel_size_m))
 
