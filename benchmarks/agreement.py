@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 from benchmarks.accuracy import SHARED
-from calib.agreement import Agreement, agreement
+from calib.agreement import Agreement, agreement, even_moments
 from calib.camera import Camera, Rig
 from calib.extrinsics import pose_difference
 from calib.repair import explain
@@ -29,7 +29,7 @@ from calib.synchronise import Synchronisation, synchronise
 from calib.tangency import OutlineTrack
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.calibration.check import LONG_SIDE_PX, even_moments
+from voxelpose.calibration.check import LONG_SIDE_PX
 from voxelpose.calibration.sync import SyncSettings, sync_recording
 from voxelpose.demo.filming import make_recording
 from voxelpose.evaluation import score_motion

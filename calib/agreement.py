@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.camera import FloatArray, Rig
 from calib.errors import InputError
 from calib.tangency import Mask, OutlineTrack, PairErrors, all_tangencies
 
 _KEPT = 0.8  # fraction of the errors in the trimmed mean: the rest are shadows and lost limbs
+_ENDS = 0.04  # fraction of the recording excluded at either end: people come and go
 _REFERENCE_DIAGONAL_PX = 600.0  # tolerances are for images of 480 x 360
 
 
@@ -179,6 +181,12 @@ def agreement(
     return Agreement(
         whole, tuple(lines), culprits, not culprits and whole <= tolerance.max_px * scale
     )
+
+
+def even_moments(count: int, max_count: int) -> NDArray[np.int64]:
+    """At most `max_count` of `count` frame numbers, evenly spaced, without the ends."""
+    first, last = _ENDS * (count - 1), (1 - _ENDS) * (count - 1)
+    return np.unique(np.linspace(first, last, min(max_count, count)).round().astype(np.int64))
 
 
 def image_scale(tracks: Sequence[OutlineTrack]) -> float:

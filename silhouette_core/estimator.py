@@ -144,12 +144,14 @@ class Estimate:
             estimated stature or the voxel size.
         hypotheses: alternative poses of each frame: frame number, probabilities (n,) and joints
             (n, 15, 3) in the world, m, likeliest first.
+        rig: the cameras as they were found to stand; None: as the source says.
     """
 
     motion: Motion
     stage_s: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     facts: Mapping[str, object] = field(default_factory=dict)
     hypotheses: Iterable[tuple[int, NDArray, NDArray]] | None = None
+    rig: Rig | None = None
 
 
 @runtime_checkable

@@ -80,6 +80,8 @@ def fit(
     with writer as folder:
         estimate = implementation.estimate(recording, settings, reporter)
         motion = estimate.motion
+        if estimate.rig is not None:
+            recording = replace(recording, rig=estimate.rig)
         if not len(motion):
             raise InputError(
                 "no pose was found in any frame: look at the silhouettes with `voxelpose carve`,"

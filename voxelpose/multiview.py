@@ -24,6 +24,7 @@ from silhouette_core.refinement.adaptation import stature_of
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.body_choice import choose_body, refit
+from voxelpose.matching.camera_repair import CheckedCameras, check_cameras
 from voxelpose.matching.completion import SilhouetteCompletion
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
@@ -38,6 +39,7 @@ LONG_SIDE_PX = 960  # larger images are reduced: contours are finer there than c
 VOXEL_M = 0.025
 _VOLUME_FRAMES = 60
 _CARVED_TOGETHER = 16  # frames
+_REPAIRS = "auto", "say", "off"
 
 
 @dataclass(frozen=True)
@@ -48,14 +50,19 @@ class _Options:
         interference: match interfering parts jointly.
         voxel_size_m: size of the voxels that are matched, 0.005 to 0.1.
         tolerance: number of cameras that may be wrong about a voxel.
+        repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
+            it right where that is sure, "say" only tells, "off" does not look.
     """
 
     interference: bool = True
     voxel_size_m: float = VOXEL_M
     tolerance: int = 0
+    repair: str = "auto"
 
     def __post_init__(self) -> None:
-        """Refuses voxels that cannot be matched."""
+        """Refuses what does not exist, and voxels that cannot be matched."""
+        if self.repair not in _REPAIRS:
+            raise InputError(f"no repair {self.repair!r}: choose from {', '.join(_REPAIRS)}")
         if not 0.005 <= self.voxel_size_m <= 0.1:
             raise InputError(
                 f"voxels of {self.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for"
@@ -95,6 +102,18 @@ class MultiViewEstimator:
         ):
             stores = store, possible
             numbers, times = _store_silhouettes(source, settings, lenses, stores, clock, reporter)
+            checked = CheckedCameras(pinholes, {})
+            if options.repair != "off":
+                reporter.stage("cameras")
+                with clock("cameras"):
+                    repair = options.repair == "auto"
+                    checked = check_cameras(pinholes, store, times, source.fps, repair=repair)
+                for words in checked.words:
+                    reporter.note(words)
+                for name, late in checked.late_frames.items():
+                    for silhouettes in stores:
+                        silhouettes.advance(pinholes.names.index(name), late)
+                pinholes = checked.rig
             reporter.stage("volume")
             upright = choose_upright(
                 UpSearch(pinholes, settings, tracking.match),
@@ -117,11 +136,26 @@ class MultiViewEstimator:
                 tracker, facts = _track(observations, settings, tracking, clock, reporter)
                 motion, ratio = _motion(tracker, settings, numbers, times, clock, reporter)
                 facts["half_turn_ratio"] = round(ratio, 3)
+                facts["cameras_found"] = list(checked.words)
+                facts["late_frames"] = checked.late_frames
                 facts["completed"] = dict(zip(rig.names, added, strict=True))
         motion = replace(motion, floor_m=floor_height(motion)).in_world(upright)
         return Estimate(
-            motion, {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}, facts
+            motion,
+            {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
+            facts,
+            rig=_posed_as(source.rig, pinholes),
         )
+
+
+def _posed_as(rig: Rig, pinholes: Rig) -> Rig:
+    """A rig whose cameras stand as others do."""
+    return Rig(
+        tuple(
+            replace(camera, rotation=other.rotation, translation=other.translation)
+            for camera, other in zip(rig, pinholes, strict=True)
+        )
+    )
 
 
 def _store_silhouettes(

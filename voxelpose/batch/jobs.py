@@ -37,6 +37,7 @@ _OPTIONS = {
         "interference": (bool, "interference"),
         "voxel": (float, "voxel_size_m"),
         "tolerance": (int, "tolerance"),
+        "repair": (str, "repair"),
     },
     "track": {
         "camera": (str, ""),

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import Agreement, agreement
+from calib.agreement import Agreement, agreement, even_moments
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
@@ -26,7 +26,6 @@ from voxelpose.results import ResultWriter
 
 LONG_SIDE_PX = 480
 _SUBFRAME = 0.6  # frames: offsets up to about half a frame cannot be corrected
-_ENDS = 0.04  # fraction of the recording excluded at either end: people come and go
 
 
 @dataclass(frozen=True)
@@ -165,12 +164,6 @@ def check_recording(
         checked_frames,
         notes,
     )
-
-
-def even_moments(count: int, max_count: int) -> NDArray[np.int64]:
-    """At most `max_count` of `count` frame numbers, evenly spaced, without the ends."""
-    first, last = _ENDS * (count - 1), (1 - _ENDS) * (count - 1)
-    return np.unique(np.linspace(first, last, min(max_count, count)).round().astype(np.int64))
 
 
 def _outlines(

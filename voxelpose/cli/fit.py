@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
@@ -32,6 +32,9 @@ overlay videos and contact_sheet.png.
     """Edge of a voxel in metres. Default: chosen by the program."""
     tolerance: Annotated[int, arg(metavar="N")] = 0
     """Number of cameras that may see background where the body is; 1 tolerates one bad camera."""
+    repair: Literal["auto", "say", "off"] = "auto"
+    """Cameras that were turned or come late, by the silhouettes: put right where that is sure, only
+    say so, or do not look."""
     estimator: Annotated[str, arg(metavar="NAME")] = "multiview"
     """Estimator to run; `voxelpose doctor` lists those that are installed."""
 
@@ -44,4 +47,6 @@ overlay videos and contact_sheet.png.
             options["voxel_size_m"] = self.voxel
         if self.tolerance:
             options["tolerance"] = self.tolerance
+        if self.repair != "auto":
+            options["repair"] = self.repair
         return self.estimate(camera_names(self.cameras), options, self.estimator)

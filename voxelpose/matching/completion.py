@@ -18,7 +18,7 @@ from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels.footprint import mark_voxels
 
-_VOXEL_M = 0.04
+_VOXEL_M = 0.03
 _THIN_PX = 5  # narrower pieces are edges
 
 
@@ -52,7 +52,7 @@ class SilhouetteCompletion:
             masks: the silhouettes.
             possible: the silhouettes and what may belong to them, (h, w) bool.
         """
-        hull = self._carved(masks)
+        hull = carve(self._rig, masks, self._grid, self._rule)
         unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
         if not any(pixels.any() for pixels in unexplained):
             return masks

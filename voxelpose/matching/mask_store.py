@@ -48,6 +48,16 @@ class MaskStore:
         for bits, mask in zip(self._bits, masks, strict=True):
             bits[t] = np.packbits(mask, axis=1)
 
+    def advance(self, camera: int, frames: int) -> None:
+        """Gives each frame the silhouette that a camera showed so many frames later, as far as
+        there are any; earlier where negative.
+        """
+        bits = self._bits[camera]
+        last = len(bits) - 1
+        order = range(last + 1) if frames > 0 else range(last, -1, -1)
+        for t in order:
+            bits[t] = bits[min(max(t + frames, 0), last)]
+
     def close(self) -> None:
         """Removes the scratch files."""
         self._bits.clear()

@@ -1,0 +1,123 @@
+"""Cameras that were turned after calibration, or whose pictures come late: found and put right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.agreement import agreement, even_moments
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.repair import Repair, explain
+from calib.tangency import OutlineTrack
+from voxelpose.matching.mask_store import MaskStore
+
+_MOMENTS = 12
+_MOST_LATE = 12  # frames
+_SUBFRAME = 0.6  # frames: a smaller offset cannot be corrected by whole frames
+_MOST_TURNED_DEG = 5.0  # a larger turn is no bump: somebody should look
+_FEWEST = 4  # cameras: of three, the two others tell too little
+_REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedCameras:
+    """Result of a check of the cameras against the silhouettes.
+
+    Attributes:
+        rig: the cameras, repaired where that was sure and wanted.
+        late_frames: by how many frames a camera's pictures come late, by its name.
+        words: what was found, one sentence each.
+    """
+
+    rig: Rig
+    late_frames: dict[str, int]
+    words: tuple[str, ...] = ()
+
+
+def check_cameras(
+    rig: Rig, store: MaskStore, times_s: NDArray[np.float64], fps: float, *, repair: bool
+) -> CheckedCameras:
+    """Checks cameras against the silhouettes of a dozen moments.
+
+    A repair is sure where, of four cameras or more, the others agree, one turned or late camera
+    explains all of the disagreement, and with it all cameras agree.
+
+    Args:
+        rig: the pinhole cameras of the silhouettes.
+        store: silhouettes of T frames.
+        times_s: (T,) times of the frames, s.
+        fps: frames per second.
+        repair: whether sure repairs are made; otherwise they are only told.
+    """
+    unchanged = CheckedCameras(rig, {})
+    moments = even_moments(len(store), _MOMENTS)
+    if len(rig) < 3 or len(moments) < 3:
+        return unchanged
+    at = times_s[moments]
+    tracks = _tracks(rig, store, moments, times_s)
+    try:
+        checked = agreement(list(tracks.values()), at)
+        if checked.agrees:
+            return unchanged
+        if not checked.culprits:
+            words = f"{checked.summary}: their silhouettes, or {_REMEDY}, may show why"
+            return replace(unchanged, words=(words,))
+        most = min(_MOST_LATE, (len(store) - 1) // 3)
+        near = np.unique(
+            np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, len(store) - 1)
+        )
+        tracks |= _tracks(rig, store, near, times_s, checked.culprits)
+        repairs = explain(tracks, checked, at, most / fps)
+        repaired = rig
+        for found in repairs:
+            repaired = found.rig(repaired)
+        late = {found.camera: found.offset_s for found in repairs}
+        after = agreement(
+            [track.with_camera(repaired[name]) for name, track in tracks.items()],
+            at,
+            offset_s=late,
+        )
+    except InputError:  # a camera never sees somebody together with another
+        return unchanged
+    frames = {name: round(seconds * fps) for name, seconds in late.items() if seconds}
+    if all(
+        found.kind == "out of step" and abs(found.offset_s) * fps <= _SUBFRAME for found in repairs
+    ):
+        return unchanged
+    told = "; ".join(found.summary for found in repairs)
+    if not (after.agrees and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
+        return replace(unchanged, words=(f"{checked.summary}; {told}: see {_REMEDY}",))
+    if not repair:
+        return replace(unchanged, words=(f"{told}: --repair auto puts it right",))
+    words = f"{told}: put right for this result; calibrate again, or see {_REMEDY}"
+    return CheckedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,))
+
+
+def _is_small(repair: Repair) -> bool:
+    return repair.kind == "out of step" or (
+        repair.kind == "turned" and repair.turned_deg <= _MOST_TURNED_DEG
+    )
+
+
+def _tracks(
+    rig: Rig,
+    store: MaskStore,
+    frames: NDArray[np.int64],
+    times_s: NDArray[np.float64],
+    names: Sequence[str] | None = None,
+) -> dict[str, OutlineTrack]:
+    """Outlines of some frames, of all cameras or of those named."""
+    chosen = [c for c, name in enumerate(rig.names) if names is None or name in names]
+    masks: dict[int, list[NDArray[np.bool_]]] = {c: [] for c in chosen}
+    for frame in frames.tolist():
+        seen = store[frame]
+        for c in chosen:
+            masks[c].append(seen[c])
+    return {
+        rig.names[c]: OutlineTrack.from_masks(rig.cameras[c], times_s[frames], masks[c])
+        for c in chosen
+    }
