@@ -24,7 +24,7 @@ from silhouette_core.refinement.adaptation import stature_of
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.body_choice import choose_body, refit
-from voxelpose.matching.camera_repair import CheckedCameras, check_cameras
+from voxelpose.matching.camera_repair import RepairedCameras, repair_cameras
 from voxelpose.matching.completion import SilhouetteCompletion
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
@@ -102,12 +102,12 @@ class MultiViewEstimator:
         ):
             stores = store, possible
             numbers, times = _store_silhouettes(source, settings, lenses, stores, clock, reporter)
-            checked = CheckedCameras(pinholes, {})
+            checked = RepairedCameras(pinholes, {})
             if options.repair != "off":
                 reporter.stage("cameras")
                 with clock("cameras"):
                     repair = options.repair == "auto"
-                    checked = check_cameras(pinholes, store, times, source.fps, repair=repair)
+                    checked = repair_cameras(pinholes, store, times, source.fps, repair=repair)
                 for words in checked.words:
                     reporter.note(words)
                 for name, late in checked.late_frames.items():

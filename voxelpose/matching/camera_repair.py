@@ -24,7 +24,7 @@ _REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
 
 
 @dataclass(frozen=True, eq=False)
-class CheckedCameras:
+class RepairedCameras:
     """Result of a check of the cameras against the silhouettes.
 
     Attributes:
@@ -38,9 +38,9 @@ class CheckedCameras:
     words: tuple[str, ...] = ()
 
 
-def check_cameras(
+def repair_cameras(
     rig: Rig, store: MaskStore, times_s: NDArray[np.float64], fps: float, *, repair: bool
-) -> CheckedCameras:
+) -> RepairedCameras:
     """Checks cameras against the silhouettes of a dozen moments.
 
     A repair is sure where, of four cameras or more, the others agree, one turned or late camera
@@ -53,7 +53,7 @@ def check_cameras(
         fps: frames per second.
         repair: whether sure repairs are made; otherwise they are only told.
     """
-    unchanged = CheckedCameras(rig, {})
+    unchanged = RepairedCameras(rig, {})
     moments = even_moments(len(store), _MOMENTS)
     if len(rig) < 3 or len(moments) < 3:
         return unchanged
@@ -94,7 +94,7 @@ def check_cameras(
     if not repair:
         return replace(unchanged, words=(f"{told}: --repair auto puts it right",))
     words = f"{told}: put right for this result; calibrate again, or see {_REMEDY}"
-    return CheckedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,))
+    return RepairedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,))
 
 
 def _is_small(repair: Repair) -> bool:
