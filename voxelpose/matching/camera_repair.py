@@ -21,6 +21,7 @@ _SUBFRAME = 0.6  # frames: a smaller offset cannot be corrected by whole frames
 _MOST_TURNED_DEG = 5.0  # a larger turn is no bump: somebody should look
 _FEWEST = 4  # cameras: of three, the two others tell too little
 _REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
+_LOOK = f"look at the silhouettes (voxelpose view), and see {_REMEDY}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +65,7 @@ def repair_cameras(
         if checked.agrees:
             return unchanged
         if not checked.culprits:
-            words = f"{checked.summary}: their silhouettes, or {_REMEDY}, may show why"
-            return replace(unchanged, words=(words,))
+            return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
         most = min(_MOST_LATE, (len(store) - 1) // 3)
         near = np.unique(
             np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, len(store) - 1)
@@ -90,7 +90,7 @@ def repair_cameras(
         return unchanged
     told = "; ".join(found.summary for found in repairs)
     if not (after.agrees and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
-        return replace(unchanged, words=(f"{checked.summary}; {told}: see {_REMEDY}",))
+        return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
     if not repair:
         return replace(unchanged, words=(f"{told}: --repair auto puts it right",))
     words = f"{told}: put right for this result; calibrate again, or see {_REMEDY}"
