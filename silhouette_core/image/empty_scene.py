@@ -6,7 +6,7 @@ stands still or moves little is in the median. So, where the frames differ from 
 1. each pixel's colours over time are grouped into modes, of which one is the background, however
    rarely it is seen;
 2. beginning at the pixels that never change, each pixel gets the mode that continues the colours
-   beside it best (paths of least cost);
+   beside it best, and is seen in the same frames (paths of least cost);
 3. regions that are reached only over a large step were never seen empty, if that step moves: the
    pixel before it shows at other times what is behind it. The colours around such a region are
    continued into it (`cv2.inpaint`, Telea), and its noise is that of a guess. Furniture lies
@@ -31,6 +31,7 @@ _CHANGED = 8.0  # of the noise: the least difference between frames that is no n
 _MODES = 5
 _SEEN_SHARE = 0.05  # of the frames: least share of a mode
 _TOLERANCE = 2.0  # of the noise: steps between neighbours that cost nothing
+_APART_LEAST = 0.1  # weight of steps between colours that are always seen together
 _RARITY = 30.0  # cost of a mode that is hardly ever seen, in squared grey levels
 _STEP = 5.0  # of the noise: a step from the background to something in front of it
 _MOVING = 0.1  # of a region's edge: least part that must move
@@ -55,7 +56,8 @@ class EmptyScene:
 
     @classmethod
     def from_frames(cls, stack: NDArray[np.uint8]) -> "EmptyScene":
-        """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording."""
+        """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64."""
+        stack = stack[:64]
         median, deviation = (np.empty(stack.shape[1:], np.float32) for _ in range(2))
         medians.median_and_deviation(stack, median, deviation)
         variance = np.square(_DEVIATION * deviation)
@@ -73,8 +75,10 @@ class EmptyScene:
         modes = _Modes.of(smooth, inside, _CHANGED * noise)
         colour = np.asarray(cv2.blur(median[window], (3, 3)), np.float32)
         step = np.zeros(inside.shape, np.float32)
+        every = np.uint64((1 << len(stack)) - 1)
+        limits = _TOLERANCE * noise, _APART_LEAST, _RARITY
         kernels.grow_background(
-            colour, inside, modes.index, modes.mean, modes.share, _TOLERANCE * noise, _RARITY, step
+            colour, inside, modes.index, modes.mean, modes.share, modes.shown, every, limits, step
         )
         seen = _mean_of_mode(stack[:, *window], gains, smooth, colour, _CHANGED * noise)
         unseen = nowhere.copy()
@@ -158,11 +162,13 @@ class _Modes:
         index: (h, w) int32, numbers of the pixels; -1: not among them.
         mean: (n, K, 3) float32.
         share: (n, K) float32 of the frames; 0: no mode.
+        shown: (n, K) uint64, bit t: whether frame t shows the mode.
     """
 
     index: NDArray[np.int32]
     mean: NDArray[np.float32]
     share: NDArray[np.float32]
+    shown: NDArray[np.uint64]
 
     @classmethod
     def of(cls, smooth: NDArray[np.float32], inside: NDArray[np.bool_], radius: float) -> "_Modes":
@@ -173,10 +179,11 @@ class _Modes:
         mean = np.empty((len(rows), _MODES, 3), np.float32)
         share = np.empty((len(rows), _MODES), np.float32)
         samples = np.ascontiguousarray(smooth[:, rows, columns])
-        kernels.colour_modes(samples, np.float32(radius), mean, share)
+        shown = np.zeros(share.shape, np.uint64)
+        kernels.colour_modes(samples, np.float32(radius), mean, share, shown)
         # What is seen once is a mixture: the edge of somebody in motion.
         share[(share < _SEEN_SHARE) & (np.arange(_MODES) > 0)] = 0
-        return cls(index, mean, share)
+        return cls(index, mean, share, shown)
 
 
 def _behind_moving_edges(

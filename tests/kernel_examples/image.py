@@ -48,7 +48,8 @@ def median_and_deviation(rng):
 
 def colour_modes(rng):
     samples = rng.choice([40.0, 45.0, 120.0, 200.0], (9, 30, 1)) + rng.normal(0, 2, (9, 30, 3))
-    filled = np.empty((30, 4, 3), np.float32), np.empty((30, 4), np.float32)
+    filled = (np.empty((30, 4, 3), np.float32), np.empty((30, 4), np.float32))
+    filled = (*filled, np.empty((30, 4), np.uint64))
     return Example((samples.astype(np.float32), np.float32(15), *filled), rtol=1e-4)
 
 
@@ -59,8 +60,11 @@ def grow_background(rng):
     colour = rng.uniform(0, 255, (8, 10, 3)).astype(np.float32)
     mean = rng.uniform(0, 255, (np.count_nonzero(unknown), 3, 3)).astype(np.float32)
     share = rng.choice([0, 0.3, 0.6], mean.shape[:2]).astype(np.float32)
-    step = np.zeros(unknown.shape, np.float32)
-    return Example((colour, unknown, index, mean, share, 4.0, 30.0, step), rtol=1e-5)
+    shown = rng.integers(1, 1 << 40, share.shape).astype(np.uint64)
+    step, every = np.zeros(unknown.shape, np.float32), np.uint64((1 << 40) - 1)
+    limits = 4.0, 0.1, 30.0
+    arguments = colour, unknown, index, mean, share, shown, every, limits, step
+    return Example(arguments, rtol=1e-5)
 
 
 def sampled_chroma(rng):

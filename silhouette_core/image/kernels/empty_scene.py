@@ -12,12 +12,13 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
 @parallel_kernel
-def colour_modes(samples, radius, mean, share):
+def colour_modes(samples, radius, mean, share, shown):
     """Fills the modes of each pixel's colour over time: the sample with most others closer than the
     radius and the mean of these, again of what they leave, and so on.
 
-    Samples (T, n, 3) float32; mean (n, K, 3) float32; share (n, K) float32 of the samples, 0 for
-    modes that a pixel does not have. Distances are summed over the channels.
+    Samples (T, n, 3) float32, T at most 64; mean (n, K, 3) float32; share (n, K) float32 of the
+    samples, 0 for modes that a pixel does not have; shown (n, K) uint64, bit t for sample t.
+    Distances are summed over the channels.
     """
     count, pixels, modes = samples.shape[0], samples.shape[1], mean.shape[1]
     for pixel in prange(pixels):
@@ -33,38 +34,47 @@ def colour_modes(samples, radius, mean, share):
             most, middle = 0, 0
             for a in range(count):
                 if left[a]:
-                    members = 0
+                    others = 0
                     for b in range(count):
-                        members += left[b] and near[a, b]
-                    if members > most:
-                        most, middle = members, a
+                        others += left[b] and near[a, b]
+                    if others > most:
+                        most, middle = others, a
             share[pixel, mode] = np.float32(most) / np.float32(count)
             mean[pixel, mode] = 0
+            members = np.uint64(0)
             for b in range(count):
                 if most > 0 and left[b] and near[middle, b]:
                     left[b] = False
+                    members |= np.uint64(1) << np.uint64(b)
                     for channel in range(3):
                         mean[pixel, mode, channel] += samples[b, pixel, channel] / np.float32(most)
+            shown[pixel, mode] = members
 
 
 @kernel
-def grow_background(colour, unknown, index, mean, share, tolerance, rarity, step):
+def grow_background(colour, unknown, index, mean, share, shown, every, limits, step):
     """Gives each unknown pixel the mode that continues the known colours around it best, and fills
     the largest step between neighbours on the way there.
 
-    Paths of least cost from the known pixels (Dijkstra): a step costs the square of the difference
-    beyond the tolerance, and `rarity` times the share of the samples that are not of the mode.
+    Paths of least cost from the known pixels (Dijkstra). A step costs the square of the difference
+    beyond the tolerance, times the fraction of the samples that show only one of the two modes, of
+    those that show either: background is seen beside background, at edges of furniture too. That
+    fraction counts as `apart_least` at least. And a step costs `rarity` times the share of the
+    samples that do not show the mode.
 
     Colour (H, W, 3) float32, filled where unknown (H, W) bool; index (H, W) int32 of unknown pixels
-    in mean (n, K, 3) and share (n, K); step (H, W) float32. Pixels that cannot be reached keep
-    their colour and step.
+    in mean (n, K, 3), share (n, K) and shown (n, K) uint64, of which bit t says whether sample t
+    shows the mode; every: bits of all samples; limits: tolerance, apart_least and rarity; step
+    (H, W) float32, of the differences times the root of that fraction. Pixels that cannot be
+    reached keep their colour and step.
     """
     height, width = unknown.shape
     done = ~unknown
     heap = [(0.0, 0, 0, 0.0) for _ in range(0)]
+    modes = mean, share, shown, index
     for pixel in range(height * width):
         if not unknown[pixel // width, pixel % width]:
-            _offer(heap, colour, done, index, mean, share, tolerance, rarity, pixel, 0.0, 0.0)
+            _offer(heap, colour, done, modes, limits, pixel, every, 0.0, 0.0)
     while len(heap) > 0:
         cost, pixel, mode, largest = heapq.heappop(heap)
         row, column = pixel // width, pixel % width
@@ -73,12 +83,15 @@ def grow_background(colour, unknown, index, mean, share, tolerance, rarity, step
         done[row, column] = True
         colour[row, column] = mean[index[row, column], mode]
         step[row, column] = largest
-        _offer(heap, colour, done, index, mean, share, tolerance, rarity, pixel, cost, largest)
+        frames = shown[index[row, column], mode]
+        _offer(heap, colour, done, modes, limits, pixel, frames, cost, largest)
 
 
 @kernel
-def _offer(heap, colour, done, index, mean, share, tolerance, rarity, pixel, cost, largest):
+def _offer(heap, colour, done, modes, limits, pixel, frames, cost, largest):
     """Offers a pixel's neighbours the path through it."""
+    mean, share, shown, index = modes
+    tolerance, apart_least, rarity = limits
     height, width = done.shape
     row, column = pixel // width, pixel % width
     for side in range(4):
@@ -92,6 +105,19 @@ def _offer(heap, colour, done, index, mean, share, tolerance, rarity, pixel, cos
                 difference = 0.0
                 for channel in range(3):
                     difference += abs(colour[row, column, channel] - mean[other, mode, channel])
+                both = _bits(frames & shown[other, mode])
+                apart = 1.0 - both / _bits(frames | shown[other, mode])
                 beyond = max(difference - tolerance, 0.0)
-                price = cost + beyond * beyond + rarity * (1 - share[other, mode])
-                heapq.heappush(heap, (price, y * width + x, mode, max(largest, beyond)))
+                weighted = beyond * np.sqrt(max(apart, apart_least))
+                price = cost + weighted * weighted + rarity * (1 - share[other, mode])
+                heapq.heappush(heap, (price, y * width + x, mode, max(largest, weighted)))
+
+
+@kernel
+def _bits(value):
+    """Number of bits that are set."""
+    count = 0
+    while value != np.uint64(0):
+        value &= value - np.uint64(1)
+        count += 1
+    return count

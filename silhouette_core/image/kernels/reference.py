@@ -34,9 +34,9 @@ def median_and_deviation(stack, median, deviation):
     deviation[:] = np.sort(np.abs(stack - median), axis=0)[half - 1]
 
 
-def colour_modes(samples, radius, mean, share):
+def colour_modes(samples, radius, mean, share, shown):
     """Greedy grouping: the sample with most neighbours and these, then of what is left."""
-    mean[:], share[:] = 0, 0
+    mean[:], share[:], shown[:] = 0, 0, 0
     near = np.abs(samples[:, None] - samples[None]).sum(axis=3) < radius  # (T, T, n)
     for pixel in range(samples.shape[1]):
         left = np.ones(len(samples), bool)
@@ -47,16 +47,18 @@ def colour_modes(samples, radius, mean, share):
             members = near[counts.argmax(), :, pixel] & left
             mean[pixel, mode] = samples[members, pixel].mean(axis=0)
             share[pixel, mode] = members.mean()
+            shown[pixel, mode] = sum(1 << int(t) for t in np.flatnonzero(members))
             left &= ~members
 
 
-def grow_background(colour, unknown, index, mean, share, tolerance, rarity, step):
+def grow_background(colour, unknown, index, mean, share, shown, every, limits, step):
     """Dijkstra's algorithm over pixels and modes; a pixel's first mode is its only one."""
-    reached = {tuple(pixel): (0.0, 0.0) for pixel in np.argwhere(~unknown)}
+    reached = {tuple(pixel): (0.0, 0.0, int(every)) for pixel in np.argwhere(~unknown)}
+    tolerance, apart_least, rarity = limits
     height, width = unknown.shape
     while True:
         offers = []
-        for (row, column), (cost, largest) in reached.items():
+        for (row, column), (cost, largest, frames) in reached.items():
             for y, x in (
                 (row + 1, column),
                 (row - 1, column),
@@ -67,14 +69,17 @@ def grow_background(colour, unknown, index, mean, share, tolerance, rarity, step
                     continue
                 for mode in np.flatnonzero(share[index[y, x]]):
                     difference = np.abs(colour[row, column] - mean[index[y, x], mode]).sum()
+                    other = int(shown[index[y, x], mode])
+                    apart = 1 - (frames & other).bit_count() / (frames | other).bit_count()
                     beyond = max(float(difference) - tolerance, 0.0)
-                    price = cost + beyond**2 + rarity * (1 - share[index[y, x], mode])
-                    offers.append((price, y * width + x, mode, max(largest, beyond)))
+                    weighted = beyond * np.sqrt(max(apart, apart_least))
+                    price = cost + weighted**2 + rarity * (1 - share[index[y, x], mode])
+                    offers.append((price, y * width + x, mode, max(largest, weighted)))
         if not offers:
             return
         price, pixel, mode, largest = min(offers)
         at = pixel // width, pixel % width
-        reached[at] = price, largest
+        reached[at] = price, largest, int(shown[index[at], mode])
         colour[at], step[at] = mean[index[at], mode], largest
 
 
