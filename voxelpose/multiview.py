@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 
@@ -99,8 +99,9 @@ class MultiViewEstimator:
         with (
             closing(MaskStore(sizes, source.frame_count)) as store,
             closing(MaskStore(sizes, source.frame_count)) as possible,
+            closing(MaskStore(sizes, source.frame_count)) as shaded,
         ):
-            stores = store, possible
+            stores = store, possible, shaded
             numbers, times = _store_silhouettes(source, settings, lenses, stores, clock, reporter)
             checked = RepairedCameras(pinholes, {})
             if options.repair != "off":
@@ -162,7 +163,7 @@ def _store_silhouettes(
     source: FrameSource,
     settings: Settings,
     lenses: list[UndistortedView],
-    stores: tuple[MaskStore, MaskStore],
+    stores: Sequence[MaskStore],
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -178,24 +179,26 @@ def _store_silhouettes(
     for t, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
             trimaps = silhouettes.trimaps(frames)
-            for k, store in enumerate(stores):
-                masks = (trimaps[name][k] for name in source.rig.names)
+            masks = zip(*(trimaps[name] for name in source.rig.names), strict=True)
+            for store, seen in zip(stores, masks, strict=True):
                 store.put(
-                    t, [lens.undistort(mask) for lens, mask in zip(lenses, masks, strict=True)]
+                    t, [lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)]
                 )
         numbers[t], times[t] = number, seconds
         reporter.advance()
     return numbers, times
 
 
-def _complete(observer: HullObserver, store: MaskStore, possible: MaskStore) -> list[float]:
+def _complete(
+    observer: HullObserver, store: MaskStore, possible: MaskStore, shaded: MaskStore
+) -> list[float]:
     """Completes the silhouettes of all frames; share of each camera's pixels that was added."""
     completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule)
     before, after = (np.zeros(len(observer.views.rig)) for _ in range(2))
 
     def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
         masks = store[t]
-        return masks, completion.complete(masks, possible[t])
+        return masks, completion.complete(masks, possible[t], shaded[t])
 
     for first in range(0, len(store), _CARVED_TOGETHER):
         together = range(first, min(first + _CARVED_TOGETHER, len(store)))

@@ -14,6 +14,7 @@ from silhouette_core.image.foreground import (
     Background,
     Exposure,
     RefinedSettings,
+    Trimap,
     count_shadows,
     measure_exposure,
     measure_gain,
@@ -209,26 +210,19 @@ class BackgroundModel:
         )
         return mask if region is None else mask & region
 
-    def trimap(
-        self, frame: np.ndarray, region: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Silhouette, and what may belong to it, in a frame.
+    def trimap(self, frame: np.ndarray, region: np.ndarray | None = None) -> Trimap:
+        """Silhouette of a frame, and what may belong to it; the paper's method knows no doubt.
 
         Args:
             frame: (H, W, 3) uint8, BGR.
             region: region of interest, (H, W) bool; None means the whole image.
-
-        Returns:
-            Silhouette (H, W) bool as by `silhouette`, and (H, W) bool, the silhouette and where
-            clothes may resemble the background; the paper's method knows no such places.
 
         Raises:
             ValueError: the frame has another size than the model.
             TypeError: the frame is not uint8.
         """
         if self.settings.method == "paper":
-            mask = self.silhouette(frame, region)
-            return mask, mask
+            return Trimap.of(self.silhouette(frame, region))
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
         return refined_trimap(frame, self._background, self.settings.refined, region)

@@ -16,6 +16,7 @@ The paper's two tests (direction of colour, clear difference) are extended as fo
    background's, which compensates for the averaging and for the subsampled colour of video.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -48,6 +49,7 @@ class RefinedSettings:
     Attributes:
         chroma: limit of the pooled chromatic residual, in noise.
         possible: limit of the pooled chromatic residual where clothes may resemble the background.
+        shaded: limit of the pooled difference of brightness where clothes or a shadow may be.
         chroma_pixel: limit of a single pixel's chromatic residual, in noise.
         brightness: distance of a foreground brightness from shadow and highlight, in noise.
         shadow: darkest cast shadow, as a fraction of the background's brightness, where it is not
@@ -65,6 +67,7 @@ class RefinedSettings:
 
     chroma: float = 3.0
     possible: float = 1.2
+    shaded: float = 3.0
     chroma_pixel: float = 6.0
     brightness: float = 8.0
     shadow: float = 0.5
@@ -118,6 +121,31 @@ class Exposure:
 
     gain: NDArray[np.float32]
     noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trimap:
+    """A silhouette, and what may belong to it.
+
+    Attributes:
+        silhouette: (H, W) bool.
+        possible: (H, W) bool, the silhouette and where the colour's direction differs a little from
+            the background's: clothes may resemble it.
+        shaded: (H, W) bool, that and where the brightness differs: clothes, or a cast shadow.
+    """
+
+    silhouette: NDArray[np.bool_]
+    possible: NDArray[np.bool_]
+    shaded: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, silhouette: NDArray[np.bool_]) -> "Trimap":
+        """Trimap of a silhouette (H, W) bool beside which nothing is possible."""
+        return cls(silhouette, silhouette, silhouette)
+
+    def __iter__(self) -> Iterator[NDArray[np.bool_]]:
+        """Yields silhouette, possible and shaded."""
+        return iter((self.silhouette, self.possible, self.shaded))
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,21 +208,28 @@ def refined_trimap(
     background: Background,
     settings: RefinedSettings,
     region: NDArray[np.bool_] | None = None,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Silhouette (H, W) bool as `refined_mask`, and what may belong to it (H, W) bool: where the
-    colour differs less clearly, because clothes resemble the background. The rest is background.
-    """
-    silhouette, pooled = _segmented(frame, background, settings, region, None, None)
-    radius = _radius(background)
-    coloured = np.empty(silhouette.shape, np.bool_)
-    nowhere = np.zeros(silhouette.shape, np.float32)
-    kernels.doubt(pooled, nowhere, round(settings.possible * _UNIT), np.float32(1), coloured)
-    # Averaging has widened it by the radius.
-    possible = silhouette | ~_grown(~coloured, radius, cv2.MORPH_RECT)
+) -> Trimap:
+    """Silhouette as `refined_mask`, and what may belong to it."""
+    exposure, radius = measure_exposure(frame, background, settings), _radius(background)
+    silhouette, pooled = _segmented(frame, background, settings, region, exposure, None)
+    bright = np.zeros(silhouette.shape, np.float32)
+    hole = round(settings.possible_hole_share * bright.size)
     gap = np.ones((4 * radius + 1, 4 * radius + 1), np.uint8)
-    possible = cv2.morphologyEx(possible.view(np.uint8), cv2.MORPH_CLOSE, gap).view(np.bool_)
-    hole = round(settings.possible_hole_share * possible.size)
-    return silhouette, clean(possible, max_hole_px=hole, region=region)
+
+    def beyond_noise() -> NDArray[np.bool_]:
+        differs = np.empty(silhouette.shape, np.bool_)
+        limits = round(settings.possible * _UNIT), np.float32(settings.shaded * exposure.noise)
+        kernels.doubt(pooled, bright, *limits, differs)
+        # Averaging has widened it by the radius.
+        found = silhouette | ~_grown(~differs, radius, cv2.MORPH_RECT)
+        found = cv2.morphologyEx(found.view(np.uint8), cv2.MORPH_CLOSE, gap).view(np.bool_)
+        return clean(found, max_hole_px=hole, region=region)
+
+    possible = beyond_noise()
+    view = _View(frame, _planes(frame), background, exposure.gain, radius, settings)
+    kernels.brightness(*view.arrays, bright)
+    bright = np.asarray(cv2.blur(bright, (2 * radius + 1, 2 * radius + 1)), np.float32)
+    return Trimap(silhouette, possible, beyond_noise())
 
 
 def _segmented(

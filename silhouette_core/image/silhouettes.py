@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.image.foreground import Exposure, darkest_shadow
+from silhouette_core.image.foreground import Exposure, Trimap, darkest_shadow
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -112,17 +112,12 @@ class Silhouettes:
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
-    def trimaps(
-        self, frames: Mapping[str, Frame]
-    ) -> dict[str, tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-        """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, and what may belong to them, by
-        camera name; see `BackgroundModel.trimap`.
-        """
+    def trimaps(self, frames: Mapping[str, Frame]) -> dict[str, Trimap]:
+        """Trimaps of frames (H, W, 3) uint8, BGR, by camera name."""
 
-        def trimap(name: str) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        def trimap(name: str) -> Trimap:
             if self._given:
-                mask = self._silhouette(name, frames[name])
-                return mask, mask
+                return Trimap.of(self._silhouette(name, frames[name]))
             frame = self._scaled(name, frames[name])
             return self._models[name].trimap(frame, self._regions.get(name))
 

@@ -2,8 +2,8 @@
 
 What one camera misses leaves the visual hull, and then the other cameras show something that the
 hull does not explain. The missing part is looked for among the pixels of a trimap that may belong
-to the silhouette: on the rays of what is unexplained, where all cameras allow it. Of five cameras
-or more, one in three of those beyond two may be outvoted by the others.
+to the silhouette: on the rays of what is unexplained, where all cameras allow it. Where all but one
+in four cameras are sure, what may be a shadow in those may belong to it, too.
 """
 
 from dataclasses import replace
@@ -36,7 +36,7 @@ class SilhouetteCompletion:
         self._rig, self._rule = views.rig, rule
         low = volume.origin_m
         self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, _VOXEL_M)
-        outvoted = (len(views.rig) - 2) // 3
+        outvoted = len(views.rig) // 4
         self._majority = replace(rule, tolerance=rule.tolerance + outvoted)
         self._seen_by_one = CarveRule(tolerance=len(views.rig), least_agreeing=1)
         middle = grid.origin_m + 0.5 * grid.size_m
@@ -44,13 +44,17 @@ class SilhouetteCompletion:
         self._voxel_px = views.intrinsics[:, 0] * grid.voxel_size_m / depth
 
     def complete(
-        self, masks: list[NDArray[np.bool_]], possible: list[NDArray[np.bool_]]
+        self,
+        masks: list[NDArray[np.bool_]],
+        possible: list[NDArray[np.bool_]],
+        shaded: list[NDArray[np.bool_]],
     ) -> list[NDArray[np.bool_]]:
         """Silhouettes (h, w) bool of one frame with what was found to be missing, one per camera.
 
         Args:
             masks: the silhouettes.
-            possible: the silhouettes and what may belong to them, (h, w) bool.
+            possible: the silhouettes and where clothes may resemble the background, (h, w) bool.
+            shaded: that and where clothes or a shadow may be, (h, w) bool.
         """
         hull = carve(self._rig, masks, self._grid, self._rule)
         unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
@@ -60,8 +64,8 @@ class SilhouetteCompletion:
         allowed = self._carved(possible) & hidden
         agreed = carve(self._rig, masks, self._grid, self._majority) & hidden
         completed = []
-        for c, (mask, more) in enumerate(zip(masks, possible, strict=True)):
-            added = more & self._footprint(allowed, c) | self._footprint(agreed, c)
+        for c, (mask, more, most) in enumerate(zip(masks, possible, shaded, strict=True)):
+            added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
             completed.append(mask | _opened(added & ~mask))
         return completed
 
