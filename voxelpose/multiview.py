@@ -38,7 +38,7 @@ from voxelpose.recording.frame_reader import Frame
 LONG_SIDE_PX = 960  # larger images are reduced: contours are finer there than clothes are
 VOXEL_M = 0.025
 _VOLUME_FRAMES = 60
-_CARVED_TOGETHER = 16  # frames
+_TOGETHER = 16  # frames
 _REPAIRS = "auto", "say", "off"
 
 
@@ -123,13 +123,12 @@ class MultiViewEstimator:
                 reporter,
             )
             rig = upright.rig(pinholes)
-            with clock("completion"):
-                added = _complete(_observer(rig, store, options), *stores)
+            added = _complete(_observer(rig, store, options), stores, clock, reporter)
             observer = _observer(rig, store, options)
             with closing(ObservationStore(observer, store)) as observations:
                 reporter.stage("hulls", len(store))
-                for first in range(0, len(store), _CARVED_TOGETHER):
-                    together = range(first, min(first + _CARVED_TOGETHER, len(store)))
+                for first in range(0, len(store), _TOGETHER):
+                    together = range(first, min(first + _TOGETHER, len(store)))
                     with clock("hulls"):
                         observations.carve(together)
                     for _ in together:
@@ -190,22 +189,29 @@ def _store_silhouettes(
 
 
 def _complete(
-    observer: HullObserver, store: MaskStore, possible: MaskStore, shaded: MaskStore
+    observer: HullObserver, stores: Sequence[MaskStore], clock: StageClock, reporter: Reporter
 ) -> list[float]:
-    """Completes the silhouettes of all frames; share of each camera's pixels that was added."""
+    """Completes the stored silhouettes of all frames by what may belong to them; share of each
+    camera's pixels that was added.
+    """
+    store, *may_belong = stores
+    reporter.stage("completion", len(store))
     completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule)
     before, after = (np.zeros(len(observer.views.rig)) for _ in range(2))
 
     def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
         masks = store[t]
-        return masks, completion.complete(masks, possible[t], shaded[t])
+        return masks, completion.complete(masks, *(more[t] for more in may_belong))
 
-    for first in range(0, len(store), _CARVED_TOGETHER):
-        together = range(first, min(first + _CARVED_TOGETHER, len(store)))
-        for t, (old, new) in zip(together, side_by_side(completed, together), strict=True):
+    for first in range(0, len(store), _TOGETHER):
+        together = range(first, min(first + _TOGETHER, len(store)))
+        with clock("completion"):
+            found = side_by_side(completed, together)
+        for t, (old, new) in zip(together, found, strict=True):
             before += [np.count_nonzero(mask) for mask in old]
             after += [np.count_nonzero(mask) for mask in new]
             store.put(t, new)
+            reporter.advance()
     return (1 - before / np.maximum(after, 1)).round(4).tolist()
 
 
