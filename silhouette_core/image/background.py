@@ -9,18 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.empty_scene import EmptyScene
-from silhouette_core.image.foreground import (
+from silhouette_core.image.cast_shadow import count_shadows
+from silhouette_core.image.difference import (
     Background,
     Exposure,
     RefinedSettings,
-    Trimap,
-    count_shadows,
     measure_exposure,
     measure_gain,
-    refined_mask,
-    refined_trimap,
 )
+from silhouette_core.image.empty_scene import EmptyScene
+from silhouette_core.image.foreground import Trimap, refined_mask, refined_trimap
 from silhouette_core.image.kernels import background as kernels
 
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
@@ -255,7 +253,7 @@ class BackgroundModel:
         return refined_mask(part, self._background, settings, region, exposure, window)
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
-        """See `silhouette_core.image.foreground.count_shadows`; the frame is (H, W, 3) uint8."""
+        """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
         return count_shadows(frame, self._background, self.settings.refined)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.components import label_components
-from silhouette_core.image.foreground import Background, measure_gain
+from silhouette_core.image.difference import Background, measure_gain
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
 

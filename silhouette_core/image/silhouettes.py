@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.image.foreground import Exposure, Trimap, darkest_shadow
+from silhouette_core.image.cast_shadow import darkest_shadow
+from silhouette_core.image.difference import Exposure
+from silhouette_core.image.foreground import Trimap
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 

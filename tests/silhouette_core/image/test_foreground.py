@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.image.foreground import darkest_shadow
+from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.jit import cores, set_threads
 
