@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib.agreement import even_moments
 from calib.camera import Rig
+from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
@@ -25,7 +27,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.body_choice import choose_body, refit
 from voxelpose.matching.camera_repair import RepairedCameras, repair_cameras
-from voxelpose.matching.completion import SilhouetteCompletion
+from voxelpose.matching.completion import SilhouetteCompletion, floor_under
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
@@ -39,6 +41,8 @@ LONG_SIDE_PX = 960  # larger images are reduced: contours are finer there than c
 VOXEL_M = 0.025
 _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
+_FLOOR_FRAMES = 12
+_RECHECKS = 3
 _REPAIRS = "auto", "say", "off"
 
 
@@ -98,23 +102,13 @@ class MultiViewEstimator:
         sizes = [lens.pinhole.size for lens in lenses]
         with (
             closing(MaskStore(sizes, source.frame_count)) as store,
-            closing(MaskStore(sizes, source.frame_count)) as possible,
-            closing(MaskStore(sizes, source.frame_count)) as shaded,
+            closing(MaskStore(sizes, source.frame_count)) as tint,
+            closing(MaskStore(sizes, source.frame_count)) as brightness,
         ):
-            stores = store, possible, shaded
+            stores = store, tint, brightness
             numbers, times = _store_silhouettes(source, settings, lenses, stores, clock, reporter)
-            checked = RepairedCameras(pinholes, {})
-            if options.repair != "off":
-                reporter.stage("cameras")
-                with clock("cameras"):
-                    repair = options.repair == "auto"
-                    checked = repair_cameras(pinholes, store, times, source.fps, repair=repair)
-                for words in checked.words:
-                    reporter.note(words)
-                for name, late in checked.late_frames.items():
-                    for silhouettes in stores:
-                        silhouettes.advance(pinholes.names.index(name), late)
-                pinholes = checked.rig
+            checked = _check_cameras(pinholes, stores, times, source.fps, options, clock, reporter)
+            pinholes = checked.rig
             reporter.stage("volume")
             upright = choose_upright(
                 UpSearch(pinholes, settings, tracking.match),
@@ -124,6 +118,19 @@ class MultiViewEstimator:
             )
             rig = upright.rig(pinholes)
             added = _complete(_observer(rig, store, options), stores, clock, reporter)
+            for _ in range(_RECHECKS if checked.in_doubt else 0):
+                # Gaps of the silhouettes may have hidden which camera it is, or by how much.
+                again = _check_cameras(
+                    pinholes, stores, times, source.fps, options, clock, reporter
+                )
+                if not again.repaired:
+                    break
+                checked, pinholes = checked.then(again), again.rig
+                rig = upright.rig(pinholes)
+                more = _complete(_observer(rig, store, options), stores, clock, reporter)
+                added = 1 - (1 - added) * (1 - more)
+            for words in checked.words:
+                reporter.note(words)
             observer = _observer(rig, store, options)
             with closing(ObservationStore(observer, store)) as observations:
                 reporter.stage("hulls", len(store))
@@ -138,7 +145,7 @@ class MultiViewEstimator:
                 facts["half_turn_ratio"] = round(ratio, 3)
                 facts["cameras_found"] = list(checked.words)
                 facts["late_frames"] = checked.late_frames
-                facts["completed"] = dict(zip(rig.names, added, strict=True))
+                facts["completed"] = dict(zip(rig.names, added.round(4).tolist(), strict=True))
         motion = replace(motion, floor_m=floor_height(motion)).in_world(upright)
         return Estimate(
             motion,
@@ -166,9 +173,7 @@ def _store_silhouettes(
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Stores the silhouettes of all frames, and what may belong to them; frame numbers (T,) and
-    times (T,) s.
-    """
+    """Stores the soft silhouettes of all frames; frame numbers (T,) and times (T,) s."""
     reporter.stage("background")
     silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
     silhouettes.note(reporter)
@@ -177,8 +182,8 @@ def _store_silhouettes(
     frames: Mapping[str, Frame]
     for t, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
-            trimaps = silhouettes.trimaps(frames)
-            masks = zip(*(trimaps[name] for name in source.rig.names), strict=True)
+            soft = silhouettes.soft(frames)
+            masks = zip(*(soft[name] for name in source.rig.names), strict=True)
             for store, seen in zip(stores, masks, strict=True):
                 store.put(
                     t, [lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)]
@@ -188,20 +193,43 @@ def _store_silhouettes(
     return numbers, times
 
 
+def _check_cameras(
+    rig: Rig,
+    stores: Sequence[MaskStore],
+    times_s: FloatArray,
+    fps: float,
+    options: _Options,
+    clock: StageClock,
+    reporter: Reporter,
+) -> RepairedCameras:
+    """Cameras checked against the stored silhouettes, which are put in step where one is late."""
+    if options.repair == "off":
+        return RepairedCameras(rig, {})
+    reporter.stage("cameras")
+    with clock("cameras"):
+        checked = repair_cameras(rig, stores[0], times_s, fps, repair=options.repair == "auto")
+    for name, late in checked.late_frames.items():
+        for silhouettes in stores:
+            silhouettes.advance(rig.names.index(name), late)
+    return checked
+
+
 def _complete(
     observer: HullObserver, stores: Sequence[MaskStore], clock: StageClock, reporter: Reporter
-) -> list[float]:
-    """Completes the stored silhouettes of all frames by what may belong to them; share of each
-    camera's pixels that was added.
+) -> FloatArray:
+    """Completes the stored silhouettes of all frames; (C,) share of each camera's pixels that was
+    added.
     """
-    store, *may_belong = stores
+    store, *differences = stores
     reporter.stage("completion", len(store))
-    completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule)
+    moments = even_moments(len(store), _FLOOR_FRAMES)
+    floor_m = floor_under(observer, [store[int(t)] for t in moments])
+    completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
     before, after = (np.zeros(len(observer.views.rig)) for _ in range(2))
 
     def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
         masks = store[t]
-        return masks, completion.complete(masks, *(more[t] for more in may_belong))
+        return masks, completion.complete(masks, *(found[t] for found in differences))
 
     for first in range(0, len(store), _TOGETHER):
         together = range(first, min(first + _TOGETHER, len(store)))
@@ -212,7 +240,7 @@ def _complete(
             after += [np.count_nonzero(mask) for mask in new]
             store.put(t, new)
             reporter.advance()
-    return (1 - before / np.maximum(after, 1)).round(4).tolist()
+    return 1 - before / np.maximum(after, 1)
 
 
 def _observer(rig: Rig, store: MaskStore, options: _Options) -> HullObserver:

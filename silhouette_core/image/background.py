@@ -18,7 +18,7 @@ from silhouette_core.image.difference import (
     measure_gain,
 )
 from silhouette_core.image.empty_scene import EmptyScene
-from silhouette_core.image.foreground import Trimap, refined_mask, refined_trimap
+from silhouette_core.image.foreground import SoftSilhouette, refined_mask, refined_soft_silhouette
 from silhouette_core.image.kernels import background as kernels
 
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
@@ -208,8 +208,11 @@ class BackgroundModel:
         )
         return mask if region is None else mask & region
 
-    def trimap(self, frame: np.ndarray, region: np.ndarray | None = None) -> Trimap:
-        """Silhouette of a frame, and what may belong to it; the paper's method knows no doubt.
+    def soft_silhouette(
+        self, frame: np.ndarray, region: np.ndarray | None = None
+    ) -> SoftSilhouette:
+        """Silhouette of a frame, and where else it differs from the background; the paper's method
+        gives the silhouette only.
 
         Args:
             frame: (H, W, 3) uint8, BGR.
@@ -220,10 +223,10 @@ class BackgroundModel:
             TypeError: the frame is not uint8.
         """
         if self.settings.method == "paper":
-            return Trimap.of(self.silhouette(frame, region))
+            return SoftSilhouette.of(self.silhouette(frame, region))
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return refined_trimap(frame, self._background, self.settings.refined, region)
+        return refined_soft_silhouette(frame, self._background, self.settings.refined, region)
 
     def silhouette_near(
         self,

@@ -21,8 +21,9 @@ class RefinedSettings:
 
     Attributes:
         chroma: limit of the pooled chromatic residual, in noise.
-        possible: limit of the pooled chromatic residual where clothes may resemble the background.
-        shaded: limit of the pooled difference of brightness where clothes or a shadow may be.
+        possible: least limit of the pooled chromatic residual where clothes may resemble the
+            background.
+        shaded: least limit of the pooled difference of brightness where clothes or a shadow may be.
         chroma_pixel: limit of a single pixel's chromatic residual, in noise.
         brightness: distance of a foreground brightness from shadow and highlight, in noise.
         shadow: darkest cast shadow, as a fraction of the background's brightness, where it is not
@@ -35,7 +36,6 @@ class RefinedSettings:
         min_area_share: components smaller than this fraction of the image are removed.
         min_body_share: components smaller than this fraction of the largest one are removed.
         max_hole_share: holes up to this fraction of the image are filled.
-        possible_hole_share: the same where clothes may resemble the background.
     """
 
     chroma: float = 3.0
@@ -51,7 +51,6 @@ class RefinedSettings:
     min_area_share: float = 3e-4
     min_body_share: float = 0.01
     max_hole_share: float = 4e-5
-    possible_hole_share: float = 2e-3
 
 
 @dataclass(frozen=True, eq=False)

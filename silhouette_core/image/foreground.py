@@ -41,31 +41,34 @@ from silhouette_core.image.difference import (
 from silhouette_core.image.kernels import foreground as kernels
 
 _COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
+_SPARSE = 4  # px between the pixels from which the usual difference is estimated
+_EMPTY_SHARE = 0.8  # quantile of the differences that a person does not reach
+_BEYOND = 2.0  # times that quantile, a difference is not noise
 
 
 @dataclass(frozen=True, eq=False)
-class Trimap:
-    """A silhouette, and what may belong to it.
+class SoftSilhouette:
+    """A silhouette, and where else a frame differs from the background by more than its noise.
 
     Attributes:
         silhouette: (H, W) bool.
-        possible: (H, W) bool, the silhouette and where the colour's direction differs a little from
-            the background's: clothes may resemble it.
-        shaded: (H, W) bool, that and where the brightness differs: clothes, or a cast shadow.
+        tint: (H, W) bool, the colour's direction differs: clothes may resemble the background.
+        brightness: (H, W) bool, the brightness differs: clothes, or a cast shadow.
     """
 
     silhouette: NDArray[np.bool_]
-    possible: NDArray[np.bool_]
-    shaded: NDArray[np.bool_]
+    tint: NDArray[np.bool_]
+    brightness: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, silhouette: NDArray[np.bool_]) -> "Trimap":
-        """Trimap of a silhouette (H, W) bool beside which nothing is possible."""
-        return cls(silhouette, silhouette, silhouette)
+    def of(cls, silhouette: NDArray[np.bool_]) -> "SoftSilhouette":
+        """A silhouette (H, W) bool beside which nothing differs."""
+        nowhere = np.zeros_like(silhouette)
+        return cls(silhouette, nowhere, nowhere)
 
     def __iter__(self) -> Iterator[NDArray[np.bool_]]:
-        """Yields silhouette, possible and shaded."""
-        return iter((self.silhouette, self.possible, self.shaded))
+        """Yields silhouette, tint and brightness."""
+        return iter((self.silhouette, self.tint, self.brightness))
 
 
 def refined_mask(
@@ -89,30 +92,30 @@ def refined_mask(
     return _segmented(frame, background, settings, region, exposure, window)[0]
 
 
-def refined_trimap(
+def refined_soft_silhouette(
     frame: NDArray[np.uint8],
     background: Background,
     settings: RefinedSettings,
     region: NDArray[np.bool_] | None = None,
-) -> Trimap:
-    """Silhouette as `refined_mask`, and what may belong to it."""
+) -> SoftSilhouette:
+    """Silhouette as `refined_mask`, and where else the frame differs from the background."""
     exposure, radius = measure_exposure(frame, background, settings), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius, settings)
     silhouette, pooled = _segmented(frame, background, settings, region, exposure, None)
-    hole = round(settings.possible_hole_share * silhouette.size)
-    gap = np.ones((4 * radius + 1, 4 * radius + 1), np.uint8)
+    chroma = np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / UNIT
+    brightness = np.abs(pooled_brightness(view)) / np.float32(exposure.noise)
 
-    def beyond_noise(bright: NDArray[np.float32]) -> NDArray[np.bool_]:
-        differs = np.empty(silhouette.shape, np.bool_)
-        limits = round(settings.possible * UNIT), np.float32(settings.shaded * exposure.noise)
-        kernels.doubt(pooled, bright, *limits, differs)
+    def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
+        usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], _EMPTY_SHARE))
         # Averaging has widened it by the radius.
-        found = silhouette | ~grown(~differs, radius, cv2.MORPH_RECT)
-        found = cv2.morphologyEx(found.view(np.uint8), cv2.MORPH_CLOSE, gap).view(np.bool_)
-        return clean(found, max_hole_px=hole, region=region)
+        found = ~grown(difference <= max(least, _BEYOND * usual), radius, cv2.MORPH_RECT)
+        return found if region is None else found & region
 
-    possible = beyond_noise(np.zeros(silhouette.shape, np.float32))
-    return Trimap(silhouette, possible, beyond_noise(pooled_brightness(view)))
+    return SoftSilhouette(
+        silhouette,
+        beyond_noise(chroma, settings.possible),
+        beyond_noise(brightness, settings.shaded),
+    )
 
 
 def _segmented(

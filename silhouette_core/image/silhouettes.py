@@ -17,7 +17,7 @@ from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.difference import Exposure
-from silhouette_core.image.foreground import Trimap
+from silhouette_core.image.foreground import SoftSilhouette
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -114,16 +114,16 @@ class Silhouettes:
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
-    def trimaps(self, frames: Mapping[str, Frame]) -> dict[str, Trimap]:
-        """Trimaps of frames (H, W, 3) uint8, BGR, by camera name."""
+    def soft(self, frames: Mapping[str, Frame]) -> dict[str, SoftSilhouette]:
+        """Soft silhouettes of frames (H, W, 3) uint8, BGR, by camera name."""
 
-        def trimap(name: str) -> Trimap:
+        def soft_silhouette(name: str) -> SoftSilhouette:
             if self._given:
-                return Trimap.of(self._silhouette(name, frames[name]))
+                return SoftSilhouette.of(self._silhouette(name, frames[name]))
             frame = self._scaled(name, frames[name])
-            return self._models[name].trimap(frame, self._regions.get(name))
+            return self._models[name].soft_silhouette(frame, self._regions.get(name))
 
-        return dict(zip(frames, side_by_side(trimap, list(frames)), strict=True))
+        return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
 
     def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._scaled(name, frame)

@@ -19,6 +19,7 @@ _MOMENTS = 12
 _MOST_LATE = 12  # frames
 _SUBFRAME = 0.6  # frames: a smaller offset cannot be corrected by whole frames
 _MOST_TURNED_DEG = 5.0  # a larger turn is no bump: somebody should look
+_IMPROVED = 0.5  # share of the error left by which a repair is sure although not all agree yet
 _FEWEST = 4  # cameras: of three, the two others tell too little
 _REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
 _LOOK = f"look at the silhouettes (voxelpose view), and see {_REMEDY}"
@@ -32,11 +33,25 @@ class RepairedCameras:
         rig: the cameras, repaired where that was sure and wanted.
         late_frames: by how many frames a camera's pictures come late, by its name.
         words: what was found, one sentence each.
+        repaired: whether something was put right.
     """
 
     rig: Rig
     late_frames: dict[str, int]
     words: tuple[str, ...] = ()
+    repaired: bool = False
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether cameras disagree and nothing was put right."""
+        return bool(self.words) and not self.repaired
+
+    def then(self, again: RepairedCameras) -> RepairedCameras:
+        """This and a later repair of the same cameras as one."""
+        names = [*self.late_frames, *again.late_frames]
+        late = {k: self.late_frames.get(k, 0) + again.late_frames.get(k, 0) for k in names}
+        words = self.words + again.words if self.repaired else again.words
+        return RepairedCameras(again.rig, late, words, again.repaired)
 
 
 def repair_cameras(
@@ -45,7 +60,8 @@ def repair_cameras(
     """Checks cameras against the silhouettes of a dozen moments.
 
     A repair is sure where, of four cameras or more, the others agree, one turned or late camera
-    explains all of the disagreement, and with it all cameras agree.
+    explains the disagreement, and with it all cameras agree, or it is no longer that one which
+    disagrees by a small rest.
 
     Args:
         rig: the pinhole cameras of the silhouettes.
@@ -89,12 +105,14 @@ def repair_cameras(
     ):
         return unchanged
     told = "; ".join(found.summary for found in repairs)
-    if not (after.agrees and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
+    improved = after.error_px < _IMPROVED * checked.error_px and not set(late) & set(after.culprits)
+    explained = after.agrees or improved
+    if not (explained and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
         return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
     if not repair:
         return replace(unchanged, words=(f"{told}: --repair auto puts it right",))
     words = f"{told}: put right for this result; calibrate again, or see {_REMEDY}"
-    return RepairedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,))
+    return RepairedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,), True)
 
 
 def _is_small(repair: Repair) -> bool:

@@ -115,6 +115,21 @@ def test_without_shadows_none_is_measured(room, model):
     assert darkest_shadow(model.shadow_counts(frame)) is None
 
 
+@pytest.mark.parametrize("noise", [NOISE, 3 * NOISE])
+def test_clothes_and_shadows_show_in_the_soft_silhouette(room, model, person, noise):
+    picture, truth = composed(room, person, (0, 0, 0))
+    shadow = cv2.erode(((picture.sum(2) < 0.8 * room.sum(2)) & ~truth).astype(np.uint8), None) > 0
+    # Clothes of the background's own colour, but for a little of their tint.
+    clothes = np.where(truth[..., None], room * (0.98, 1.0, 1.02), picture)
+    soft = model.soft_silhouette(noisy(clothes, np.random.default_rng(11), noise))
+    inside = cv2.erode(truth.astype(np.uint8), None, iterations=3) > 0
+    far = cv2.dilate((truth | shadow).astype(np.uint8), None, iterations=12) == 0
+    assert soft.brightness[shadow].mean() > 0.8 > 0.1 > soft.tint[shadow].mean()
+    assert max(soft.tint[far].mean(), soft.brightness[far].mean()) < 0.01
+    if noise == NOISE:
+        assert soft.tint[inside].mean() > 0.7 > 0.4 > soft.silhouette[inside].mean()
+
+
 def test_the_refined_method_is_better_than_the_paper(room, person):
     rng = np.random.default_rng(3)
     frames = [noisy(room, rng) for _ in range(20)]
