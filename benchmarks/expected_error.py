@@ -37,8 +37,8 @@ _FOLDS = 7
 _BINS = (0.0, 0.3, 0.6, 0.8, 0.88, 0.92, 0.96, 1.0 + 1e-9)
 
 
-def sample(recording: Path, out: Path) -> dict[str, np.ndarray] | None:
-    """Regressors and true errors of a recording's frames; None where it cannot be fitted."""
+def fitted(recording: Path, out: Path) -> Path | None:
+    """Result of a recording, made if it is not there; None where it cannot be fitted."""
     folder = out / f"{recording.parent.name}_{recording.name}"
     if not (folder / "summary.json").exists():
         try:
@@ -46,6 +46,11 @@ def sample(recording: Path, out: Path) -> dict[str, np.ndarray] | None:
         except InputError as error:
             print(f"{folder.name}: no result ({str(error)[:60]} ...)", flush=True)
             return None
+    return folder
+
+
+def sample(recording: Path, folder: Path) -> dict[str, np.ndarray]:
+    """Regressors, what is said, and true errors of the frames of a recording's result."""
     result, truth = Result.open(folder), read_truth(recording / TRUTH)
     motion, quality = result.motion, result.motion.quality
     summary = json.loads((folder / "summary.json").read_text())
@@ -71,6 +76,7 @@ def sample(recording: Path, out: Path) -> dict[str, np.ndarray] | None:
     return {
         "joints": joints[known],
         "frames": frames[known],
+        "said": logistic(joints[known] @ NEAR_WEIGHTS),
         "error": error[known],
         "root": root[known],
     }
@@ -87,16 +93,22 @@ def logistic_regression(inputs: np.ndarray, outcome: np.ndarray, ridge: float) -
     return weights
 
 
-def reliability(title: str, said: np.ndarray, was: np.ndarray) -> None:
-    """Prints what was said beside what was."""
-    print(f"\n{title}\n\n| said | of | mean of what was said | was |\n|---|---|---|---|")
+def reliability_rows(said: np.ndarray, was: np.ndarray) -> list[list[str]]:
+    """What was said beside what was: range, number, mean of what was said, share that was."""
+    rows = []
     for low, high in pairwise(_BINS):
         chosen = (said >= low) & (said < high)
         if chosen.any():
-            print(
-                f"| {low:.2f} to {min(high, 1):.2f} | {chosen.sum()} | {said[chosen].mean():.3f} |"
-                f" {was[chosen].mean():.3f} |"
-            )
+            means = f"{said[chosen].mean():.3f}", f"{was[chosen].mean():.3f}"
+            rows.append([f"{low:.2f} to {min(high, 1):.2f}", str(chosen.sum()), *means])
+    return rows
+
+
+def reliability(title: str, said: np.ndarray, was: np.ndarray) -> None:
+    """Prints what was said beside what was."""
+    print(f"\n{title}\n\n| said | of | mean of what was said | was |\n|---|---|---|---|")
+    for row in reliability_rows(said, was):
+        print(f"| {' | '.join(row)} |")
 
 
 def main() -> None:
@@ -106,8 +118,8 @@ def main() -> None:
     words.add_argument("recordings", nargs="+", type=Path)
     words.add_argument("--fit", action="store_true")
     given = words.parse_args()
-    found = [sample(recording, given.out) for recording in given.recordings]
-    samples = [one for one in found if one is not None]
+    results = [(recording, fitted(recording, given.out)) for recording in given.recordings]
+    samples = [sample(recording, folder) for recording, folder in results if folder is not None]
     owner = np.repeat(np.arange(len(samples)), [len(one["frames"]) for one in samples])
     joints, frames, error, root = (
         np.concatenate([one[name] for one in samples])

@@ -1,0 +1,211 @@
+"""Random recordings, many at a time: python -m benchmarks.trials [GROUP ...] [--seeds FIRST LAST]
+
+Draws the recordings of each GROUP with ../shared/render (or that of $VOXELPOSE_SHARED), runs
+`voxelpose batch` over them, and writes their tables into docs/results.md: one row per group, the
+errors of the joints and of the kinds of motion, and how often what was said of itself was true.
+"careful" are seeds 201 to 240 of level 1, "careless" 301 to 340 of level 2, "made" the recordings
+that datasets/made/recipes.toml describes, which need nothing from elsewhere. Left out: all groups.
+What was drawn and estimated before is kept in out/trials; delete a result to make it again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.expected_error import reliability_rows, sample
+from silhouette_core.body.joints import LANDMARK_NAMES
+from voxelpose.batch.batch_tables import write_tables
+from voxelpose.batch.jobs import jobs_of
+from voxelpose.batch.run import BatchSettings, Outcome, run_batch
+from voxelpose.demo.recipes import read_recipes
+from voxelpose.matching.expected_error import NEAR_MM
+from voxelpose.reliability import verdict_of
+
+ROOT = Path(__file__).resolve().parents[1]
+OUT = ROOT / "out" / "trials"
+SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))
+RESULTS = ROOT / "docs" / "results.md"
+RECIPES = ROOT / "datasets" / "made" / "recipes.toml"
+GROUPS = {"careful": (1, 201, 240), "careless": (2, 301, 340)}
+WRONG_MM = 80.0
+SIDES = re.compile(r"^(left|right)_")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A recording of a group and what came of it.
+
+    Attributes:
+        outcome: of the batch.
+        motion: kind of its motion.
+    """
+
+    outcome: Outcome
+    motion: str
+
+    @property
+    def root_mm(self) -> float:
+        """Mean root-relative error; infinite where there is no result, or hardly any pose."""
+        score = self.outcome.score
+        return score["root_mm"] if score and score["lost"] < 0.5 else float("inf")
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the program says so, or refuses."""
+        outcome = self.outcome
+        return outcome.status == "failed" or verdict_of(outcome.summary).level != "reliable"
+
+
+def recordings(group: str, seeds: Sequence[int] | None) -> list[Path]:
+    """The group's recordings, drawn or rendered if they are not there."""
+    folder = OUT / "recordings" / group
+    if group == "made":
+        several = [item for item in read_recipes(RECIPES).items() if len(item[1].cameras) > 1]
+        return [recipe.render(folder / name) for name, recipe in several]
+    level, first, last = GROUPS[group]
+    chosen = list(seeds or range(first, last + 1))
+    missing = [str(k) for k in chosen if not (folder / str(k) / "truth.json").is_file()]
+    if missing:
+        draw = SHARED / "render" / "draw.py"
+        command = [sys.executable, draw.name, folder, *missing, "--level", str(level)]
+        subprocess.run(command, cwd=draw.parent, check=True, stdout=subprocess.DEVNULL)
+    return [folder / str(k) for k in chosen]
+
+
+def run(group: str, seeds: Sequence[int] | None) -> list[Trial]:
+    """Estimates the group's recordings; what was done before is kept."""
+    folders = recordings(group, seeds)
+    jobs = jobs_of(folders, "fit", {})
+    processes = min(os.cpu_count() or 1, len(jobs))
+
+    def tell(outcome: Outcome, count: int) -> None:
+        error = outcome.score.get("root_mm", float("nan"))
+        words = outcome.message or verdict_of(outcome.summary).level
+        print(f"[{count}/{len(jobs)}] {outcome.job.name}: {error:.1f} mm, {words}", flush=True)
+
+    out = OUT / group
+    settings = BatchSettings(out, processes, pictures=False, report=False)
+    outcomes = run_batch(jobs, settings, tell)
+    write_tables(outcomes, out)
+    return [
+        Trial(outcome, _motion_of(folder))
+        for outcome, folder in zip(outcomes, folders, strict=True)
+    ]
+
+
+def _motion_of(folder: Path) -> str:
+    """Kind of a recording's motion: its clip's name without number, or its own."""
+    scene = folder / "scene.json"
+    if not scene.is_file():
+        return folder.name
+    clip = json.loads(scene.read_text())["clip"]
+    return re.sub(r"^(train|test)_|_\d+$", "", clip)
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def accuracy_table(groups: dict[str, list[Trial]]) -> str:
+    """One row per group; wrong is what is farther off than WRONG_MM, or hardly posed."""
+    columns = ("recordings", "number", "median root_mm", "95 %", "worst", "right")
+    rows = []
+    for name, trials in groups.items():
+        errors = np.array([trial.root_mm for trial in trials])
+        doubtful, wrong = np.array([trial.doubtful for trial in trials]), errors > WRONG_MM
+        quantiles = np.quantile(errors, [0.5, 0.95, 1.0], method="higher")
+        cells = [f"{value:.1f}" if np.isfinite(value) else "–" for value in quantiles]
+        doubts = f"{(wrong & doubtful).sum()} of {wrong.sum()}"
+        false_doubts = f"{(~wrong & doubtful).sum()} of {(~wrong).sum()}"
+        rows.append([name, len(trials), *cells, (~wrong).sum(), doubts, false_doubts])
+    return table([*columns, "wrong ones called doubtful", "right ones called doubtful"], rows)
+
+
+def joint_table(groups: dict[str, list[Trial]]) -> str:
+    """Median errors of the joints, left and right together, over the recordings that are right."""
+    names = list(dict.fromkeys(SIDES.sub("", name) for name in LANDMARK_NAMES))
+    rows = []
+    for group, trials in groups.items():
+        right = [trial.outcome.score for trial in trials if trial.root_mm <= WRONG_MM]
+        errors = np.array([score["joint_root_mm"] for score in right])
+        medians = [
+            np.median(errors[:, [SIDES.sub("", other) == name for other in LANDMARK_NAMES]])
+            for name in names
+        ]
+        rows.append([group, *(f"{median:.0f}" for median in medians)])
+    return table(["recordings", *names], rows)
+
+
+def motion_table(groups: dict[str, list[Trial]]) -> str:
+    """Median errors of the kinds of motion, all groups together."""
+    kinds: dict[str, list[float]] = defaultdict(list)
+    for trials in groups.values():
+        for trial in trials:
+            kinds[trial.motion].append(trial.root_mm)
+    rows = [
+        [kind, len(errors), f"{np.quantile(errors, 0.5, method='lower'):.1f}"]
+        for kind, errors in sorted(kinds.items(), key=lambda item: np.median(item[1]))
+    ]
+    return table(["motion", "recordings", "median root_mm"], rows)
+
+
+def reliability_table(groups: dict[str, list[Trial]]) -> str:
+    """How many joints were near the truth, by the probability that was said."""
+    sections = []
+    for name, trials in groups.items():
+        done = [trial.outcome.job for trial in trials if trial.outcome.status != "failed"]
+        found = [sample(Path(job.recording), OUT / name / job.name) for job in done]
+        said = np.concatenate([one["said"].ravel() for one in found])
+        was = np.concatenate([one["error"].ravel() for one in found]) < NEAR_MM
+        rows = [[name, *row] for row in reliability_rows(said, was)]
+        sections += rows
+    return table(["recordings", "said", "of", "mean of what was said", "was"], sections)
+
+
+def write_section(name: str, text: str) -> None:
+    """Replaces what docs/results.md has between a section's two comments."""
+    begin, end = f"<!-- trials {name} -->", f"<!-- end of trials {name} -->"
+    document = RESULTS.read_text(encoding="utf-8")
+    before, found, rest = document.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise SystemExit(f"{RESULTS} has no place for it: put {begin} and {end} there")
+    RESULTS.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}", encoding="utf-8")
+
+
+def main() -> None:
+    """Runs the trials and writes their tables."""
+    words = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    words.add_argument("groups", nargs="*", choices=[*GROUPS, "made", []], metavar="GROUP")
+    words.add_argument("--seeds", nargs=2, type=int, metavar=("FIRST", "LAST"))
+    given = words.parse_args()
+    seeds = range(given.seeds[0], given.seeds[1] + 1) if given.seeds else None
+    names = given.groups or ["made", *(GROUPS if SHARED.is_dir() else [])]
+    groups = {name: run(name, seeds) for name in names}
+    tables = [accuracy_table(groups), joint_table(groups), motion_table(groups)]
+    tables.append(reliability_table(groups))
+    text = "\n\n".join(tables)
+    print(f"\n{text}")
+    if not given.groups and seeds is None:
+        made = f"`make trials`, {datetime.now(UTC):%Y-%m-%d}."
+        write_section("all", f"{made}\n\n{text}")
+
+
+if __name__ == "__main__":
+    main()
