@@ -270,7 +270,9 @@ def _track(
     tracker.begin(start.poses, start.errors)
     reporter.stage("repair")
     with clock("repair"):
+        tracker.begin_again()
         tracker.repair(3 + len(observations) // 100)
+        tracker.mend_jumps()
     reporter.stage("limbs")
     tracker.recheck()
     reporter.stage("proportions")

@@ -39,6 +39,9 @@ _OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so
 _VARIES = 1.1  # the hull's largest height over its usual one from which both are looked at
 # Tried on a stature estimated from the hull: arms overhead or a crouch falsify it.
 _SCALES = (0.93, 1.0, 1.07)
+# Of adults. Who hangs, sits or lies all the time is taken for one who does not, if by little.
+_ADULT_M, _ADULT_SIGMA_M, _UNUSUAL = 1.70, 0.12, 0.01
+_FAR = 1.15  # factor from that stature from which an adult is looked at, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +174,9 @@ def _stature_from_hull(
 ) -> Stature:
     """Height of the hull, corrected by which of several bodies fits best.
 
-    Compared are bodies about the hull's usual height, in a frame of that height, and where it
-    varies, as in somebody who crouches or jumps, about its largest, in the tallest frame as well.
+    Compared are bodies about the hull's usual height, in a frame of that height; where it varies,
+    as in somebody who crouches or jumps, about its largest, in the tallest frame as well; and where
+    all of these are unusual statures, about an adult's.
     """
     heights = {
         t: float(np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) + 1) * frame.grid.voxel_size_m
@@ -190,7 +194,10 @@ def _stature_from_hull(
         return body_of(sizes, voxel_size_m, backend)
 
     # The postures are searched with few bodies; the others start from them.
-    searched = [of(height) for height in ([middle, tallest] if varies else [middle])]
+    usual = [middle, tallest] if varies else [middle]
+    if all(abs(np.log(height / _ADULT_M)) > np.log(_FAR) for height in usual):
+        usual.append(_ADULT_M)
+    searched = [of(height) for height in usual]
     pairs = [(body, frame) for frame in looked_at for body in searched]
     found = side_by_side(lambda pair: find_pose(*pair, matching, count=5)[:3], pairs)
     starts = [
@@ -209,7 +216,8 @@ def _stature_from_hull(
     ]
 
     def error(body: BodyGeometry) -> float:
-        return sum(
+        unusual = (body.model.sizes.stature_m - _ADULT_M) / _ADULT_SIGMA_M
+        return (1 + _UNUSUAL * unusual**2) * sum(
             min((fit.error for fit in refine_fits(body, frame.observation, begun)), default=np.inf)
             for frame, begun in zip(looked_at, starts, strict=True)
         )

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from threading import Lock
 
 import numpy as np
 
 from silhouette_core.motion.dynamics import FPS, POSE_STEP_SIGMA, neighbour_middle, predict
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.refine import PosePrior, RefineSettings
 from voxelpose.matching.matcher import MatchSettings, match
@@ -23,6 +25,11 @@ _POLISH = RefineSettings(reaches_m=(0.08, 0.06, 0.05, 0.05))
 _NEARBY = MatchSettings(step_rad=np.radians(14.0), around_rad=np.radians(42.0))
 _BETTER = 0.97  # a pose replaces another where its error is below this fraction of the other's
 _POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the recent error that make a frame poor
+_AGAIN = 0.12  # median error from which a recording is begun again; right ones have 0.06 to 0.1
+_AGAIN_FRAMES, _AGAIN_PLACEMENTS = 9, 20
+_JUMP_M, _JUMP_RATIO = 0.10, 3.0  # mean step of the joints at 30 frames per second, to be a jump
+# Of its error, up to which a stretch is replaced by one that continues: long, short.
+_CONTINUED, _CONTINUED_SHORT, _SHORT_S = 1.1, 1.5, 0.25
 _RECHECK_S = 0.25
 _LOST = 0.45  # largest error of a pose that is kept
 
@@ -140,6 +147,20 @@ class PoseTracker:
                 self._advance()
             t += direction
 
+    def begin_again(self) -> None:
+        """Searches other frames without a prior where all poses are worse than they should be, and
+        tracks from those that improve.
+
+        What the first poses have in common, like a head in the place of an arm, is carried through
+        the whole recording and shows as no rise of the error.
+        """
+        if np.median(np.minimum(self.error, _LOST)) < _AGAIN:
+            return
+        last = len(self.poses) - 1
+        for t in np.unique(np.linspace(0, last, min(_AGAIN_FRAMES, last + 1)).astype(int)):
+            if self.anchor(int(t), _AGAIN_PLACEMENTS):
+                self.carry(int(t))
+
     def repair(self, most: int) -> None:
         """Searches at most `most` of the worst frames again, and tracks from those that improve."""
         tried = np.zeros(len(self.poses), bool)
@@ -152,6 +173,56 @@ class PoseTracker:
             tried[max(t - 3, 0) : t + 4] = True
             if self.anchor(t):
                 self.carry(t)
+
+    def mend_jumps(self) -> None:
+        """Tracks again across the jumps between frames, from the longest stretch without one.
+
+        A stretch that was begun elsewhere, turned half round or with a leg in the other's place, is
+        replaced where tracking on from its neighbour explains the silhouettes about as well.
+        """
+        bounds = [0, *(self._jumps() + 1).tolist(), len(self.poses)]
+        if len(bounds) < 3:
+            return
+        stretches = list(pairwise(bounds))
+        longest = max(range(len(stretches)), key=lambda k: stretches[k][1] - stretches[k][0])
+        for stretch in stretches[longest + 1 :]:
+            self._continue(range(*stretch), +1)
+        for first, end in reversed(stretches[:longest]):
+            self._continue(range(end - 1, first - 1, -1), -1)
+
+    def _continue(self, frames: range, direction: int) -> None:
+        """Tracks on into some frames, unless they explain the silhouettes clearly better as they
+        are.
+        """
+        poses, error = list(self.poses), self.error.copy()
+        for t in frames:
+            with self._clock("pose"):
+                fit = self._follow(t, direction, poses, error)
+            if fit is None:
+                return
+            poses[t], error[t] = fit.pose, fit.error
+        chosen = list(frames)
+        short = len(chosen) <= _SHORT_S * self.settings.fps
+        most = _CONTINUED_SHORT if short else _CONTINUED
+        if error[chosen].mean() < most * self.error[chosen].mean():
+            for t in chosen:
+                self.poses[t], self.error[t] = poses[t], error[t]
+
+    def _jumps(self) -> np.ndarray:
+        """Frames after which the pose jumps: farther than people move, and than around it."""
+        posed = [pose is not None for pose in self.poses]
+        both = np.flatnonzero(np.logical_and(posed[1:], posed[:-1]))
+        if not len(both):
+            return both
+        poses = PoseArrays.from_poses([pose for pose in self.poses if pose is not None])
+        joints = landmarks(self.body.model, *place(self.body.model, *poses.arrays))
+        index = np.cumsum(posed) - 1
+        joints = joints - joints[:, :1]
+        steps = np.full(len(self.poses) - 1, np.nan)
+        steps[both] = np.linalg.norm(joints[index[both + 1]] - joints[index[both]], axis=2).mean(1)
+        around = [np.nanmedian(steps[max(t - 6, 0) : t + 7]) for t in both]
+        farthest = _JUMP_M * FPS / self.settings.fps
+        return both[steps[both] > np.maximum(farthest, _JUMP_RATIO * np.array(around))]
 
     def recheck(self) -> None:
         """Searches every arm and leg again in some frames, a quarter of a second apart.

@@ -38,3 +38,21 @@ def test_somebody_who_crouches_most_of_the_time_is_no_child():
     assert np.median(heights) < 0.85 * max(heights)
     stature = _stature_from_hull(frames, Settings(), MatchSettings(), 0.04, CPU)
     assert stature.metres == pytest.approx(STATURE_M, rel=0.06)
+
+
+@pytest.mark.slow
+def test_somebody_who_sits_all_the_time_is_no_child():
+    body, observer = other_body(), HullObserver(views(4), VOLUME, 0.04, CarveRule(least_agreeing=3))
+    seated = {
+        f"{side}_{name}": 90.0
+        for side in ("left", "right")
+        for name in ("thigh.flexion", "shin.flexion")
+    }
+    frames = {
+        t: observer.observe(
+            photograph(observer.views, body, stance(body, seated | {"lumbar.flexion": 10.0 * t}))
+        )
+        for t in range(3)
+    }
+    stature = _stature_from_hull(frames, Settings(), MatchSettings(), 0.04, CPU)
+    assert stature.metres == pytest.approx(STATURE_M, rel=0.07)
