@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from calib.agreement import even_moments
 from calib.camera import Rig
 from calib.checks import FloatArray
 from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
@@ -19,6 +21,7 @@ from silhouette_core.jit import set_threads
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion_file import body_of_motion
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
@@ -56,12 +59,15 @@ class _Options:
         tolerance: number of cameras that may be wrong about a voxel.
         repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
             it right where that is sure, "say" only tells, "off" does not look.
+        body: an earlier result of the same person, whose body is kept as it is; empty: the body is
+            estimated.
     """
 
     interference: bool = True
     voxel_size_m: float = VOXEL_M
     tolerance: int = 0
     repair: str = "auto"
+    body: str = ""
 
     def __post_init__(self) -> None:
         """Refuses what does not exist, and voxels that cannot be matched."""
@@ -94,6 +100,7 @@ class MultiViewEstimator:
         if settings.stature_m is not None:
             # Refuses what is no person's, before any work is done.
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)
+        known = body_of_motion(Path(options.body)) if options.body else None
         set_threads(settings.threads)
         clock = StageClock()
         lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
@@ -140,7 +147,7 @@ class MultiViewEstimator:
                         observations.carve(together)
                     for _ in together:
                         reporter.advance()
-                tracker, facts = _track(observations, settings, tracking, clock, reporter)
+                tracker, facts = _track(observations, settings, tracking, known, clock, reporter)
                 motion, ratio = _motion(tracker, settings, numbers, times, clock, reporter)
                 facts["half_turn_ratio"] = round(ratio, 3)
                 facts["cameras_found"] = list(checked.words)
@@ -258,13 +265,14 @@ def _track(
     observations: ObservationStore,
     settings: Settings,
     tracking: PoseTrackerSettings,
+    known: BodyModel | None,
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[PoseTracker, dict[str, object]]:
     """Poses of all frames, and facts for the summary."""
     reporter.stage("first poses")
     with clock("first poses"):
-        start = choose_body(observations, settings, tracking.match, reporter)
+        start = choose_body(observations, settings, tracking.match, reporter, known)
     tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
     reporter.stage("tracking", len(observations))
     tracker.begin(start.poses, start.errors)
@@ -275,15 +283,16 @@ def _track(
         tracker.mend_jumps()
     reporter.stage("limbs")
     tracker.recheck()
-    reporter.stage("proportions")
-    with clock("proportions"):
-        refit(tracker, start)
+    if known is None:
+        reporter.stage("proportions")
+        with clock("proportions"):
+            refit(tracker, start)
     reporter.stage("refinement", len(observations))
     tracker.polish()
     errors = tracker.error[np.isfinite(tracker.error)]
     facts = {
         "stature_m": stature_of(tracker.body.model),
-        "stature_given": settings.stature_m is not None,
+        "stature_given": settings.stature_m is not None or known is not None,
         "sex_template": start.body.model.sizes.sex,
         "voxel_size_m": observations.observer.voxel_size_m,
         "anchor_frames": sorted(start.poses),

@@ -18,11 +18,10 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.motion_file import read_motion
+from silhouette_core.motion.motion_file import MOTION, read_motion
 from voxelpose.atomic import is_disk_full, unwritable
 
 SUMMARY = "summary.json"
-MOTION = "motion.safetensors"
 CALIBRATION = "calibration.toml"
 SETTINGS = "settings.toml"
 _MARK = "voxelpose"  # key of summary.json that marks a folder as a result

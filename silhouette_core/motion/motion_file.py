@@ -15,6 +15,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.motion import Motion
 
+MOTION = "motion.safetensors"
 _FORMAT = "voxelpose motion 1"
 _QUALITY = "quality."
 
@@ -111,3 +112,17 @@ def read_motion(path: Path) -> Motion:
         up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
     )
+
+
+def body_of_motion(path: Path) -> BodyModel:
+    """Body of a motion file, or of a result folder that holds one.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    file = path / MOTION if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(
+            f"{path} holds no body: give the folder of an earlier result of the same person"
+        )
+    return read_motion(file).model

@@ -38,6 +38,7 @@ _OPTIONS = {
         "voxel": (float, "voxel_size_m"),
         "tolerance": (int, "tolerance"),
         "repair": (str, "repair"),
+        "body": (str, "body"),
     },
     "track": {
         "camera": (str, ""),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.refinement.adaptation import Stature, adapt_shape
-from silhouette_core.refinement.refine import RefineStart
-from silhouette_core.refinement.surface import Surface
+from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.matching.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
@@ -24,24 +21,19 @@ from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.pose_search import (
-    SEARCHED,
     BodyGeometry,
+    PoseFit,
     find_pose,
-    refine_fits,
 )
+from voxelpose.matching.stature_search import HULL_SIGMA, stature_candidates
 from voxelpose.matching.tracking import PoseTracker
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
 _CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
-_HULL_SIGMA = 0.05  # the same of one estimated from the hull, as a fraction of it
 _OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so much smaller
-_VARIES = 1.1  # the hull's largest height over its usual one from which both are looked at
-# Tried on a stature estimated from the hull: arms overhead or a crouch falsify it.
-_SCALES = (0.93, 1.0, 1.07)
-# Of adults. Who hangs, sits or lies all the time is taken for one who does not, if by little.
-_ADULT_M, _ADULT_SIGMA_M, _UNUSUAL = 1.70, 0.12, 0.01
-_FAR = 1.15  # factor from that stature from which an adult is looked at, too
+_CLEARLY = 0.75  # the same for a body that is not of the hull's height
+_REBASED, _SAME_STATURE, _OTHER_STATURE = 2, 0.02, 0.04  # relative differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +61,11 @@ class Start:
 
 
 def choose_body(
-    observations: ObservationStore, settings: Settings, matching: MatchSettings, reporter: Reporter
+    observations: ObservationStore,
+    settings: Settings,
+    matching: MatchSettings,
+    reporter: Reporter,
+    known: BodyModel | None = None,
 ) -> Start:
     """Searches anchor frames without a prior, and adapts a body to them.
 
@@ -78,6 +74,7 @@ def choose_body(
         settings: for stature, chest girth and sex, as far as known.
         matching: settings of the full search.
         reporter: receives the progress.
+        known: the person's body, which is then kept as it is; None: it is adapted.
 
     Raises:
         InputError: no frame shows a body.
@@ -93,50 +90,102 @@ def choose_body(
             " calibration"
         )
     reporter.stage("first poses", len(frames) + 1)
-    sex = "male" if settings.sex == "unknown" else settings.sex
     voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
+    if known is not None:
+        body = BodyGeometry.from_model(known, voxel_size_m, backend)
+        stature = Stature(known.sizes.stature_m, _GIVEN_SIGMA_M)
+        fits = _clear_fits(body, frames, matching)
+        reporter.advance(len(frames) + 1)
+        poses = {t: fit.pose for t, fit in fits.items()}
+        errors = {t: fit.error for t, fit in fits.items()}
+        return Start(body, poses, errors, stature, known.shape)
     if settings.stature_m is not None:
-        stature = Stature(settings.stature_m, _GIVEN_SIGMA_M)
+        candidates = [Stature(settings.stature_m, _GIVEN_SIGMA_M)]
     else:
-        stature = _stature_from_hull(frames, settings, matching, voxel_size_m, backend)
+        candidates = stature_candidates(frames, settings, matching, voxel_size_m, backend)
+    search = _BodySearch(frames, settings, matching, voxel_size_m, backend)
+    best, *others = map(search.start, candidates)
+    for other in others:  # of the hull's height
+        if _mean_error(best) > _CLEARLY * _mean_error(other):
+            best = other
+    if settings.stature_m is None:
         reporter.note(
-            f"no stature given: about {stature.metres:.2f} m by the hull (--stature makes every"
-            " joint more accurate)"
+            f"no stature given: about {best.stature.metres:.2f} m by the hull (--stature makes"
+            " every joint more accurate)"
         )
-    body = body_of(BodySizes(stature.metres, settings.chest_m, sex), voxel_size_m, backend)
-    templates = ("male", "female") if settings.sex == "unknown" else (sex,)
-
-    def starts(searched: BodyGeometry, chest_m: float | None) -> list[Start]:
-        """With bodies of a girth, from poses that were searched with one body."""
-        found = side_by_side(
-            lambda frame: find_pose(searched, frame, matching)[:1], list(frames.values())
-        )
-        fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
-        smallest = min(fit.error for fit in fits.values())
-        clear = {t: fit.pose for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
-        return adapted(clear, chest_m)
-
-    def adapted(poses: dict[int, Pose], chest_m: float | None) -> list[Start]:
-        bodies = [
-            body_of(BodySizes(stature.metres, chest_m, name), voxel_size_m, backend)
-            for name in templates
-        ]
-        return side_by_side(
-            lambda body: _adapted(body, frames, poses, stature, voxel_size_m), bodies
-        )
-
-    best = min(starts(body, settings.chest_m), key=_mean_error)
-    reporter.advance(len(frames))
-    if settings.chest_m is None and len(observations.observer.views.rig) >= GIRTH_CAMERAS:
-        volumes = [hull_volume_m3(frame) for frame in frames.values()]
-        chest_m = chest_from_hull(body.model, float(np.median(volumes)))
-        stout = min(adapted(best.poses, chest_m), key=_mean_error)
-        if _mean_error(stout) < _OTHER_GIRTH * _mean_error(best):
-            # Poses of a body so different are to be searched with it.
-            body = body_of(BodySizes(stature.metres, chest_m, sex), voxel_size_m, backend)
-            best = min([stout, *starts(body, chest_m)], key=_mean_error)
-    reporter.advance()
+    reporter.advance(len(frames) + 1)
     return best
+
+
+@dataclass(frozen=True, eq=False)
+class _BodySearch:
+    """Search of poses and proportions in some frames; attributes as of `choose_body`."""
+
+    frames: dict[int, FrameObservation]
+    settings: Settings
+    matching: MatchSettings
+    voxel_size_m: float
+    backend: Backend
+
+    def start(self, stature: Stature) -> Start:
+        """The best start with a stature, by girth and template."""
+        settings, frames, first = self.settings, list(self.frames.values()), stature
+        best = self._searched(stature, settings.chest_m)
+        if settings.chest_m is None and len(frames[0].masks) >= GIRTH_CAMERAS:
+            volume_m3 = float(np.median([hull_volume_m3(frame) for frame in frames]))
+            chest_m = chest_from_hull(self._body(stature, None).model, volume_m3)
+            stout = self._adapted(best.poses, stature, chest_m)
+            if _mean_error(stout) < _OTHER_GIRTH * _mean_error(best):
+                # Poses of a body so different are to be searched with it.
+                best = min([stout, self._searched(stature, chest_m)], key=_mean_error)
+        for _ in range(_REBASED if settings.stature_m is None else 0):
+            # What the first body was too tall by would stay in the proportions: its are the prior.
+            found = stature_of(best.body.model)
+            if abs(found / stature.metres - 1) < _SAME_STATURE:
+                break
+            chest_m = best.body.model.sizes.chest_girth_m
+            chest_m = None if chest_m is None else chest_m * found / stature.metres
+            stature = Stature(found, HULL_SIGMA * found)
+            best = self._adapted(best.poses, stature, chest_m)
+        if abs(stature.metres / first.metres - 1) > _OTHER_STATURE:
+            chest_m = best.body.model.sizes.chest_girth_m
+            best = min([best, self._searched(stature, chest_m)], key=_mean_error)
+        return best
+
+    def _body(self, stature: Stature, chest_m: float | None) -> BodyGeometry:
+        sex = "male" if self.settings.sex == "unknown" else self.settings.sex
+        return BodyGeometry.from_sizes(
+            BodySizes(stature.metres, chest_m, sex), self.voxel_size_m, self.backend
+        )
+
+    def _searched(self, stature: Stature, chest_m: float | None) -> Start:
+        """From poses that are searched with one body."""
+        fits = _clear_fits(self._body(stature, chest_m), self.frames, self.matching)
+        return self._adapted({t: fit.pose for t, fit in fits.items()}, stature, chest_m)
+
+    def _adapted(self, poses: dict[int, Pose], stature: Stature, chest_m: float | None) -> Start:
+        """With the template that fits better, adapted to posed frames."""
+        sex = self.settings.sex
+        sizes = [
+            BodySizes(stature.metres, chest_m, name)
+            for name in (("male", "female") if sex == "unknown" else (sex,))
+        ]
+
+        def adapted(size: BodySizes) -> Start:
+            body = BodyGeometry.from_sizes(size, self.voxel_size_m, self.backend)
+            return _adapted(body, self.frames, poses, stature, self.voxel_size_m)
+
+        return min(side_by_side(adapted, sizes), key=_mean_error)
+
+
+def _clear_fits(
+    body: BodyGeometry, frames: dict[int, FrameObservation], matching: MatchSettings
+) -> dict[int, PoseFit]:
+    """Poses of the frames in which they explain the silhouettes nearly as well as in the best."""
+    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
+    smallest = min(fit.error for fit in fits.values())
+    return {t: fit for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
 
 
 def _mean_error(start: Start) -> float:
@@ -165,68 +214,6 @@ def refit(tracker: PoseTracker, start: Start) -> None:
     tracker.body = BodyGeometry.from_surface(surface, voxel_size_m, backend)
 
 
-def _stature_from_hull(
-    frames: dict[int, FrameObservation],
-    settings: Settings,
-    matching: MatchSettings,
-    voxel_size_m: float,
-    backend: Backend,
-) -> Stature:
-    """Height of the hull, corrected by which of several bodies fits best.
-
-    Compared are bodies about the hull's usual height, in a frame of that height; where it varies,
-    as in somebody who crouches or jumps, about its largest, in the tallest frame as well; and where
-    all of these are unusual statures, about an adult's.
-    """
-    heights = {
-        t: float(np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) + 1) * frame.grid.voxel_size_m
-        for t, frame in frames.items()
-    }
-    middle, tallest = float(np.median(list(heights.values()))), max(heights.values())
-    varies = tallest > _VARIES * middle
-    looked_at = [
-        frames[min(heights, key=lambda t, height=height: abs(heights[t] - height))]
-        for height in ([middle, tallest] if varies else [middle])
-    ]
-
-    def of(metres: float) -> BodyGeometry:
-        sizes = BodySizes(float(np.clip(metres, 0.6, 2.4)), settings.chest_m, "male")
-        return body_of(sizes, voxel_size_m, backend)
-
-    # The postures are searched with few bodies; the others start from them.
-    usual = [middle, tallest] if varies else [middle]
-    if all(abs(np.log(height / _ADULT_M)) > np.log(_FAR) for height in usual):
-        usual.append(_ADULT_M)
-    searched = [of(height) for height in usual]
-    pairs = [(body, frame) for frame in looked_at for body in searched]
-    found = side_by_side(lambda pair: find_pose(*pair, matching, count=5)[:3], pairs)
-    starts = [
-        [
-            RefineStart(fit.pose, SEARCHED)
-            for (_, frame), fits in zip(pairs, found, strict=True)
-            if frame is looked
-            for fit in fits
-        ]
-        for looked in looked_at
-    ]
-    bodies = [
-        of(body.model.sizes.stature_m * scale) if scale != 1 else body
-        for body in searched
-        for scale in _SCALES
-    ]
-
-    def error(body: BodyGeometry) -> float:
-        unusual = (body.model.sizes.stature_m - _ADULT_M) / _ADULT_SIGMA_M
-        return (1 + _UNUSUAL * unusual**2) * sum(
-            min((fit.error for fit in refine_fits(body, frame.observation, begun)), default=np.inf)
-            for frame, begun in zip(looked_at, starts, strict=True)
-        )
-
-    errors = side_by_side(error, bodies)
-    metres = bodies[int(np.argmin(errors))].model.sizes.stature_m
-    return Stature(metres, _HULL_SIGMA * metres)
-
-
 def _adapted(
     body: BodyGeometry,
     frames: dict[int, FrameObservation],
@@ -251,15 +238,3 @@ def _adapted(
         stature,
         expected,
     )
-
-
-def body_of(sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
-    """A body of these measurements, prepared for fitting with voxels of that size."""
-    surface = Surface(BodyModel.from_sizes(sizes), taken=_sampled(sizes.sex))
-    return BodyGeometry.from_surface(surface, voxel_size_m, backend)
-
-
-@cache
-def _sampled(sex: str) -> np.ndarray:
-    """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
-    return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
@@ -50,6 +54,23 @@ class BodyGeometry:
         """Samples the inside of a body for voxels of that size."""
         volume = BodyVolume.from_model(surface.model, voxel_size_m, backend)
         return cls(surface.model, volume, surface)
+
+    @classmethod
+    def from_model(cls, model: BodyModel, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+        """Samples surface and inside of a body."""
+        surface = Surface(model, taken=_sampled_vertices(model.sizes.sex))
+        return cls.from_surface(surface, voxel_size_m, backend)
+
+    @classmethod
+    def from_sizes(cls, sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+        """Samples a body of these measurements."""
+        return cls.from_model(BodyModel.from_sizes(sizes), voxel_size_m, backend)
+
+
+@cache
+def _sampled_vertices(sex: str) -> np.ndarray:
+    """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
+    return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,10 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
 from silhouette_core.scoring.backend import load_backend
-from voxelpose.matching.body_choice import body_of
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observe import HullObserver
-from voxelpose.matching.pose_search import find_pose
+from voxelpose.matching.pose_search import BodyGeometry, find_pose
 
 _SURE = 0.75  # cameras' worth from which, on average, they stand upright
 _MOMENTS = 3
@@ -113,7 +112,7 @@ def _trunk(
     for up in possible:
         frame = UprightFrame.from_up(up)
         observer = observer_of(frame.rig(search.rig))
-        body = body_of(sizes, observer.voxel_size_m, load_backend(settings.backend))
+        body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, load_backend(settings.backend))
         for t in moments.tolist():
             try:
                 observation = observer.observe(masks[t])

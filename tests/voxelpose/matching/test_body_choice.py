@@ -1,9 +1,13 @@
 """The body that a fit begins with, where nothing is told of the person."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
 from silhouette_core.estimator import Settings
+from silhouette_core.progress import SilentReporter
+from silhouette_core.refinement.adaptation import stature_of
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.matching.matching_scenes import (
     STATURE_M,
@@ -14,9 +18,12 @@ from tests.voxelpose.matching.matching_scenes import (
 )
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.body_choice import _stature_from_hull
+from voxelpose.matching.body_choice import choose_body
+from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import HullObserver
+from voxelpose.matching.stature_search import stature_candidates
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
 CROUCH = {
@@ -36,23 +43,22 @@ def test_somebody_who_crouches_most_of_the_time_is_no_child():
     }
     heights = [np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) for frame in frames.values()]
     assert np.median(heights) < 0.85 * max(heights)
-    stature = _stature_from_hull(frames, Settings(), MatchSettings(), 0.04, CPU)
+    stature, *_ = stature_candidates(frames, Settings(), MatchSettings(), 0.04, CPU)
     assert stature.metres == pytest.approx(STATURE_M, rel=0.06)
 
 
 @pytest.mark.slow
 def test_somebody_who_sits_all_the_time_is_no_child():
-    body, observer = other_body(), HullObserver(views(4), VOLUME, 0.04, CarveRule(least_agreeing=3))
-    seated = {
-        f"{side}_{name}": 90.0
-        for side in ("left", "right")
-        for name in ("thigh.flexion", "shin.flexion")
-    }
-    frames = {
-        t: observer.observe(
-            photograph(observer.views, body, stance(body, seated | {"lumbar.flexion": 10.0 * t}))
-        )
-        for t in range(3)
-    }
-    stature = _stature_from_hull(frames, Settings(), MatchSettings(), 0.04, CPU)
-    assert stature.metres == pytest.approx(STATURE_M, rel=0.07)
+    body, seen_by = other_body(), views(4)
+    bent = ("thigh.flexion", "shin.flexion")
+    seated = {f"{side}_{name}": 90.0 for side in ("left", "right") for name in bent}
+    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
+    with (
+        closing(MaskStore([camera.size for camera in seen_by.rig], 3)) as masks,
+        closing(ObservationStore(observer, masks)) as store,
+    ):
+        for t in range(3):
+            pose = stance(body, seated | {"lumbar.flexion": 10.0 * t})
+            masks.put(t, photograph(seen_by, body, pose))
+        start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
+    assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
