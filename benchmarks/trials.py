@@ -90,7 +90,7 @@ def run(group: str, seeds: Sequence[int] | None) -> list[Trial]:
     jobs = jobs_of(folders, "fit", {})
     processes = min(os.cpu_count() or 1, len(jobs))
 
-    def tell(outcome: Outcome, count: int) -> None:
+    def tell(outcome: Outcome, count: int | None) -> None:
         error = outcome.score.get("root_mm", float("nan"))
         words = outcome.message or verdict_of(outcome.summary).level
         print(f"[{count}/{len(jobs)}] {outcome.job.name}: {error:.1f} mm, {words}", flush=True)

@@ -79,31 +79,82 @@ def fit(
     load_backend(settings.backend)  # refuses an unknown name before the work begins
     with writer as folder:
         estimate = implementation.estimate(recording, settings, reporter)
-        motion = estimate.motion
-        if estimate.rig is not None:
-            recording = replace(recording, rig=estimate.rig)
-        if not len(motion):
-            raise InputError(
-                "no pose was found in any frame: look at the silhouettes with `voxelpose carve`,"
-                " and check the background"
-            )
-        reporter.stage("files")
-        write_joints(motion, folder / JOINTS)
-        write_bvh(motion, folder / "motion.bvh")
-        write_motion(motion, folder / MOTION)
-        if estimate.hypotheses is not None:
-            write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
-        write_rig(recording.rig, folder / CALIBRATION)
-        document = _settings_toml(recording, output, settings, estimator)
-        (folder / SETTINGS).write_text(document, encoding="utf-8")
-        estimated = time.perf_counter()
-        if output.pictures:
-            draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
-        finished = time.perf_counter()
-        seconds = {"pictures": finished - estimated, "total": finished - started}
-        summary = _summary(recording, estimate, estimator, seconds)
-        (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
+        estimation = _Estimation(recording, estimate, settings, estimator, started)
+        _write_files(folder, output, estimation, reporter)
     return Result.open(output.folder)
+
+
+def write_estimate(
+    recording: Recording,
+    output: Output,
+    estimate: Estimate,
+    settings: Settings,
+    estimator: str = "multiview",
+    spent_s: float = 0.0,
+) -> Result:
+    """Writes a result folder of an estimate that was made otherwise.
+
+    Args:
+        recording: the frames.
+        output: destination of the results.
+        estimate: what is written.
+        settings: with which it was made.
+        estimator: name of the estimator that made it.
+        spent_s: time that it took, s.
+
+    Returns:
+        The result, as read back from the folder.
+
+    Raises:
+        InputError: it holds no pose, or the output cannot be used.
+    """
+    started = time.perf_counter() - spent_s
+    settings = _with_subject(settings, recording)
+    writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
+    with writer as folder:
+        estimation = _Estimation(recording, estimate, settings, estimator, started)
+        _write_files(folder, output, estimation, SilentReporter())
+    return Result.open(output.folder)
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimation:
+    """An estimate of a recording and how it was made, from `started` of the process's clock on."""
+
+    recording: Recording
+    estimate: Estimate
+    settings: Settings
+    estimator: str
+    started: float
+
+
+def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter: Reporter) -> None:
+    """Writes the files of a result into a folder."""
+    recording, estimate = estimation.recording, estimation.estimate
+    motion = estimate.motion
+    if estimate.rig is not None:
+        recording = replace(recording, rig=estimate.rig)
+    if not len(motion):
+        raise InputError(
+            "no pose was found in any frame: look at the silhouettes with `voxelpose carve`,"
+            " and check the background"
+        )
+    reporter.stage("files")
+    write_joints(motion, folder / JOINTS)
+    write_bvh(motion, folder / "motion.bvh")
+    write_motion(motion, folder / MOTION)
+    if estimate.hypotheses is not None:
+        write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
+    write_rig(recording.rig, folder / CALIBRATION)
+    document = _settings_toml(recording, output, estimation.settings, estimation.estimator)
+    (folder / SETTINGS).write_text(document, encoding="utf-8")
+    estimated = time.perf_counter()
+    if output.pictures:
+        draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
+    finished = time.perf_counter()
+    seconds = {"pictures": finished - estimated, "total": finished - estimation.started}
+    summary = _summary(recording, estimate, estimation.estimator, seconds)
+    (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
 
 
 def track(

@@ -12,6 +12,7 @@ _LOST = 0.1  # fraction of frames without a pose
 _RIGHT = 0.5  # probability below which a frame counts as wrong
 _WRONG = 0.25  # fraction of wrong frames
 _APART = 0.75  # outline agreement below which that is the reason, and the measure of one camera
+_SEAM_MM = 80.0  # mean distance of the joints of two pieces in the frames that they share
 _TURN = 1.5  # half-turn ratio below which the heading is the reason
 
 
@@ -33,7 +34,8 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
 
     A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
     wrong more likely than not (several cameras), or if body and silhouettes have less than three
-    quarters of their union in common (one camera, whose errors in depth no silhouette shows).
+    quarters of their union in common (one camera, whose errors in depth no silhouette shows), or if
+    it was joined of pieces that do not meet.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
@@ -45,6 +47,13 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     if lost > _LOST * (lost + posed):
         reason = f"{lost} of {lost + posed} frames have no pose: look at their silhouettes"
         return Verdict("doubtful", f"{reason} (voxelpose view)")
+    apart = [seam for seam in facts.get("seams_mm", ()) if seam is not None and seam > _SEAM_MM]
+    if apart:
+        return Verdict(
+            "doubtful",
+            f"two pieces of the recording are {max(apart):.0f} mm apart where they meet: look at"
+            " the frames around it (facts in summary.json), or give longer --pieces",
+        )
     if (right is None and agreement < _APART) or (right is not None and right < _RIGHT):
         if agreement >= _APART and facts.get("half_turn_ratio", _TURN) < _TURN:
             return Verdict(

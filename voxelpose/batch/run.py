@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from calib.errors import InputError
 from silhouette_core.workers import WorkerEndedError, open_workers
 from voxelpose.atomic import replacing
 from voxelpose.batch.jobs import Job
+from voxelpose.batch.pieces import PIECES, join_pieces, pieces_of
 from voxelpose.evaluation import TRUTH, evaluate
 from voxelpose.fitting import Output, fit
 from voxelpose.report.page import write_report
 from voxelpose.results import Result, as_json, is_result
 from voxelpose.version import __version__
 
+Key = TypeVar("Key")
 JOB = "job.json"
 """File in a result's folder that says for which job of a batch it was made."""
 
@@ -33,6 +37,7 @@ class BatchSettings:
         cluster: address of a Dask scheduler whose machines work instead; None: this machine.
         pictures: whether overlays and contact sheets are drawn.
         report: whether report.html is written for each.
+        piece_s: length of the pieces into which long recordings are divided, s; None: they are not.
     """
 
     out: Path
@@ -40,6 +45,7 @@ class BatchSettings:
     cluster: str | None = None
     pictures: bool = True
     report: bool = True
+    piece_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -65,17 +71,20 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _Task:
-    """A job and where its result goes, as given to a worker."""
+    """A job and where its result goes, as given to a worker; of a long recording, with the results
+    of its pieces, which are to be joined.
+    """
 
     job: Job
     out: Path
     pictures: bool
     report: bool
     threads: int | None
+    pieces: tuple[Path, ...] = ()
 
 
 def run_batch(
-    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int], None]
+    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
     """Runs the jobs that are not done yet.
 
@@ -85,7 +94,8 @@ def run_batch(
     Args:
         jobs: the jobs.
         settings: where, and by whom.
-        told: told every outcome, and how many there are so far.
+        told: told every outcome, and how many there are so far; None for a piece of a long
+            recording.
 
     Returns:
         An outcome for each job, in their order.
@@ -106,29 +116,92 @@ def run_batch(
     for number, job in enumerate(jobs):
         if _is_done(job, settings.out / job.name):
             keep(number, _outcome(job, settings.out / job.name, "kept"))
-    # Alone, a job has all threads; several share the cores, one each.
-    threads = None if settings.processes == 1 and settings.cluster is None else 1
-    suspects: list[int] = []
-    while todo := [k for k in range(len(jobs)) if k not in outcomes]:
-        # Of several jobs that were in work when a process was ended, each is tried alone.
-        suspects = [k for k in suspects if k in todo]
-        group = suspects[:1] or todo
-        tasks = [
-            _Task(jobs[k], settings.out / jobs[k].name, settings.pictures, settings.report, threads)
-            for k in group
-        ]
+    todo = [number for number in range(len(jobs)) if number not in outcomes]
+    divided = {number: _pieces(jobs[number], settings) for number in todo}
+    whole = [number for number in todo if not divided[number]]
+    long = [number for number in todo if divided[number]]
+    found: dict[tuple[int, int], Outcome] = {}
+
+    def keep_piece(key: tuple[int, int], outcome: Outcome) -> None:
+        found[key] = outcome
+        told(outcome, None)
+        number, place = key
+        if outcome.status == "failed":
+            words = f"piece {place + 1} of {len(divided[number])}: {outcome.message}"
+            keep(number, Outcome(jobs[number], "failed", words))
+
+    def run_pieces(keys: list[tuple[int, int]]) -> None:
+        pieces = {key: divided[key[0]][key[1]] for key in keys if key[0] not in outcomes}
+        folders = {key: settings.out / PIECES / piece.name for key, piece in pieces.items()}
+        done = [key for key, piece in pieces.items() if _is_done(piece, folders[key])]
+        for key in done:
+            keep_piece(key, _outcome(pieces[key], folders[key], "kept"))
+        tasks = {
+            key: _Task(piece, folders[key], False, False, _threads(settings))
+            for key, piece in pieces.items()
+            if key not in done
+        }
+        _carry_out(tasks, settings, keep_piece)
+
+    # The others take the first piece's body.
+    run_pieces([(number, 0) for number in long])
+    run_pieces([(number, k) for number in long for k in range(1, len(divided[number]))])
+    tasks = {
+        number: _Task(
+            jobs[number],
+            settings.out / jobs[number].name,
+            settings.pictures,
+            settings.report,
+            _threads(settings),
+            tuple(settings.out / PIECES / piece.name for piece in divided[number]),
+        )
+        for number in [*whole, *(number for number in long if number not in outcomes)]
+    }
+    _carry_out(tasks, settings, keep)
+    with suppress(OSError):  # pieces of a recording that failed are kept
+        (settings.out / PIECES).rmdir()
+    return [outcomes[number] for number in range(len(jobs))]
+
+
+def _pieces(job: Job, settings: BatchSettings) -> list[Job]:
+    if settings.piece_s is None:
+        return []
+    try:
+        return pieces_of(job, settings.piece_s, settings.out)
+    except InputError:  # told by the job itself
+        return []
+
+
+def _threads(settings: BatchSettings) -> int | None:
+    """Alone, a job has all threads; several share the cores, one each."""
+    return None if settings.processes == 1 and settings.cluster is None else 1
+
+
+def _carry_out(
+    tasks: dict[Key, _Task], settings: BatchSettings, keep: Callable[[Key, Outcome], None]
+) -> None:
+    """Carries out tasks and gives each outcome to `keep`."""
+    left: dict[Key, _Task] = dict(tasks)
+    suspects: list[Key] = []
+    while left:
+        # Of several tasks that were in work when a process was ended, each is tried alone.
+        suspects = [key for key in suspects if key in left]
+        group = suspects[:1] or list(left)
         processes = min(settings.processes, len(group))
+        done: list[Key] = []
         try:
             with open_workers(processes, settings.cluster, 1, apart=True) as workers:
-                for number, outcome in workers.run(run_job, tasks):
+                for number, outcome in workers.run(run_job, [left[key] for key in group]):
                     keep(group[number], outcome)
+                    done.append(group[number])
         except WorkerEndedError as error:
             ended = [group[number] for number in error.tasks]
             if len(ended) == 1:
-                keep(ended[0], Outcome(jobs[ended[0]], "failed", str(error)))
+                keep(ended[0], Outcome(left[ended[0]].job, "failed", str(error)))
+                done.append(ended[0])
             else:
                 suspects = ended
-    return [outcomes[k] for k in range(len(jobs))]
+        left = {key: task for key, task in left.items() if key not in done}
 
 
 def run_job(task: _Task) -> Outcome:
@@ -136,11 +209,16 @@ def run_job(task: _Task) -> Outcome:
     job, started = task.job, time.perf_counter()
     try:
         output = Output(task.out, overwrite=is_result(task.out), pictures=task.pictures)
-        fit(job.open(), output, job.estimator_settings(task.threads), job.estimator)
+        if task.pieces:
+            join_pieces(job, task.pieces, output)
+        else:
+            fit(job.open(), output, job.estimator_settings(task.threads), job.estimator)
         if task.report:
             write_report(task.out)
         with replacing(task.out / JOB) as partial:
             partial.write_text(as_json(_identity(job)), encoding="utf-8")
+        for folder in task.pieces:
+            shutil.rmtree(folder, ignore_errors=True)
     except InputError as error:
         seconds = time.perf_counter() - started
         return Outcome(job, "failed", " ".join(str(error).split()), seconds)

@@ -28,6 +28,7 @@ Run again, the same command does what is missing, what failed, and what has othe
   voxelpose batch subjects/*/walk --out walks --set stature=1.75
   voxelpose batch subjects.toml --out results --jobs 4
   voxelpose batch clips --command track --set camera=cam_1 --out tracked
+  voxelpose batch long_take --out result --pieces 60
   voxelpose batch subjects --out results --cluster tcp://10.0.0.5:8786
 
 A list (docs/guide.md has more): [settings] for all, then for each
@@ -48,6 +49,9 @@ Exit code 0: all done; 1: one failed.
     """Setting for all: an option of `fit` or `track` by its name; may be repeated."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     """Recordings at a time. Default: as many as there are cores, and as memory allows."""
+    pieces: Annotated[float | None, arg(metavar="SECONDS", help_behavior_hint="")] = None
+    """Divide recordings of several cameras that are longer into pieces of about so many seconds,
+    estimated side by side and joined; all have the body that the first piece finds."""
     cluster: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
     """Scheduler of a Dask cluster that works instead; it must see the same folders."""
     pictures: bool = True
@@ -57,20 +61,30 @@ Exit code 0: all done; 1: one failed.
 
     def run(self) -> int:
         """Runs the batch; returns the exit code."""
+        from calib.errors import InputError
         from voxelpose.batch.batch_tables import write_tables
         from voxelpose.batch.jobs import jobs_of, read_settings
         from voxelpose.batch.run import BatchSettings, run_batch
 
         jobs = jobs_of(self.paths, self.command, read_settings(self.set))
-        processes = min(self.jobs or _usual_jobs(), len(jobs))
-        settings = BatchSettings(self.out, processes, self.cluster, self.pictures, self.report)
+        if self.pieces is not None and not self.pieces > 0:
+            raise InputError(f"--pieces {self.pieces} is impossible: give a length in seconds")
+        processes = self.jobs or _usual_jobs()
+        if self.pieces is None:
+            processes = min(processes, len(jobs))
+        settings = BatchSettings(
+            self.out, processes, self.cluster, self.pictures, self.report, self.pieces
+        )
         where = f"the cluster {self.cluster}" if self.cluster else f"{processes} at a time"
         print(f"{len(jobs)} recordings, {where}", flush=True)
         told: list[str] = []
 
-        def tell(outcome: Outcome, count: int) -> None:
+        def tell(outcome: Outcome, count: int | None) -> None:
+            if count is None:
+                _tell(outcome, " ")
+                return
             told.append(outcome.job.name)
-            _tell(outcome, count, len(jobs))
+            _tell(outcome, f"[{count}/{len(jobs)}]")
 
         try:
             outcomes = run_batch(jobs, settings, tell)
@@ -95,7 +109,7 @@ def _usual_jobs() -> int:
     return max(1, min(os.cpu_count() or 1, int(memory_gib)))
 
 
-def _tell(outcome: Outcome, count: int, total: int) -> None:
+def _tell(outcome: Outcome, place: str) -> None:
     """Prints one line about a job."""
     from voxelpose.reliability import verdict_of
 
@@ -105,4 +119,4 @@ def _tell(outcome: Outcome, count: int, total: int) -> None:
         verdict = verdict_of(outcome.summary)
         words = verdict.level + (f": {verdict.reason}" if verdict.reason else "")
         words += " (kept)" if outcome.status == "kept" else f" ({outcome.seconds:.0f} s)"
-    print(f"[{count}/{total}] {outcome.job.name}: {words}", flush=True)
+    print(f"{place} {outcome.job.name}: {words}", flush=True)
