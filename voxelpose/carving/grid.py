@@ -15,11 +15,13 @@ class VoxelGrid:
     """A box of cubic voxels, all of whose corners are multiples of the voxel size.
 
     Two grids of one voxel size therefore share their voxels wherever they overlap, bit for bit: a
-        window may follow a person.
+    window may follow a person.
 
-    Attributes: origin_m: (3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given
-        is moved to the nearest lattice point. voxel_size_m: Edge of a voxel, m. shape: Number of
-        voxels along x, y and z.
+    Attributes:
+        origin_m: (3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given is
+            moved to the nearest lattice point.
+        voxel_size_m: Edge of a voxel, m.
+        shape: Number of voxels along x, y and z.
 
     Raises:
         ValueError: A value has the wrong shape or is impossible.
