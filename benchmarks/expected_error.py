@@ -20,11 +20,9 @@ from calib.errors import InputError
 from voxelpose.fitting import Output, fit
 from voxelpose.matching.expected_error import (
     ADDED_MM,
-    ERROR_WEIGHTS,
     NEAR_MM,
-    NEAR_WEIGHTS,
     RIGHT_MM,
-    RIGHT_WEIGHTS,
+    MotionEvidence,
     logistic,
     regressors,
 )
@@ -37,7 +35,7 @@ _FOLDS = 7
 _BINS = (0.0, 0.3, 0.6, 0.8, 0.88, 0.92, 0.96, 1.0 + 1e-9)
 
 
-def fitted(recording: Path, out: Path) -> Path | None:
+def result_of(recording: Path, out: Path) -> Path | None:
     """Result of a recording, made if it is not there; None where it cannot be fitted."""
     folder = out / f"{recording.parent.name}_{recording.name}"
     if not (folder / "summary.json").exists():
@@ -55,10 +53,13 @@ def sample(recording: Path, folder: Path) -> dict[str, np.ndarray]:
     motion, quality = result.motion, result.motion.quality
     summary = json.loads((folder / "summary.json").read_text())
     joints, frames = regressors(
-        1 - quality["camera_agreement"],
-        quality["joint_disagreement"],
-        quality["outside"],
-        summary["facts"]["half_turn_ratio"],
+        MotionEvidence.from_motion(
+            motion,
+            1 - quality["camera_agreement"],
+            quality["joint_disagreement"],
+            quality["outside"],
+            summary["facts"]["half_turn_ratio"],
+        )
     )
     estimate, true = motion.landmarks(), truth[motion.frames]
     error = 1000 * np.linalg.norm(estimate - true, axis=2)
@@ -76,7 +77,9 @@ def sample(recording: Path, folder: Path) -> dict[str, np.ndarray]:
     return {
         "joints": joints[known],
         "frames": frames[known],
-        "said": logistic(joints[known] @ NEAR_WEIGHTS),
+        "said": quality["landmark_confidence"][known],
+        "said_right": quality["right_probability"][known],
+        "said_mm": quality["joint_error_mm"][known],
         "error": error[known],
         "root": root[known],
     }
@@ -118,16 +121,14 @@ def main() -> None:
     words.add_argument("recordings", nargs="+", type=Path)
     words.add_argument("--fit", action="store_true")
     given = words.parse_args()
-    results = [(recording, fitted(recording, given.out)) for recording in given.recordings]
+    results = [(recording, result_of(recording, given.out)) for recording in given.recordings]
     samples = [sample(recording, folder) for recording, folder in results if folder is not None]
     owner = np.repeat(np.arange(len(samples)), [len(one["frames"]) for one in samples])
-    joints, frames, error, root = (
+    joints, frames, error, root, said_near, said_right, said_mm = (
         np.concatenate([one[name] for one in samples])
-        for name in ("joints", "frames", "error", "root")
+        for name in ("joints", "frames", "error", "root", "said", "said_right", "said_mm")
     )
     near, right = (error < NEAR_MM).astype(float), (root < RIGHT_MM).astype(float)
-    said_near, said_right = logistic(joints @ NEAR_WEIGHTS), logistic(frames @ RIGHT_WEIGHTS)
-    said_error = joints @ ERROR_WEIGHTS
     if given.fit:
         rows = joints.reshape(-1, joints.shape[2])
         target = np.log(error + ADDED_MM).ravel()
@@ -147,12 +148,11 @@ def main() -> None:
             weights = logistic_regression(frames[~left], right[~left], 0.3)
             said_right[left] = logistic(frames[left] @ weights)
             curvature = rows[used].T @ rows[used] + ridge
-            said_error[left] = joints[left] @ np.linalg.solve(
-                curvature, rows[used].T @ target[used]
-            )
+            weights = np.linalg.solve(curvature, rows[used].T @ target[used])
+            said_mm[left] = np.maximum(np.exp(joints[left] @ weights) - ADDED_MM, 1.0)
     reliability(f"joints within {NEAR_MM:.0f} mm", said_near.ravel(), near.ravel())
     reliability(f"frames with a mean error below {RIGHT_MM:.0f} mm", said_right, right)
-    below = error < np.maximum(np.exp(said_error) - ADDED_MM, 1.0)
+    below = error < said_mm
     print(f"\nerrors below the median that was said: {below.mean():.3f}")
 
 

@@ -127,7 +127,7 @@ def accuracy_table(groups: dict[str, list[Trial]]) -> str:
     for name, trials in groups.items():
         errors = np.array([trial.root_mm for trial in trials])
         doubtful, wrong = np.array([trial.doubtful for trial in trials]), errors > WRONG_MM
-        quantiles = np.quantile(errors, [0.5, 0.95, 1.0], method="higher")
+        quantiles = np.quantile(errors, [0.5, 0.95, 1.0], method="nearest")
         cells = [f"{value:.1f}" if np.isfinite(value) else "–" for value in quantiles]
         doubts = f"{(wrong & doubtful).sum()} of {wrong.sum()}"
         false_doubts = f"{(~wrong & doubtful).sum()} of {(~wrong).sum()}"

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import SHAPE_AXES
 from voxelpose.matching.observe import FrameObservation
 
 GIRTH_CAMERAS = 4
 """Fewest cameras whose hull says anything of the girth: that of fewer varies too much."""
 # Of people of usual girth the hull of four to eight cameras has this many times the volume.
 _HULL_OVER_BODY, _COUNTED_M = 1.75, 0.02
+_GIRTH_AXES = ("trunk_width", "trunk_depth", "upper_arm_girth", "thigh_girth", "shin_girth")
 _USUAL_CHEST = 0.55  # chest girth over stature
+_GIRTHS = [k for k, axis in enumerate(SHAPE_AXES) if axis.name in _GIRTH_AXES]
 _RANGE = 0.9, 1.5  # of girths, relative to the usual one
 
 
@@ -30,3 +33,11 @@ def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
     usual_m3 = _HULL_OVER_BODY * model.part_volumes_m3(_COUNTED_M).sum()
     girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), *_RANGE))
     return girth * _USUAL_CHEST * model.sizes.stature_m
+
+
+def stoutness_of(model: BodyModel) -> float:
+    """Logarithm of a body's girth over the usual one of its stature, clothes included."""
+    sizes = model.sizes
+    usual = _USUAL_CHEST * sizes.stature_m
+    chest = 1.0 if sizes.chest_girth_m is None else sizes.chest_girth_m / usual
+    return float(np.log(chest) + np.log1p(model.shape[_GIRTHS]).mean())

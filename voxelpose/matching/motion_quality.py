@@ -16,6 +16,7 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from voxelpose.matching.expected_error import (
     FrameEvidence,
+    MotionEvidence,
     expected_errors,
     frame_evidence,
     half_turn_ratio,
@@ -85,7 +86,9 @@ def motion_quality(
     camera_error = np.stack([frame.camera_error for frame in evidence])
     joint_error = np.stack([frame.joint_error for frame in evidence])
     outside = np.array([frame.outside for frame in evidence])
-    expected = expected_errors(camera_error, joint_error, outside, ratio)
+    expected = expected_errors(
+        MotionEvidence.from_motion(motion, camera_error, joint_error, outside, ratio)
+    )
     parts = len(body.model.names)
     arrays = {
         "part_overlap": np.stack(

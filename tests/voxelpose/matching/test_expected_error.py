@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.motion import Motion
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.matching.matching_scenes import (
     fitting_model,
@@ -19,6 +20,7 @@ from voxelpose.matching.expected_error import (
     ERROR_WEIGHTS,
     NEAR_WEIGHTS,
     RIGHT_WEIGHTS,
+    MotionEvidence,
     expected_errors,
     frame_evidence,
     half_turn_ratio,
@@ -68,25 +70,58 @@ def test_a_body_turned_half_round_explains_less(scene):
     assert half_turn_ratio(body, pose, frame, MatchSettings()) > 1.5
 
 
+def evidence(camera, joint, outside, half_turn=3.0, at_limits=0.02, stoutness=0.0, frames=1):
+    return MotionEvidence(
+        np.full((frames, 4), camera),
+        np.full((frames, 15), joint),
+        np.full(frames, outside),
+        np.full(frames, at_limits),
+        half_turn,
+        stoutness,
+    )
+
+
+GOOD = {"camera": 0.06, "joint": 0.02, "outside": 0.0, "half_turn": 4.0}
+
+
 def test_worse_evidence_is_never_said_to_be_better():
-    """Every share that body and silhouettes differ by lowers the probabilities, a half turn that
-    explains less raises them.
-    """
-    assert (RIGHT_WEIGHTS[[1, 4]] < 0).all() and RIGHT_WEIGHTS[3] > 0
-    assert NEAR_WEIGHTS[17] < 0 < ERROR_WEIGHTS[17]
-    good = expected_errors(np.full((1, 4), 0.06), np.full((1, 15), 0.02), np.zeros(1), 4.0)
-    bad = expected_errors(np.full((1, 4), 0.35), np.full((1, 15), 0.2), np.full(1, 0.05), 1.1)
+    good = expected_errors(evidence(**GOOD))
+    bad = expected_errors(evidence(0.35, 0.2, 0.05, half_turn=1.1))
     assert good.right_probability[0] > 0.95 and bad.right_probability[0] < 0.5
     assert good.near_probability.min() > 0.7 > bad.near_probability.max()
     assert good.median_mm.max() < 40 < bad.median_mm.max()
 
 
+@pytest.mark.parametrize(
+    "worse", [{"joint": 0.08}, {"outside": 0.1}, {"at_limits": 0.15}, {"stoutness": 0.2}]
+)
+def test_each_piece_of_evidence_counts(worse):
+    good, bad = (expected_errors(evidence(**GOOD | more)) for more in ({}, worse))
+    assert (bad.near_probability < good.near_probability).all()
+    assert (bad.median_mm > good.median_mm).all()
+
+
 def test_frames_without_evidence_say_nothing():
-    nothing = expected_errors(
-        np.full((1, 4), np.nan), np.full((1, 15), np.nan), np.full(1, np.nan), 3.0
-    )
+    nothing = expected_errors(evidence(np.nan, np.nan, np.nan))
     assert np.isnan(nothing.right_probability).all() and np.isnan(nothing.median_mm).all()
-    rows, frames = regressors(
-        np.full((2, 4), 0.1), np.full((2, 15), 0.05), np.zeros(2), half_turn=2.0
+    rows, frames = regressors(evidence(0.1, 0.05, 0.0, frames=2))
+    assert rows.shape == (2, 15, len(NEAR_WEIGHTS)) and frames.shape == (2, len(RIGHT_WEIGHTS))
+    assert len(ERROR_WEIGHTS) == len(NEAR_WEIGHTS)
+
+
+def test_a_motion_tells_how_stout_it_is_and_how_far_its_joints_are_bent():
+    model = fitting_model()
+    relaxed, bent = stance(model), stance(model, {"left_forearm.flexion": 500.0}).clipped()
+    poses = [relaxed, bent]
+    motion = Motion(
+        30.0,
+        model.reshaped(np.where(np.arange(20) > 8, 0.1, 0.0)),
+        np.stack([pose.root_m for pose in poses]),
+        np.array([[1.0, 0, 0, 0]] * 2),
+        np.stack([pose.angles_rad for pose in poses]),
     )
-    assert rows.shape == (2, 15, 20) and frames.shape == (2, 5)
+    found = MotionEvidence.from_motion(
+        motion, np.full((2, 4), 0.1), np.full((2, 15), 0.1), np.zeros(2), 2.0
+    )
+    assert found.stoutness == pytest.approx(np.log(1.1), abs=0.01)
+    assert found.at_limits[1] - found.at_limits[0] == pytest.approx(1 / model.dof_count)
