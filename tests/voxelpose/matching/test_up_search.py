@@ -16,8 +16,8 @@ from tests.sources import ring
 from voxelpose.matching import up_search
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.prepared_silhouettes import PreparationSettings, observer_of
 from voxelpose.matching.up_search import UpSearch, choose_upright
-from voxelpose.multiview import _observer, _Options
 
 MOTION = waving(5)
 ROLL = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -74,7 +74,7 @@ def filmed(rig, up, stated=None, floor_m=0.0):
     chosen = choose_upright(
         UpSearch(world, settings, MatchSettings()),
         store,
-        lambda rig: _observer(rig, store, _Options()),
+        lambda rig: observer_of(rig, store, PreparationSettings(0.025, 0, "off")),
         reporter,
     )
     store.close()

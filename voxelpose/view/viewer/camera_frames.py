@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
-from voxelpose.multiview import LONG_SIDE_PX
+from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.view.viewer.scene import CameraFrame

@@ -17,7 +17,8 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.export.hypotheses import HYPOTHESES, Hypothesis, read_hypotheses
 from voxelpose.matching.matcher import LimbArea
 from voxelpose.matching.observe import FrameObservation, body_rule
-from voxelpose.multiview import LONG_SIDE_PX, VOXEL_M
+from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX
+from voxelpose.multiview import VOXEL_M
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, is_result
 from voxelpose.view.viewer.camera_frames import CameraFrames

@@ -1,0 +1,217 @@
+"""Silhouettes of a whole recording, ready for fitting: background subtracted, cameras checked, the
+world upright, what was missed completed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib.agreement import even_moments
+from calib.camera import Rig
+from calib.checks import FloatArray
+from calib.upright import UprightFrame
+from silhouette_core.estimator import FrameSource, Settings
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import side_by_side
+from silhouette_core.refinement.observation import PinholeViews
+from voxelpose.carving.bounds import place_grid, require_foreground
+from voxelpose.matching.camera_repair import RepairedCameras, repair_cameras
+from voxelpose.matching.completion import SilhouetteCompletion, floor_under
+from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.matcher import MatchSettings
+from voxelpose.matching.observe import HullObserver, body_rule
+from voxelpose.matching.up_search import UpSearch, choose_upright
+from voxelpose.recording.frame_reader import Frame
+
+LONG_SIDE_PX = 960
+"""Larger images are reduced: contours are finer there than clothes are."""
+_VOLUME_FRAMES = 60
+_TOGETHER = 16  # frames
+_FLOOR_FRAMES = 12
+_RECHECKS = 3
+
+
+@dataclass(frozen=True)
+class PreparationSettings:
+    """How silhouettes are prepared.
+
+    Attributes:
+        voxel_size_m: size of the voxels that are matched.
+        tolerance: number of cameras that may be wrong about a voxel.
+        repair: "auto", "say" or "off": what is done about cameras that do not agree.
+        matching: of the search for which way is up.
+    """
+
+    voxel_size_m: float
+    tolerance: int
+    repair: str
+    matching: MatchSettings = field(default_factory=MatchSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedSilhouettes:
+    """Silhouettes of T frames and C cameras.
+
+    Attributes:
+        store: the silhouettes, by pinhole cameras.
+        observer: of their hulls, in the upright frame.
+        upright: that frame, in the calibration's world.
+        rig: the pinhole cameras in the calibration's world, as they were found to stand.
+        numbers: (T,) int64, frames of the recording.
+        times_s: (T,) float64.
+        facts: what was found, for the summary.
+    """
+
+    store: MaskStore
+    observer: HullObserver
+    upright: UprightFrame
+    rig: Rig
+    numbers: np.ndarray
+    times_s: FloatArray
+    facts: dict[str, object]
+
+
+@contextmanager
+def prepare_silhouettes(
+    source: FrameSource,
+    settings: Settings,
+    preparation: PreparationSettings,
+    clock: StageClock,
+    reporter: Reporter,
+) -> Iterator[PreparedSilhouettes]:
+    """Prepares the silhouettes of a recording, which are kept on disk for the `with` block.
+
+    Args:
+        source: the frames.
+        settings: background subtraction, and what is known of the person and of up.
+        preparation: see PreparationSettings.
+        clock: told the durations.
+        reporter: told the progress, and what was found about the cameras.
+
+    Raises:
+        InputError: a background cannot be used, or nobody is seen.
+    """
+    lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
+    sizes = [lens.pinhole.size for lens in lenses]
+    with ExitStack() as kept:
+        stores = [
+            kept.enter_context(closing(MaskStore(sizes, source.frame_count))) for _ in range(3)
+        ]
+        work = _Preparation(source, stores, preparation, clock, reporter)
+        numbers, times_s = work.subtract_background(settings, lenses)
+        checked = work.check_cameras(Rig(tuple(lens.pinhole for lens in lenses)), times_s)
+        reporter.stage("volume")
+        search = UpSearch(checked.rig, settings, preparation.matching)
+        upright = choose_upright(search, stores[0], work.observer, reporter)
+        added = work.complete(upright.rig(checked.rig))
+        for _ in range(_RECHECKS if checked.in_doubt else 0):
+            # Gaps of the silhouettes may have hidden which camera it is, or by how much.
+            again = work.check_cameras(checked.rig, times_s)
+            if not again.repaired:
+                break
+            checked = checked.then(again)
+            added = 1 - (1 - added) * (1 - work.complete(upright.rig(checked.rig)))
+        for words in checked.words:
+            reporter.note(words)
+        facts: dict[str, object] = {
+            "cameras_found": list(checked.words),
+            "late_frames": checked.late_frames,
+            "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
+        }
+        observer = work.observer(upright.rig(checked.rig))
+        yield PreparedSilhouettes(
+            stores[0], observer, upright, checked.rig, numbers, times_s, facts
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Preparation:
+    """Steps of the preparation; `stores` are of silhouettes, differences of tint, of brightness."""
+
+    source: FrameSource
+    stores: list[MaskStore]
+    settings: PreparationSettings
+    clock: StageClock
+    reporter: Reporter
+
+    def subtract_background(
+        self, settings: Settings, lenses: list[UndistortedView]
+    ) -> tuple[np.ndarray, FloatArray]:
+        """Stores the soft silhouettes of all frames; frame numbers (T,) and times (T,) s."""
+        source, reporter = self.source, self.reporter
+        reporter.stage("background")
+        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
+        silhouettes.note(reporter)
+        reporter.stage("silhouettes", source.frame_count)
+        numbers, times_s = np.zeros(source.frame_count, np.int64), np.zeros(source.frame_count)
+        frames: Mapping[str, Frame]
+        for t, (number, seconds, frames) in enumerate(source):
+            with self.clock("silhouettes"):
+                soft = silhouettes.soft(frames)
+                masks = zip(*(soft[name] for name in source.rig.names), strict=True)
+                for store, seen in zip(self.stores, masks, strict=True):
+                    store.put(
+                        t, [lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)]
+                    )
+            numbers[t], times_s[t] = number, seconds
+            reporter.advance()
+        return numbers, times_s
+
+    def check_cameras(self, rig: Rig, times_s: FloatArray) -> RepairedCameras:
+        """Cameras checked against the silhouettes, which are put in step where one is late."""
+        if self.settings.repair == "off":
+            return RepairedCameras(rig, {})
+        self.reporter.stage("cameras")
+        repair = self.settings.repair == "auto"
+        with self.clock("cameras"):
+            checked = repair_cameras(rig, self.stores[0], times_s, self.source.fps, repair=repair)
+        for name, late in checked.late_frames.items():
+            for silhouettes in self.stores:
+                silhouettes.advance(rig.names.index(name), late)
+        return checked
+
+    def complete(self, rig: Rig) -> FloatArray:
+        """Completes the silhouettes of all frames; (C,) share of each camera's pixels that was
+        added.
+        """
+        (store, *differences), observer = self.stores, self.observer(rig)
+        self.reporter.stage("completion", len(store))
+        moments = even_moments(len(store), _FLOOR_FRAMES)
+        floor_m = floor_under(observer, [store[int(t)] for t in moments])
+        completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
+        before, after = (np.zeros(len(rig)) for _ in range(2))
+
+        def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+            masks = store[t]
+            return masks, completion.complete(masks, *(found[t] for found in differences))
+
+        for first in range(0, len(store), _TOGETHER):
+            together = range(first, min(first + _TOGETHER, len(store)))
+            with self.clock("completion"):
+                found = side_by_side(completed, together)
+            for t, (old, new) in zip(together, found, strict=True):
+                before += [np.count_nonzero(mask) for mask in old]
+                after += [np.count_nonzero(mask) for mask in new]
+                store.put(t, new)
+                self.reporter.advance()
+        return 1 - before / np.maximum(after, 1)
+
+    def observer(self, rig: Rig) -> HullObserver:
+        """Observer of hulls by some cameras."""
+        return observer_of(rig, self.stores[0], self.settings)
+
+
+def observer_of(rig: Rig, store: MaskStore, settings: PreparationSettings) -> HullObserver:
+    """Observer of the volume in which the silhouettes of the whole recording allow a body."""
+    union = store[0]
+    for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
+        union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
+    require_foreground(rig, union, settings.tolerance)
+    rule = body_rule(len(rig), settings.tolerance)
+    grid = place_grid(rig, union, voxel_size_m=2 * settings.voxel_size_m, rule=rule)
+    return HullObserver(PinholeViews.from_rig(rig), grid, settings.voxel_size_m, rule)
