@@ -21,7 +21,8 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import place_grid, require_foreground
 from voxelpose.matching.camera_repair import RepairedCameras, repair_cameras
-from voxelpose.matching.completion import SilhouetteCompletion, floor_under
+from voxelpose.matching.completion import SilhouetteCompletion
+from voxelpose.matching.floor_shadows import floor_under
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observe import HullObserver, body_rule

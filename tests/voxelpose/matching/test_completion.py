@@ -6,10 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.camera import Rig
+from tests.voxelpose.carving.carving_scenes import look_at
 from tests.voxelpose.matching.matching_scenes import other_body, photograph, stance, views
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.completion import SilhouetteCompletion, floor_under
+from voxelpose.matching.completion import SilhouetteCompletion
+from voxelpose.matching.floor_shadows import FloorShadows, floor_under
 from voxelpose.matching.observe import HullObserver
 
 VOLUME = VoxelGrid.from_bounds((-1.0, -1.0, -0.1), (1.0, 1.0, 2.1), 0.05)
@@ -97,6 +100,14 @@ def test_a_shadow_on_the_floor_is_none_of_it(scene):
     for mask, result, pixels in zip(truth, completed, shadow, strict=True):
         assert overlap(mask, result) > 0.88
         assert (result & pixels).sum() < 0.1 * pixels.sum()
+
+
+def test_a_camera_that_lies_on_the_floor_sees_no_shadow_there(scene):
+    completion, truth = scene
+    lying = look_at("cam_1", (3.5, 0.3, 0.0), (0, 0, 0.0), (320, 320), 288)
+    rig = Rig((lying, *completion.rig.cameras[1:]))
+    shadows = FloorShadows(rig).possible(truth, np.zeros(2))
+    assert not shadows[0].any() and shadows[1].any()
 
 
 def test_noise_is_none_of_it(scene):
