@@ -48,13 +48,14 @@ examples:
 
 _USER_ERROR = 2
 _INTERRUPTED = 130
+_READER_GONE = 141
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs a command and ends the process.
 
     Exit codes: 0 done; 1 a check failed, or a bug, with its traceback; 2 an error that the user can
-    correct, in one line on stderr; 130 interrupted.
+    correct, in one line on stderr; 130 interrupted; 141 nobody reads the output any more.
 
     Args:
         arguments: arguments after `voxelpose`; None for those of the process.
@@ -64,7 +65,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # SIGTERM, as sent by job schedulers, cleans up like Ctrl-C.
     signal.signal(signal.SIGTERM, _interrupt)
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    try:
+        try:
+            code = run(sys.argv[1:] if arguments is None else arguments)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read the output has gone, as `head` does. What is left in the buffer goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = _READER_GONE
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:

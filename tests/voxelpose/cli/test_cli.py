@@ -42,6 +42,15 @@ def ended(process):
     return process.returncode, out, err
 
 
+@pytest.mark.parametrize("words", [["--help"], ["fit", "--help"], ["--version"]])
+def test_whoever_reads_the_output_may_go(desk, words):
+    process = start(desk, *words)
+    process.stdout.close()
+    assert process.wait(timeout=120) == 141
+    assert process.stderr.read() == ""
+    process.stderr.close()
+
+
 def left(desk):
     return sorted(path.name for path in desk.iterdir() if path.name not in ("site", "walk"))
 
