@@ -156,9 +156,12 @@ def motion_table(groups: dict[str, list[Trial]]) -> str:
     for trials in groups.values():
         for trial in trials:
             kinds[trial.motion].append(trial.root_mm)
+    medians = {
+        kind: float(np.quantile(errors, 0.5, method="lower")) for kind, errors in kinds.items()
+    }
     rows = [
-        [kind, len(errors), f"{np.quantile(errors, 0.5, method='lower'):.1f}"]
-        for kind, errors in sorted(kinds.items(), key=lambda item: np.median(item[1]))
+        [kind, len(kinds[kind]), f"{median:.1f}"]
+        for kind, median in sorted(medians.items(), key=lambda item: item[1])
     ]
     return table(["motion", "recordings", "median root_mm"], rows)
 
