@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
@@ -106,8 +107,11 @@ def learn_proposal(
             "the proposal needs motion of at least half a second: give more, or --no-proposal"
         )
     reporter.stage("filming the motion", sum(map(len, stretches)))
-    filmed, bases = _film(stretches, VirtualBodies(model), film, fit, reporter)
-    return PoseProposal(**bases, network=_trained(filmed, settings, train, reporter))
+    # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
+    # products.
+    with threadpool_limits(1, user_api="blas"):
+        filmed, bases = _film(stretches, VirtualBodies(model), film, fit, reporter)
+        return PoseProposal(**bases, network=_trained(filmed, settings, train, reporter))
 
 
 def _film(
