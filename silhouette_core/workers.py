@@ -7,7 +7,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
@@ -89,7 +89,7 @@ class Processes:
         try:
             while True:
                 for number, task in islice(todo, self._ahead - len(waiting)):
-                    waiting[self._pool.submit(work, task)] = number
+                    waiting[self._submitted(work, task)] = number
                 if not waiting:
                     return
                 ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
@@ -101,6 +101,20 @@ class Processes:
         finally:
             for future in waiting:
                 future.cancel()
+
+    def _submitted(self, work: Callable[[Task], Result], task: Task) -> Future[Result]:
+        """A task handed to the pool.
+
+        Raises:
+            BrokenProcessPool: a process was ended.
+        """
+        try:
+            return self._pool.submit(work, task)
+        except OSError as error:
+            if error.errno is not None:
+                raise
+            # The pool closed its pipes while it started another process for this task.
+            raise BrokenProcessPool("a process was ended while another one was started") from error
 
 
 class Cluster:

@@ -1,0 +1,32 @@
+"""Workers in processes that are ended from outside."""
+
+from concurrent.futures import Future
+
+import pytest
+
+from silhouette_core.workers import Processes, WorkerEndedError
+
+
+class ClosingPool:
+    """A pool whose first process is ended while the second one is started."""
+
+    def __init__(self, error: OSError):
+        self.error, self.futures = error, []
+
+    def submit(self, work, task):
+        if self.futures:
+            raise self.error
+        self.futures.append(Future())
+        return self.futures[0]
+
+
+def test_a_process_that_ends_while_another_is_started_costs_its_task():
+    with pytest.raises(WorkerEndedError) as ended:
+        list(Processes(ClosingPool(OSError("handle is closed")), 2).run(str, [1, 2, 3]))  # type: ignore[arg-type]
+    assert ended.value.tasks == (0,)
+
+
+def test_a_process_that_cannot_be_started_is_another_error():
+    pool = ClosingPool(OSError(11, "Resource temporarily unavailable"))
+    with pytest.raises(OSError, match="temporarily"):
+        list(Processes(pool, 2).run(str, [1, 2]))  # type: ignore[arg-type]
