@@ -1,6 +1,8 @@
 """Fixtures that every test may use, and how worker processes share the tests out (`make test`)."""
 
+import importlib
 import os
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -95,3 +97,15 @@ def shared() -> Path:
     if not (SHARED / "data").is_dir():
         pytest.skip(f"no shared recordings at {SHARED} (set VOXELPOSE_SHARED)")
     return SHARED
+
+
+@pytest.fixture
+def beside(monkeypatch):
+    """Imports a module of the benchmarks, which are not installed: they stand beside the tests."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / "benchmarks" / "__main__.py").exists():
+        pytest.skip("no benchmarks beside the tests")
+    monkeypatch.syspath_prepend(str(root))
+    yield lambda name: importlib.import_module(f"benchmarks.{name}")
+    for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
+        del sys.modules[name]

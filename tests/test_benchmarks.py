@@ -1,5 +1,4 @@
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,16 +8,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture
-def benchmarks(monkeypatch):
-    """The benchmarks are not installed: they stand beside the packages."""
-    if not (ROOT / "benchmarks" / "__main__.py").exists():
-        pytest.skip("no benchmarks beside the tests")
-    monkeypatch.syspath_prepend(str(ROOT))
-    from benchmarks import __main__ as module
-
-    yield module
-    for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
-        del sys.modules[name]
+def benchmarks(beside):
+    return beside("__main__")
 
 
 def test_a_case_is_one_line_with_both_times_and_their_ratio(benchmarks, capsys):

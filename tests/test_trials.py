@@ -1,24 +1,11 @@
 """Tables of random recordings."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture
-def trials(monkeypatch):
-    """The benchmarks are not installed: they stand beside the packages."""
-    if not (ROOT / "benchmarks" / "trials.py").exists():
-        pytest.skip("no benchmarks beside the tests")
-    monkeypatch.syspath_prepend(str(ROOT))
-    from benchmarks import trials as module
-
-    yield module
-    for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
-        del sys.modules[name]
+def trials(beside):
+    return beside("trials")
 
 
 def trial(trials, root_mm, lost=0.0, status="done", right=0.9):

@@ -1,5 +1,8 @@
-"""Removal of specks and pinholes from a silhouette, cropping to a region of interest, halving."""
+"""Removal of specks and pinholes from a silhouette, cropping to a region of interest, widening,
+halving.
+"""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,6 +74,12 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
         small[edge] = False
     small[0] = True  # the silhouette itself
     inner[:] = small.take(labels, mode="clip")
+
+
+def dilated(mask: NDArray[np.bool_], side_px: int) -> NDArray[np.bool_]:
+    """Mask (h, w) bool widened by a square of so many pixels, an odd number."""
+    square = np.ones((side_px, side_px), np.uint8)
+    return np.asarray(cv2.dilate(mask.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
 def reduce_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -180,7 +180,12 @@ def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np
 
 def radius_of(background: Background) -> int:
     """Half width of the window over which evidence is pooled, px."""
-    return max(1, round(min(background.mean.shape[:2]) / 240))
+    return window_radius(background.mean.shape[:2])
+
+
+def window_radius(size: tuple[int, ...]) -> int:
+    """The same for images of a size, px."""
+    return max(1, round(min(size) / 240))
 
 
 def noise_scale(view: FrameView) -> float:

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.components import label_components
-from silhouette_core.image.cleanup import clean
+from silhouette_core.image.cleanup import clean, dilated
+from silhouette_core.image.difference import window_radius
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels.footprint import mark_voxels
-from voxelpose.matching.floor_shadows import FloorShadows, Masks, dilated
+from voxelpose.matching.floor_shadows import FloorShadows, Masks
 
 _VOXEL_M = 0.03
 _THIN_PX = 5  # narrower pieces are edges
@@ -59,7 +60,7 @@ class SilhouetteCompletion:
         middle = grid.origin_m + 0.5 * grid.size_m
         depth = np.maximum(views.rotation[:, 2] @ middle + views.translation_m[:, 2], 0.1)
         self._voxel_px = views.intrinsics[:, 0] * grid.voxel_size_m / depth
-        self._radius = [max(1, round(min(camera.size) / 240)) for camera in views.rig]
+        self._radius = [window_radius(camera.size) for camera in views.rig]
         self._floor = FloorShadows(views.rig, floor_m)
 
     def complete(self, masks: Masks, tint: Masks, brightness: Masks) -> Masks:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Rig
+from silhouette_core.image.cleanup import dilated
 from voxelpose.matching.observe import HullObserver
 
 _LONGEST_M = 3.0  # of a shadow where no other camera sees the floor
@@ -92,9 +93,3 @@ def floor_under(observer: HullObserver, frames: Sequence[Masks]) -> float:
             lowest.append(hulls.bounds_m[pieces, 0, 2].min())
     height = float(np.quantile(lowest, 0.2)) if lowest else 0.0
     return height if abs(height) > _FLOOR_M else 0.0
-
-
-def dilated(mask: NDArray[np.bool_], side_px: int) -> NDArray[np.bool_]:
-    """Mask (h, w) widened by a square of so many pixels."""
-    square = np.ones((side_px, side_px), np.uint8)
-    return np.asarray(cv2.dilate(mask.view(np.uint8), square), np.uint8).view(np.bool_)

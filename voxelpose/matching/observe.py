@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from calib.components import MaskComponents, label_components
+from silhouette_core.image.cleanup import dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
@@ -180,14 +181,14 @@ class HullObserver:
         centres.
         """
         middle = grid.origin_m + 0.5 * grid.size_m
-        dilated = []
+        wide = []
         for c, mask in enumerate(masks):
             depth = float(self.views.rotation[c, 2] @ middle + self.views.translation_m[c, 2])
             reach = max(
                 round(0.5 * grid.voxel_size_m * self.views.intrinsics[c, 0] / max(depth, 0.1)), 0
             )
-            dilated.append(_dilate(mask, 2 * reach + 1))
-        return dilated
+            wide.append(dilated(mask, 2 * reach + 1))
+        return wide
 
     def _confirmed_by_others(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
         """Pixels of each silhouette into which a voxel near the body projects.
@@ -229,7 +230,7 @@ class HullObserver:
             # misses at the edge.
             side = int(np.ceil(2 * size_px)) | 1
             result, window = np.zeros_like(mask), _window(mask, side // 2)
-            result[window] = mask[window] & _dilate(footprint[window], side)
+            result[window] = mask[window] & dilated(footprint[window].view(np.bool_), side)
             confirmed.append(result)
         return confirmed
 
@@ -253,11 +254,6 @@ def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     rows = slice(max(top - margin_px, 0), min(top + height + margin_px, mask.shape[0]))
     return rows, slice(max(left - margin_px, 0), min(left + width + margin_px, mask.shape[1]))
-
-
-def _dilate(mask: np.ndarray, side_px: int) -> np.ndarray:
-    square = np.ones((side_px, side_px), np.uint8)
-    return np.asarray(cv2.dilate(mask.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:

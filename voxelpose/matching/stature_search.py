@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from silhouette_core.body.sizes import BodySizes
@@ -22,7 +25,7 @@ _VARIES = 1.1  # the hull's largest height over its usual one from which both ar
 _SCALES = (0.93, 1.0, 1.07)
 # Of adults. Who hangs, sits or lies all the time is taken for one who does not, if by little.
 _ADULT_M, _ADULT_SIGMA_M, _UNUSUAL = 1.70, 0.12, 0.01
-_FAR = 1.15  # factor from that stature from which an adult is looked at, too
+_FAR = 1.15  # factor from which two statures are not alike
 
 
 def stature_candidates(
@@ -46,66 +49,70 @@ def stature_candidates(
         voxel_size_m: size of the voxels that are matched.
         backend: of the scoring.
     """
-    heights = {
-        t: float(np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) + 1) * frame.grid.voxel_size_m
-        for t, frame in frames.items()
-    }
-    middle, tallest = float(np.median(list(heights.values()))), max(heights.values())
-    varies = tallest > _VARIES * middle
+    heights_m = {t: _height_m(frame) for t, frame in frames.items()}
+    middle, tallest = float(np.median(list(heights_m.values()))), max(heights_m.values())
+    shown = [middle, tallest] if tallest > _VARIES * middle else [middle]
     looked_at = [
-        frames[min(heights, key=lambda t, height=height: abs(heights[t] - height))]
-        for height in ([middle, tallest] if varies else [middle])
+        frames[min(heights_m, key=lambda t, height=height: abs(heights_m[t] - height))]
+        for height in shown
     ]
-
-    def of(metres: float, chest_m: float | None = settings.chest_m) -> BodyGeometry:
-        sizes = BodySizes(float(np.clip(metres, 0.6, 2.4)), chest_m, "male")
-        return BodyGeometry.from_sizes(sizes, voxel_size_m, backend)
-
-    def of_hull(body: BodyGeometry) -> BodyGeometry:
-        """That body with the hull's girth."""
-        metres = body.model.sizes.stature_m
-        usual = body.model if settings.chest_m is None else of(metres, None).model
-        return of(metres, chest_from_hull(usual, volume_m3))
-
-    # The postures are searched with few bodies; the others start from them.
-    usual = [middle, tallest] if varies else [middle]
-    if all(abs(np.log(height / _ADULT_M)) > np.log(_FAR) for height in usual):
-        usual.append(_ADULT_M)
-    searched = [of(height) for height in usual]
-    pairs = [(body, frame) for frame in looked_at for body in searched]
-    found = side_by_side(lambda pair: find_pose(*pair, matching, count=5)[:3], pairs)
-    starts = [
-        [
-            RefineStart(fit.pose, SEARCHED)
-            for (_, frame), fits in zip(pairs, found, strict=True)
-            if frame is looked
-            for fit in fits
-        ]
-        for looked in looked_at
-    ]
-    bodies = [
-        of(body.model.sizes.stature_m * scale) if scale != 1 else body
-        for body in searched
-        for scale in _SCALES
-    ]
-    if settings.chest_m is None and len(next(iter(frames.values())).masks) >= GIRTH_CAMERAS:
+    bodies = _Bodies(settings.chest_m, voxel_size_m, backend)
+    unusual = not any(_alike(height, _ADULT_M) for height in shown)
+    searched = [bodies.of(height) for height in [*shown, *([_ADULT_M] if unusual else [])]]
+    starts = [_starts(frame, searched, matching) for frame in looked_at]
+    compared = [bodies.scaled(body, scale) for body in searched for scale in _SCALES]
+    if settings.chest_m is None and len(looked_at[0].masks) >= GIRTH_CAMERAS:
         # A tall body bent over fills the hull of a short and stout one, too.
         volume_m3 = float(np.median([hull_volume_m3(frame) for frame in frames.values()]))
-        bodies += [of_hull(body) for body in bodies]
+        compared += [bodies.filling(volume_m3, body) for body in compared]
 
     def error(body: BodyGeometry) -> float:
-        unusual = (body.model.sizes.stature_m - _ADULT_M) / _ADULT_SIGMA_M
-        return (1 + _UNUSUAL * unusual**2) * sum(
+        deviation = (body.model.sizes.stature_m - _ADULT_M) / _ADULT_SIGMA_M
+        return (1 + _UNUSUAL * deviation**2) * sum(
             min((fit.error for fit in refine_fits(body, frame.observation, begun)), default=np.inf)
             for frame, begun in zip(looked_at, starts, strict=True)
         )
 
-    def is_high(body: BodyGeometry) -> bool:
-        """Whether a body is about as tall as the hull."""
-        metres = body.model.sizes.stature_m
-        return any(abs(np.log(metres / height)) < np.log(_FAR) for height in (middle, tallest))
+    order = np.argsort(side_by_side(error, compared), kind="stable")
+    ranked = [compared[k].model.sizes.stature_m for k in order]
+    high = [metres for metres in ranked if any(_alike(metres, k) for k in (middle, tallest))]
+    chosen = ranked[:1] if ranked[0] in high else [ranked[0], *high[:1]]
+    return [Stature(metres, HULL_SIGMA * metres) for metres in chosen]
 
-    ranked = [bodies[k] for k in np.argsort(side_by_side(error, bodies), kind="stable")]
-    chosen = ranked[:1] + ([] if is_high(ranked[0]) else list(filter(is_high, ranked))[:1])
-    found = [body.model.sizes.stature_m for body in chosen]
-    return [Stature(metres, HULL_SIGMA * metres) for metres in found]
+
+@dataclass(frozen=True)
+class _Bodies:
+    """Bodies of several statures, with the chest girth that is known, if it is."""
+
+    chest_m: float | None
+    voxel_size_m: float
+    backend: Backend
+
+    def of(self, metres: float, chest_m: float | None = None) -> BodyGeometry:
+        sizes = BodySizes(float(np.clip(metres, 0.6, 2.4)), chest_m or self.chest_m, "male")
+        return BodyGeometry.from_sizes(sizes, self.voxel_size_m, self.backend)
+
+    def scaled(self, body: BodyGeometry, scale: float) -> BodyGeometry:
+        """A body taller by a factor."""
+        return body if scale == 1 else self.of(body.model.sizes.stature_m * scale)
+
+    def filling(self, volume_m3: float, body: BodyGeometry) -> BodyGeometry:
+        """A body of usual girth with that of a hull of a volume."""
+        return self.of(body.model.sizes.stature_m, chest_from_hull(body.model, volume_m3))
+
+
+def _height_m(frame: FrameObservation) -> float:
+    levels = np.flatnonzero(frame.occupancy.any((0, 1)))
+    return float(np.ptp(levels) + 1) * frame.grid.voxel_size_m
+
+
+def _alike(first_m: float, second_m: float) -> bool:
+    return abs(np.log(first_m / second_m)) < np.log(_FAR)
+
+
+def _starts(
+    frame: FrameObservation, bodies: Sequence[BodyGeometry], matching: MatchSettings
+) -> list[RefineStart]:
+    """Postures that are searched with a few bodies, from which the others start."""
+    found = side_by_side(lambda body: find_pose(body, frame, matching, count=5)[:3], bodies)
+    return [RefineStart(fit.pose, SEARCHED) for fits in found for fit in fits]
