@@ -1,7 +1,7 @@
 """Printable calibration boards, to scale."""
 
+import io
 import math
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.atomic import write_whole
 from calib.board import Board
 from calib.errors import InputError
 
@@ -99,9 +100,9 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
         (page[0] - columns * square) / 2,
         _FOOT_M + (page[1] - _FOOT_M - rows * square) / 2,
     )
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     width, height = (length * _POINTS_PER_M for length in page)
-    canvas = Canvas(str(temporary), pagesize=(width, height), pageCompression=0, invariant=1)
+    sheet = io.BytesIO()
+    canvas = Canvas(sheet, pagesize=(width, height), pageCompression=0, invariant=1)
     canvas.scale(_POINTS_PER_M, _POINTS_PER_M)
     for x, y, side_x, side_y, level in _rectangles(board):
         canvas.setFillGray(level)
@@ -112,13 +113,8 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
     size = min(0.0035, 0.0035 * 0.9 * page[0] / canvas.stringWidth(text, "Helvetica", 0.0035))
     canvas.setFont("Helvetica", size)
     canvas.drawCentredString(page[0] / 2, 0.0115, text)
-    try:
-        canvas.save()
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    canvas.save()
+    write_whole(path, sheet.getvalue())
     return page
 
 

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calib.atomic_folder import FolderWriter  # noqa: F401
 from calib.camera import Camera, Rig  # noqa: F401
 from calib.files import read_rig, write_rig  # noqa: F401
 from voxelpose import InputError, Recording  # noqa: F401

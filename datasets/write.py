@@ -12,7 +12,17 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from clip import VIDEOS, CameraView, Clip, FrameReader, InputError, Recording, Rig, write_rig
+from clip import (
+    VIDEOS,
+    CameraView,
+    Clip,
+    FolderWriter,
+    FrameReader,
+    InputError,
+    Recording,
+    Rig,
+    write_rig,
+)
 from truth import crop_truth, write_truth
 
 _RATE_TOLERANCE = 0.01
@@ -34,31 +44,22 @@ def write(clip: Clip, out: Path, options: Namespace) -> str:
         InputError: the clip does not make a recording that can be opened, `out` stands in the way,
             or it cannot be written.
     """
-    check_out(out, options.source, options.overwrite)
-    beside = out.parent / f".{out.name}.{os.getpid()}"
-    old = out.parent / f".{out.name}.{os.getpid()}.old"
+    writer = check_out(out, options.source, options.overwrite)
     try:
-        beside.mkdir()
-        summary = _fill(beside, clip, options)
-        if out.exists():
-            out.rename(old)
-        beside.rename(out)
-    except InputError as error:
-        raise InputError(str(error).replace(str(beside), str(out))) from None
+        with writer as beside:
+            try:
+                summary = _fill(beside, clip, options)
+            except InputError as error:
+                raise InputError(str(error).replace(str(beside), str(out))) from None
     except OSError as error:
         raise InputError(
             f"{out} cannot be written: {error.strerror or error}: choose another place"
         ) from None
-    finally:
-        if old.exists() and not out.exists():
-            old.rename(out)
-        for folder in (beside, old):
-            shutil.rmtree(folder, ignore_errors=True)
     return f"{out}: {summary}"
 
 
-def check_out(out: Path, source: Path, overwrite: bool) -> None:
-    """Checks that `out` may be made.
+def check_out(out: Path, source: Path, overwrite: bool) -> FolderWriter:
+    """Returns the writer of `out`, once it is known that it may be made.
 
     Raises:
         InputError: it exists and may not be replaced, the source is in it, or it has no parent.
@@ -69,21 +70,16 @@ def check_out(out: Path, source: Path, overwrite: bool) -> None:
         raise InputError(
             f"{out} holds the data set itself: choose another folder for the recording"
         )
-    if not out.exists():
-        return
-    if not overwrite:
-        raise InputError(f"{out} exists: choose another folder, or replace it with --overwrite")
-    if "data_set" not in _metadata(out / "calibration.toml"):
-        raise InputError(
-            f"{out} was not made by this command: remove it yourself or choose another folder"
-        )
+    return FolderWriter(out, overwrite, _is_ours)
 
 
-def _metadata(calibration: Path) -> dict:
+def _is_ours(folder: Path) -> bool:
+    """Whether a folder was written by this command."""
     try:
-        return tomllib.loads(calibration.read_text(encoding="utf-8")).get("metadata", {})
+        calibration = (folder / "calibration.toml").read_text(encoding="utf-8")
+        return "data_set" in tomllib.loads(calibration).get("metadata", {})
     except (OSError, ValueError):
-        return {}
+        return False
 
 
 def _fill(folder: Path, clip: Clip, options: Namespace) -> str:

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import tomllib
-import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
+from calib.atomic_folder import FolderWriter
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
-from voxelpose.atomic import is_disk_full, unwritable
 
 SUMMARY = "summary.json"
 CALIBRATION = "calibration.toml"
@@ -99,19 +96,8 @@ def _plain(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-class ResultWriter:
-    """Context manager of a folder that is written whole or not at all.
-
-    with ResultWriter(out) as folder:
-        (folder / "joints.csv").write_text(...)
-
-    Inside the block, `folder` is a new folder beside `out`. It is renamed to `out` when the block
-    ends, and removed when the block raises, KeyboardInterrupt included. A full disk is reported as
-    an InputError.
-
-    Attributes:
-        out: the folder to be written.
-    """
+class ResultWriter(FolderWriter):
+    """Context manager of a result folder, which is written whole or not at all."""
 
     def __init__(
         self, out: Path | str, overwrite: bool = False, keep_out_of: Path | None = None
@@ -127,70 +113,7 @@ class ResultWriter:
         Raises:
             InputError: `out` exists and must not be replaced, or cannot be made.
         """
-        self.out = Path(out)
-        target = self.out.resolve()
-        if keep_out_of is not None and (
-            target == keep_out_of.resolve() or keep_out_of.resolve() in target.parents
-        ):
-            raise InputError(
-                f"{self.out} lies in the recording {keep_out_of}: give --out another place"
-            )
-        if self.out.is_symlink() or (self.out.exists() and not self.out.is_dir()):
-            raise InputError(f"{self.out} exists and is not a folder: give --out another name")
-        if self.out.exists() and any(self.out.iterdir()):
-            if not overwrite:
-                raise InputError(
-                    f"{self.out} exists: give --out another name, or add --overwrite to replace it"
-                )
-            if not is_result(self.out):
-                raise InputError(
-                    f"{self.out} exists and is not a result of voxelpose, so it is not overwritten:"
-                    " give --out another name"
-                )
-
-    def __enter__(self) -> Path:
-        target = self.out.resolve()
-        self._made = [parent for parent in target.parents if not parent.exists()]
-        self._partial = target.with_name(f"{target.name}.partial-{uuid.uuid4().hex[:8]}")
-        try:
-            self._partial.mkdir(parents=True)
-        except OSError as error:
-            raise unwritable(self.out, error) from error
-        return self._partial
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            try:
-                self._rename()
-                return
-            except OSError as failed:
-                error = failed
-        shutil.rmtree(self._partial, ignore_errors=True)
-        for parent in self._made:
-            try:
-                parent.rmdir()
-            except OSError:
-                break
-        if isinstance(error, OSError) and is_disk_full(error):
-            raise unwritable(self.out, error) from error
-        if kind is None:
-            raise error
-
-    def _rename(self) -> None:
-        target = self.out.resolve()
-        if not target.exists():
-            self._partial.rename(target)
-            return
-        old = self._partial.with_name(self._partial.name.replace(".partial-", ".old-"))
-        target.rename(old)
-        try:
-            self._partial.rename(target)
-        except OSError:
-            old.rename(target)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+        target = Path(out).resolve()
+        if keep_out_of is not None and target.is_relative_to(keep_out_of.resolve()):
+            raise InputError(f"{out} lies in the recording {keep_out_of}: give --out another place")
+        super().__init__(out, overwrite, is_result)

@@ -6,11 +6,12 @@ that does not state its unit is refused unless the caller states it.
 
 import json
 import os
-import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from calib.atomic import replacing, unwritable, write_together
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
@@ -98,23 +99,23 @@ def write_rig(
             )
     if style not in RIG_FORMATS:
         raise InputError(f"no calibration format {style!r}: choose one of {', '.join(RIG_FORMATS)}")
-    # The suffix stays last because OpenCV chooses its syntax by it.
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     options = {"notes": notes} if notes and style == "anipose" else {}
+    if style == "easymocap":
+        _write_easymocap(rig, target)
+        return
+    with replacing(target) as partial:
+        RIG_FORMATS[style].write(rig, partial, **options)
+
+
+def _write_easymocap(rig: Rig, folder: Path) -> None:
+    with tempfile.TemporaryDirectory() as scratch:
+        write_easymocap(rig, Path(scratch) / "rig")
+        files = {file.name: file.read_bytes() for file in (Path(scratch) / "rig").iterdir()}
     try:
-        RIG_FORMATS[style].write(rig, temporary, **options)
-        if temporary.is_dir():
-            target.mkdir(exist_ok=True)
-            for file in temporary.iterdir():
-                file.replace(target / file.name)
-        else:
-            temporary.replace(target)
+        folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise InputError(f"{target}: cannot write: {error.strerror or error}") from None
-    finally:
-        if temporary.is_dir():
-            shutil.rmtree(temporary)
-        temporary.unlink(missing_ok=True)
+        raise unwritable(folder, error) from error
+    write_together({folder / name: content for name, content in files.items()})
 
 
 def _reader(source: Source) -> Callable[[Source], Rig]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from array import array
 from collections.abc import Iterator
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.upright import Z_UP, UprightFrame
+from silhouette_core.scratch_file import ScratchFile
 
 COUNT = 5
 """Largest number of hypotheses that are stored of a frame."""
@@ -25,7 +25,7 @@ class HypothesisStore:
             upright: the frame in which joints are given; None: the world, in which they are stored.
         """
         self._upright = upright or UprightFrame.from_up(Z_UP)
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115
+        self._file = ScratchFile()
         self._frames, self._counts = array("q"), array("q")
 
     def put(
@@ -36,13 +36,15 @@ class HypothesisStore:
         rows = np.concatenate(
             [probability[:, None], joints_m.reshape(len(probability), -1)], axis=1
         )
-        self._file.write(rows.astype(np.float32).tobytes())
+        self._file.append(rows.astype(np.float32).tobytes())
         self._frames.append(frame)
         self._counts.append(len(rows))
 
     def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
         """Yields frame number, probabilities (n,) and joints (n, 15, 3), world, m."""
-        self._file.seek(0)
+        start = 0
         for frame, count in zip(self._frames, self._counts, strict=True):
-            rows = np.frombuffer(self._file.read(count * 46 * 4), np.float32).reshape(count, 46)
+            size = count * 46 * 4
+            rows = np.frombuffer(self._file.read_at(start, size), np.float32).reshape(count, 46)
+            start += size
             yield frame, rows[:, 0], rows[:, 1:].reshape(count, 15, 3)

@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from calib.atomic import write_whole
 from calib.errors import InputError
 
 Arrays = Mapping[str, NDArray]
 _INPUTS = "inputs.json"
+_INPUTS_OF_STEP = "inputs"
 
 
 class Checkpoint:
-    """Folder of the finished steps of a build; steps of other inputs are deleted."""
+    """Folder of the finished steps of a build; steps of other inputs do not count."""
 
     def __init__(self, folder: Path | None, inputs: str) -> None:
         """Opens or creates the folder.
@@ -32,6 +34,7 @@ class Checkpoint:
             InputError: the folder cannot be made, or holds other files.
         """
         self.folder = folder
+        self._inputs = np.frombuffer(inputs.encode(), np.uint8)
         if folder is None:
             return
         try:
@@ -52,22 +55,20 @@ class Checkpoint:
         if self.folder is None:
             return None
         try:
-            return load((self.folder / f"{name}.safetensors").read_bytes())
+            arrays = load((self.folder / f"{name}.safetensors").read_bytes())
         except (OSError, SafetensorError):
             return None
+        inputs = arrays.pop(_INPUTS_OF_STEP, None)
+        return arrays if inputs is not None and np.array_equal(inputs, self._inputs) else None
 
     def save(self, name: str, arrays: Arrays) -> None:
         """Saves the arrays of a step, atomically."""
         if self.folder is None:
             return
-        path = self.folder / f"{name}.safetensors"
-        try:
-            path.with_suffix(".part").write_bytes(
-                save({key: np.ascontiguousarray(array) for key, array in arrays.items()})
-            )
-            path.with_suffix(".part").replace(path)
-        except OSError as error:
-            raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+        kept = {key: np.ascontiguousarray(array) for key, array in arrays.items()}
+        write_whole(
+            self.folder / f"{name}.safetensors", save(kept | {_INPUTS_OF_STEP: self._inputs})
+        )
 
     def step(self, name: str, make: Callable[[], Arrays]) -> Arrays:
         """Arrays of a step, computed by `make` and saved if it is not finished."""

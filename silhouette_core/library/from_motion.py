@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.atomic_folder import claimed
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.library.base_poses import base_poses
@@ -92,7 +93,8 @@ def make_library(
         The library, opened from its file.
 
     Raises:
-        InputError: there is no motion, or the file is no library or cannot be written.
+        InputError: there is no motion, the file is no library or cannot be written, or another
+            process is building it.
     """
     reporter = reporter or SilentReporter()
     if path.is_dir() or (path.exists() and not is_library(path)):
@@ -108,12 +110,14 @@ def make_library(
         f" {len(bases.angles) * settings.views_count} samples"
     )
     partial = path.with_name(f"{path.name}.partial")
-    library = build_library(bases, model, settings, reporter, partial, workers)
-    if settings.proposal:
-        learning = replace(learning or LearningSettings(), mirror=settings.mirror)
-        library = replace(library, proposal=_learned(motions, model, learning, partial, reporter))
-    write_library(library, path)
-    Checkpoint.remove(partial)
+    with claimed(path):
+        library = build_library(bases, model, settings, reporter, partial, workers)
+        if settings.proposal:
+            learning = replace(learning or LearningSettings(), mirror=settings.mirror)
+            proposal = _learned(motions, model, learning, partial, reporter)
+            library = replace(library, proposal=proposal)
+        write_library(library, path)
+        Checkpoint.remove(partial)
     return read_library(path)
 
 

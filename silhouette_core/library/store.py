@@ -6,9 +6,10 @@ memory than the parts that are used. The metadata hold checksums of all arrays a
 
 from __future__ import annotations
 
+import errno
 import json
 import mmap
-import uuid
+import re
 import zlib
 from dataclasses import asdict
 from pathlib import Path
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
+from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -102,14 +104,12 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         "about": text,
         "about_checksum": str(zlib.crc32(text.encode())),
     }
-    beside = path.with_name(f"{path.name}.partial-{uuid.uuid4().hex[:8]}")
-    try:
-        save_file(arrays, beside, metadata)
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacing(path) as partial:
+        try:
+            save_file(arrays, partial, metadata)
+        except SafetensorError as error:  # the system's error, as text
+            number = re.search(r"os error (\d+)", str(error))
+            raise OSError(int(number[1]) if number else errno.EIO, str(error)) from error
 
 
 def is_library(path: Path) -> bool:

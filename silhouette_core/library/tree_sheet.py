@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.errors import InputError
+from calib.atomic import write_whole
 from silhouette_core.library.pose_library import PoseLibrary
 
 _ROWS, _ACROSS = 9, 10
@@ -43,10 +43,7 @@ def write_sheet(library: PoseLibrary, path: Path) -> None:
         ]
     )
     coded, buffer = cv2.imencode(".png", sheet)
-    try:
-        path.write_bytes(buffer.tobytes() if coded else b"")
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    write_whole(path, buffer.tobytes() if coded else b"")
 
 
 def _samples_of_first_level(library: PoseLibrary) -> list[NDArray[np.int32]]:

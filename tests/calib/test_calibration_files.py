@@ -90,7 +90,7 @@ def test_unknown_styles_suffixes_and_folders_are_refused(tmp_path):
     with pytest.raises(InputError, match="no calibration format 'abc': choose one of anipose"):
         write_rig(some_rig(PINHOLE), tmp_path / "rig.txt", style="abc")
     for name in ("rig.toml", "rig.yml", "rig", "rig.txt"):
-        with pytest.raises(InputError, match="cannot write"):
+        with pytest.raises(InputError, match="cannot be written"):
             write_rig(some_rig(PINHOLE), tmp_path / "missing" / name)
 
 

@@ -113,7 +113,7 @@ def test_videos_of_different_length(source, tmp_path, convert):
 def test_overwriting(source, tmp_path, convert, refuse):
     out = tmp_path / "out"
     convert("plain", source, out, *HOW)
-    assert "replace it with --overwrite" in refuse("plain", source, out, *HOW)
+    assert "add --overwrite to replace it" in refuse("plain", source, out, *HOW)
     convert("plain", source, out, *HOW, "--overwrite", "--cameras", "view1")
     assert Recording.open(out).rig.names == ("cam_view1",)
     other = tmp_path / "mine"

@@ -26,7 +26,7 @@ def names(folder):
 def test_appears_at_the_end_under_its_name(tmp_path):
     with ResultWriter(tmp_path / "a" / "out") as folder:
         (folder / SUMMARY).write_text('{"voxelpose": "1"}')
-        assert names(tmp_path / "a") == [folder.name]
+        assert names(tmp_path / "a") == [".out.lock", folder.name]
     assert names(tmp_path / "a") == ["out"]
     assert is_result(tmp_path / "a" / "out")
 

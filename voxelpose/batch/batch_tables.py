@@ -12,7 +12,7 @@ import cv2
 import jinja2
 import numpy as np
 
-from voxelpose.atomic import replacing
+from calib.atomic import replacing
 from voxelpose.batch.run import Outcome
 from voxelpose.reliability import Verdict, verdict_of
 from voxelpose.report.page import REPORT

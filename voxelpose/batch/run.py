@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
+from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.workers import WorkerEndedError, open_workers
-from voxelpose.atomic import replacing
 from voxelpose.batch.jobs import Job
 from voxelpose.batch.pieces import PIECES, join_pieces, pieces_of
 from voxelpose.evaluation import TRUTH, evaluate

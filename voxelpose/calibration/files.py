@@ -1,14 +1,13 @@
 """Output files of a calibration: the calibration itself, a report and a picture."""
 
-import os
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from calib.atomic import replacing, write_whole
 from calib.camera import Rig
-from calib.errors import InputError
 from calib.files import write_rig
-from voxelpose.atomic import replacing
 from voxelpose.results import as_json
 from voxelpose.view.images.canvas import Image, png
 
@@ -24,8 +23,7 @@ def write_png(picture: Image, path: Path) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    with replacing(path) as partial:
-        partial.write_bytes(png(picture))
+    write_whole(path, png(picture))
 
 
 def write_calibration(
@@ -42,18 +40,10 @@ def write_calibration(
     Raises:
         InputError: A file cannot be written.
     """
-    partials = {path: path.with_name(f".{path.name}.{os.getpid()}") for path in others}
-    try:
+    with ExitStack() as complete:
         for path, content in others.items():
-            partials[path].write_bytes(content)
+            complete.enter_context(replacing(path)).write_bytes(content)
         write_rig(rig, out, notes=notes)
-        for path, partial in partials.items():
-            partial.replace(path)
-    except OSError as error:
-        raise InputError(f"{out}: cannot write: {error.strerror or error}") from None
-    finally:
-        for partial in partials.values():
-            partial.unlink(missing_ok=True)
 
 
 def report_json(document: Mapping[str, object]) -> bytes:

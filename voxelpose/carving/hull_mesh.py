@@ -1,6 +1,5 @@
 """Surface mesh of a voxel body, and PLY files."""
 
-import os
 from pathlib import Path
 from typing import Literal
 
@@ -8,8 +7,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from calib.atomic import replacing
 from calib.checks import check_array
-from calib.errors import InputError
 from voxelpose.carving.grid import VoxelGrid
 
 _RELAXATIONS = 5
@@ -80,15 +79,8 @@ def write_ply(
         shape = trimesh.Trimesh(vertices, faces, process=False)
     else:
         shape = trimesh.PointCloud(grid.occupied_points(occupancy))
-    target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        with beside.open("wb") as file:
-            shape.export(file, file_type="ply")
-        beside.replace(target)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise InputError(f"{target} cannot be written: {error.strerror}") from None
+    with replacing(Path(path)) as partial, partial.open("wb") as file:
+        shape.export(file, file_type="ply")
 
 
 def _quads(padded: NDArray[np.bool_], number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from calib.atomic_folder import FolderWriter
 from calib.errors import InputError
 from voxelpose.demo.filming import make_recording
 from voxelpose.demo.measurements import Measurements
@@ -59,17 +58,12 @@ class Recipe:
         """
         stamp = folder / _STAMP
         if not stamp.is_file() or stamp.read_text(encoding="utf-8") != str(self):
-            partial = folder.with_name(f".{folder.name}.{os.getpid()}")
             names = [f"cam_{number}" for number in self.cameras]
-            try:
+            with FolderWriter(folder, overwrite=True) as partial:
                 make_recording(
                     partial, self.frames, self.seed, self.performance, names, self.person
                 )
                 (partial / _STAMP).write_text(str(self), encoding="utf-8")
-                shutil.rmtree(folder, ignore_errors=True)
-                partial.rename(folder)
-            finally:
-                shutil.rmtree(partial, ignore_errors=True)
         return folder
 
 

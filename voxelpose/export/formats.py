@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import shutil
-import uuid
 from collections.abc import Iterable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from calib.atomic import replacing, unwritable
 from calib.errors import InputError
 from silhouette_core.motion.motion import Motion
-from voxelpose.atomic import unwritable
 
 # Files of every format, each with the module and the function that write it.
 _WRITERS = {
@@ -59,19 +58,17 @@ def export_motion(
                 raise InputError(
                     f"{folder / name} exists: give --out another folder, or add --overwrite"
                 )
-    remove = not folder.exists()
-    partial = folder / f".export-{uuid.uuid4().hex[:8]}"
+    made = not folder.exists()
     try:
-        partial.mkdir(parents=True)
-        for name, (module, function) in files.items():
-            getattr(importlib.import_module(f"voxelpose.export.{module}"), function)(
-                motion, partial / name
-            )
-        for name in files:
-            (partial / name).replace(folder / name)
-        remove = False
+        folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as complete:
+            for name, (module, function) in files.items():
+                writer = getattr(importlib.import_module(f"voxelpose.export.{module}"), function)
+                writer(motion, complete.enter_context(replacing(folder / name)))
     except OSError as error:
         raise unwritable(folder, error) from error
     finally:
-        shutil.rmtree(folder if remove else partial, ignore_errors=True)
+        if made:
+            with suppress(OSError):  # it holds something
+                folder.rmdir()
     return [folder / name for name in files]

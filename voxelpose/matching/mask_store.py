@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
+
+from silhouette_core.scratch_file import ScratchFile
 
 
 class MaskStore:
@@ -20,45 +19,49 @@ class MaskStore:
 
     def __init__(self, sizes: list[tuple[int, int]], count: int):
         """Creates the scratch files; `close` or the end of the process removes them."""
-        self._folder = tempfile.TemporaryDirectory(prefix="voxelpose-")
         self._widths = [width for width, _ in sizes]
-        self._bits = [
-            np.memmap(
-                Path(self._folder.name) / f"{c}.bits",
-                np.uint8,
-                "w+",
-                shape=(count, height, (width + 7) // 8),
-            )
-            for c, (width, height) in enumerate(sizes)
-        ]
+        self._shapes = [(height, (width + 7) // 8) for width, height in sizes]
+        self._files = [ScratchFile() for _ in sizes]
+        self._count = count
 
     def __len__(self) -> int:
         """Number of frames."""
-        return len(self._bits[0])
+        return self._count
 
     def __getitem__(self, t: int) -> list[np.ndarray]:
-        """Silhouettes (h, w) bool of one frame, one per camera."""
+        """Silhouettes (h, w) bool of one frame, one per camera; empty before they are stored."""
         return [
-            np.unpackbits(bits[t], axis=1, count=width).view(bool)
-            for bits, width in zip(self._bits, self._widths, strict=True)
+            np.unpackbits(
+                np.frombuffer(self._bits(camera, t), np.uint8).reshape(shape), axis=1, count=width
+            ).view(bool)
+            for camera, (shape, width) in enumerate(zip(self._shapes, self._widths, strict=True))
         ]
 
     def put(self, t: int, masks: list[np.ndarray]) -> None:
         """Stores one frame's silhouettes, (h, w) bool, one per camera."""
-        for bits, mask in zip(self._bits, masks, strict=True):
-            bits[t] = np.packbits(mask, axis=1)
+        for camera, mask in enumerate(masks):
+            self._put(camera, t, np.packbits(mask, axis=1).tobytes())
 
     def advance(self, camera: int, frames: int) -> None:
         """Gives each frame the silhouette that a camera showed so many frames later, as far as
         there are any; earlier where negative.
         """
-        bits = self._bits[camera]
-        last = len(bits) - 1
+        last = self._count - 1
         order = range(last + 1) if frames > 0 else range(last, -1, -1)
         for t in order:
-            bits[t] = bits[min(max(t + frames, 0), last)]
+            self._put(camera, t, self._bits(camera, min(max(t + frames, 0), last)))
 
     def close(self) -> None:
         """Removes the scratch files."""
-        self._bits.clear()
-        self._folder.cleanup()
+        for file in self._files:
+            file.close()
+
+    def _bits(self, camera: int, t: int) -> bytes:
+        height, row = self._shapes[camera]
+        if not 0 <= t < self._count:
+            raise IndexError(f"there is no frame {t} of {self._count}")
+        return self._files[camera].read_at(t * height * row, height * row)
+
+    def _put(self, camera: int, t: int, bits: bytes) -> None:
+        height, row = self._shapes[camera]
+        self._files[camera].write_at(t * height * row, bits)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 import zlib
 from collections.abc import Sequence
-from threading import Lock
 
 import numpy as np
 
 from silhouette_core.read_ahead import side_by_side
+from silhouette_core.scratch_file import ScratchFile
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.observe import FrameObservation, HullComponents, HullObserver
@@ -32,8 +31,7 @@ class ObservationStore:
         self._masks = masks
         self._components: dict[int, HullComponents] = {}
         self._hulls: dict[tuple[int, int], tuple[VoxelGrid, int, int]] = {}
-        self._lock = Lock()
-        self._file = tempfile.TemporaryFile(prefix="voxelpose-")  # noqa: SIM115
+        self._file = ScratchFile()
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -64,10 +62,7 @@ class ObservationStore:
             grid = self.observer.window(self._components[t], body)
             self._hulls[t, body] = self._kept(grid, self._packed(t, grid))
         grid, start, size = self._hulls[t, body]
-        with self._lock:
-            self._file.seek(start)
-            packed = self._file.read(size)
-        bits = np.frombuffer(zlib.decompress(packed), np.uint8)
+        bits = np.frombuffer(zlib.decompress(self._file.read_at(start, size)), np.uint8)
         shapes = [*(camera.size[::-1] for camera in self.observer.views.rig), grid.shape]
         ends = np.cumsum([np.prod(shape) for shape in shapes])
         arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
@@ -84,6 +79,4 @@ class ObservationStore:
         return zlib.compress(bits.tobytes(), 1)
 
     def _kept(self, grid: VoxelGrid, packed: bytes) -> tuple[VoxelGrid, int, int]:
-        with self._lock:
-            start = self._file.seek(0, 2)
-            return grid, start, self._file.write(packed)
+        return grid, self._file.append(packed), len(packed)

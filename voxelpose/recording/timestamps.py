@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.atomic import replacing
 from calib.errors import InputError
-from voxelpose.atomic import replacing
 from voxelpose.recording.frame_reader import FrameReader
 
 TIMESTAMPS = "timestamps.csv"

@@ -13,10 +13,10 @@ import cv2
 import jinja2
 import numpy as np
 
+from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.progress import Reporter, SilentReporter
-from voxelpose.atomic import replacing
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview

@@ -57,14 +57,6 @@ def test_what_is_kept_comes_back_as_it_was():
         store.close()
 
 
-def test_scratch_files_vanish(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    store = MaskStore([(10, 10)], 1)
-    assert len(list(tmp_path.iterdir())) == 1
-    store.close()
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_hull_holds_the_body(observer, masks):
     observed = observer.observe(masks)
     assert observed is not None and observed.occupancy.shape == observed.grid.shape

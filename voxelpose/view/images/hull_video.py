@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.atomic import replacing, write_whole
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
-from voxelpose.atomic import replacing, unwritable
 from voxelpose.view.images.canvas import FAINT, png, write_text
 from voxelpose.view.images.figure import skeleton_bones
 from voxelpose.view.images.hull_picture import Skeleton, hull_picture
@@ -42,8 +41,7 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
     if scene.hull is None:
         raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
     picture = hull_picture(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene))
-    with replacing(path) as partial:
-        partial.write_bytes(png(picture))
+    write_whole(path, png(picture))
     return scene.hull.litres(scene.hull.occupancy)
 
 
@@ -66,9 +64,22 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
     low, high = reach.min((0, 1)) - _MARGIN_M, reach.max((0, 1)) + _MARGIN_M
     if path.suffix != ".webm":
         raise InputError(f"{path} must end in .webm: that is the format of the video")
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.webm")
-    writer, count = None, 0
     reporter.stage("film", len(scenes.frames))
+    with replacing(path) as partial:
+        return _write_pages(scenes, partial, (low, high), reporter)
+
+
+def _write_pages(
+    scenes: ResultScenes,
+    path: Path,
+    reach_m: tuple[NDArray[np.float64], NDArray[np.float64]],
+    reporter: Reporter,
+) -> int:
+    """Writes the frames that have a hull, seen as far as `reach_m` around the pelvis; returns their
+    number.
+    """
+    motion, writer = scenes.motion, None
+    assert motion is not None
     try:
         for frame in scenes.frames.tolist():
             scene = scenes.scene(frame)
@@ -76,22 +87,17 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
                 raise InputError(scenes.missing)
             if scene.hull is not None:
                 middle = motion.root_m[np.abs(motion.frames - frame).argmin()]
-                picture = _page(scene, scene.hull, (middle + low, middle + high))
-                writer = writer or WebmWriter(partial, scenes.fps, picture.shape[1::-1])
+                picture = _page(scene, scene.hull, (middle + reach_m[0], middle + reach_m[1]))
+                writer = writer or WebmWriter(path, scenes.fps, picture.shape[1::-1])
                 writer.write(picture)
-                count += 1
             reporter.advance()
         if writer is None:
             raise InputError("no frame has a hull: look at the silhouettes with `voxelpose carve`")
         writer.close()
-        partial.replace(path)
-    except OSError as error:
-        raise unwritable(path, error) from error
+        return writer.frames
     finally:
         if writer is not None:
             writer.release()
-        partial.unlink(missing_ok=True)
-    return count
 
 
 def _page(
