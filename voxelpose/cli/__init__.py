@@ -5,6 +5,7 @@ Slow imports are left to the commands' `run`, so that help is printed at once.
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import shutil
@@ -12,10 +13,13 @@ import signal
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from calib.atomic import written_paths
 from calib.errors import InputError
+from voxelpose.cli.terminal import VisibleStream, message
 
 COMMANDS = {
     "demo": "render a small recording, fit it and score it: a first result",
@@ -46,6 +50,16 @@ examples:
   voxelpose COMMAND --help                             arguments of a command
 """
 
+# Reasons of the system that are no bug, wherever they appear.
+_OF_THE_SYSTEM = (
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENAMETOOLONG,
+    errno.ELOOP,
+    errno.ENOSPC,
+    errno.EDQUOT,
+)
 _USER_ERROR = 2
 _INTERRUPTED = 130
 _READER_GONE = 141
@@ -65,6 +79,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # SIGTERM, as sent by job schedulers, cleans up like Ctrl-C.
     signal.signal(signal.SIGTERM, _interrupt)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        stream.reconfigure(errors="backslashreplace")  # what the terminal's encoding lacks
+        setattr(sys, name, VisibleStream(stream))
     try:
         try:
             code = run(sys.argv[1:] if arguments is None else arguments)
@@ -103,17 +121,31 @@ def run(arguments: Sequence[str]) -> int:
             raise InputError(
                 f"there is no command {name!r}: the commands are {', '.join(COMMANDS)}"
             )
+        _check_names([*rest, str(Path.cwd())])
         return _parse(name, rest).run()
     except InputError as error:
-        print(f"voxelpose: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"voxelpose: {message(error)}", file=sys.stderr)
+        return _USER_ERROR
+    except OSError as error:
+        if error.errno not in _OF_THE_SYSTEM or error.filename is None:
+            raise
+        print(f"voxelpose: {message(f'{error.filename}: {error.strerror}')}", file=sys.stderr)
         return _USER_ERROR
     except KeyboardInterrupt as interrupt:
-        print(
-            f"voxelpose: interrupted{''.join(f' {word}' for word in interrupt.args)}; nothing was"
-            " written",
-            file=sys.stderr,
-        )
+        written = [str(path) for path in written_paths()]
+        state = f"written before: {', '.join(written)}" if written else "nothing was written"
+        words = "".join(f" {word}" for word in interrupt.args)
+        print(f"voxelpose: {message(f'interrupted{words}; {state}')}", file=sys.stderr)
         return _INTERRUPTED
+
+
+def _check_names(words: Sequence[str]) -> None:
+    """Raises InputError where a name is no text: neither OpenCV nor a file of ours can hold it."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            raise InputError(f"the name {word} is not UTF-8: rename it") from None
 
 
 def _parse(name: str, words: list[str]):

@@ -21,6 +21,7 @@ from voxelpose.cli.arguments import (
     frames_of,
     refuse_existing,
 )
+from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.check import Check
@@ -98,10 +99,9 @@ Exit code 0: all cameras agree; 1: one does not.
 
 def print_check(check: Check) -> None:
     """Prints one line per camera, the faults and their remedies."""
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = rich_console()
     table = Table(
         "camera", "off by, px", "the others, px", "planes", "", box=None, padding=(0, 2, 0, 0)
     )
@@ -117,15 +117,19 @@ def print_check(check: Check) -> None:
         if bad:
             verdict = "[red]does not agree[/red]"
         table.add_row(
-            line.camera, f"{line.error_px:.1f}", f"{line.others_px:.1f}", str(line.planes), verdict
+            plain(line.camera),
+            f"{line.error_px:.1f}",
+            f"{line.others_px:.1f}",
+            str(line.planes),
+            verdict,
         )
     console.print(table)
-    console.print(check.agreement.summary, soft_wrap=True)
+    console.print(plain(check.agreement.summary), soft_wrap=True)
     for repair in check.repairs:
-        console.print(f"[bold]{repair.summary}[/bold]", soft_wrap=True)
-        console.print(f"  {remedy(check, repair.camera)}", soft_wrap=True)
+        console.print(f"[bold]{plain(repair.summary)}[/bold]", soft_wrap=True)
+        console.print(f"  {plain(remedy(check, repair.camera))}", soft_wrap=True)
     if check.after is not None:
-        console.print(f"with that put right: {check.after.summary}", soft_wrap=True)
+        console.print(f"with that put right: {plain(check.after.summary)}", soft_wrap=True)
     if not check.agreement.agrees and not check.repairs and len(check.agreement.table) > 2:
         console.print(
             "calibrate again; if the videos were not started together, first `voxelpose calibrate"
@@ -133,7 +137,7 @@ def print_check(check: Check) -> None:
             soft_wrap=True,
         )
     for note in check.notes:
-        console.print(f"note: {note}", soft_wrap=True)
+        console.print(f"note: {plain(note)}", soft_wrap=True)
 
 
 def remedy(check: Check, camera: str) -> str:

@@ -18,6 +18,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
+from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
@@ -103,21 +104,20 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = rich_console()
     table = Table(
         "camera", "fps", "late by, frames", "ms", "+- ms (95 %)", box=None, padding=(0, 2, 0, 0)
     )
     for line in sync.result.offsets:
+        named = plain(line.camera), f"{sync.fps[line.camera]:g}"
         if line.camera == sync.result.reference:
-            table.add_row(line.camera, f"{sync.fps[line.camera]:g}", "its clock counts", "", "")
+            table.add_row(*named, "its clock counts", "", "")
         else:
             interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
             table.add_row(
-                line.camera,
-                f"{sync.fps[line.camera]:g}",
+                *named,
                 f"{line.frames:+.2f}",
                 f"{1000 * line.offset_s:+.1f}",
                 interval,

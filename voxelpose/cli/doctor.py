@@ -3,37 +3,50 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from tyro.conf import arg
+
+from voxelpose.cli.terminal import plain, rich_console
 
 
 @dataclass(frozen=True)
 class Doctor:
-    """Arguments of `voxelpose doctor`: none."""
+    """Arguments of `voxelpose doctor`."""
 
     help: ClassVar[str] = """Checks what works on this machine, with remedies for the rest.
 
 Exit code 0: fitting works; 1: something that fitting needs does not work.
 
   voxelpose doctor
+  voxelpose doctor --clean .
 """
 
+    clean: Annotated[tuple[Path, ...], arg(metavar="FOLDER...", help_behavior_hint="")] = ()
+    """Check nothing, but remove what killed runs left in these folders: results and files
+    that were being written when they ended."""
+
     def run(self) -> int:
-        """Runs all checks and prints their results; returns the exit code."""
-        from rich.console import Console
+        """Runs all checks and prints their results, or cleans up; returns the exit code."""
+        if self.clean:
+            return self._clean()
         from rich.table import Table
 
         from voxelpose.machine_checks import examine
         from voxelpose.version import __version__
 
-        console = Console(highlight=False)
+        console = rich_console()
         with console.status("checking ..."):
             checks = examine()
         colours = {"works": "green", "limited": "yellow", "fails": "red"}
         table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
         for check in checks:
-            table.add_row(f"[{colours[check.state]}]{check.state}[/]", check.name, check.found)
+            table.add_row(
+                f"[{colours[check.state]}]{check.state}[/]", check.name, plain(check.found)
+            )
             if check.remedy:
-                table.add_row("", "", f"[bold]-> {check.remedy}[/bold]")
+                table.add_row("", "", f"[bold]-> {plain(check.remedy)}[/bold]")
         console.print(f"voxelpose {__version__}")
         console.print(table)
         states = [check.state for check in checks]
@@ -47,3 +60,13 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
         else:
             console.print("everything works")
         return 1 if failing else 0
+
+    def _clean(self) -> int:
+        from calib.atomic_folder import remove_leftovers
+
+        removed = [path for folder in self.clean for path in remove_leftovers(folder)]
+        for path in removed:
+            print(f"removed {path}")
+        if not removed:
+            print("killed runs have left nothing there")
+        return 0

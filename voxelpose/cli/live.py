@@ -165,8 +165,8 @@ Ctrl-C ends the session.
         Raises:
             InputError: an argument is wrong, or two exclude each other.
         """
-        from voxelpose.live.gate import check_access
         from voxelpose.live.receiver_address import parse_receiver
+        from voxelpose.view.serving.gate import check_access
 
         if self.camera is not None and self.cameras is not None:
             raise InputError("--camera and --cameras exclude each other: give one of them")
@@ -186,7 +186,7 @@ Ctrl-C ends the session.
     def _page(self, session: LiveSession, senders: Senders) -> Page:
         """Serves the page, and opens it."""
         from voxelpose.live.live_page import Page, PageAccess
-        from voxelpose.view.viewer.browser import Address
+        from voxelpose.view.serving.page_server import Address
 
         access = PageAccess(Address(self.host, self.port), self.token)
         page = Page(session, session.settings.rig.cameras, access, lambda: senders.states)

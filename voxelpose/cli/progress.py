@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 
 import silhouette_core
+from voxelpose.cli.terminal import message, plain, rich_console
 
 
 class Progress:
@@ -23,7 +24,6 @@ class Progress:
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
         if sys.stderr.isatty():
-            from rich.console import Console
             from rich.progress import (
                 BarColumn,
                 MofNCompleteColumn,
@@ -41,7 +41,10 @@ class Progress:
                 MofNCompleteColumn(),
             )
             self._bar = Bar(
-                *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)
+                *columns,
+                TimeElapsedColumn(),
+                TimeRemainingColumn(),
+                console=rich_console(stderr=True),
             )
 
     def __enter__(self) -> Progress:
@@ -77,9 +80,9 @@ class Progress:
 
     def note(self, text: str) -> None:
         """Writes a line above the progress bars."""
-        line = f"note: {text}"
+        line = message(f"note: {text}")
         if self._bar is not None:
-            self._bar.console.print(line, highlight=False)
+            self._bar.console.print(plain(line))
         else:
             print(line, file=sys.stderr, flush=True)
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from voxelpose.cli.terminal import plain, rich_console
+
 if TYPE_CHECKING:
     from rich.status import Status
 
@@ -22,9 +24,7 @@ class StateLine:
         self._line: Status | None = None
         self._said: tuple[str, ...] = ()
         if sys.stderr.isatty():
-            from rich.console import Console
-
-            self._line = Console(stderr=True, highlight=False).status("")
+            self._line = rich_console(stderr=True).status("")
             self._line.start()
 
     def show(self, state: SessionState) -> None:
@@ -34,7 +34,7 @@ class StateLine:
             numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
             if np.isfinite(state.latency_s):
                 numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
-            self._line.update("; ".join([state.message, numbers, *wrong]))
+            self._line.update(plain("; ".join([state.message, numbers, *wrong])))
             return
         # Seconds that count down are no news.
         message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
@@ -50,10 +50,9 @@ class StateLine:
 
 def print_session(session: LiveSession) -> None:
     """Prints frames, dropped frames and the durations of the stages of a session."""
-    from rich.console import Console
     from rich.table import Table
 
-    console, state = Console(highlight=False), session.state
+    console, state = rich_console(), session.state
     table = Table("stage", "min ms", "max ms", "mean ms", "median ms", "95 % ms", "99 % ms")
     table.box, table.padding = None, (0, 2, 0, 0)
     for name, spent in session.times.summary().items():

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.table import Table
 
+from voxelpose.cli.terminal import plain, rich_console
 from voxelpose.reliability import verdict_of
 
 if TYPE_CHECKING:
@@ -25,8 +25,9 @@ _FILES = (
 
 def print_result(result: Result) -> None:
     """Prints the number of poses, timings, quality and files of a result."""
-    console = Console(highlight=False)
+    console = rich_console()
     summary: Any = result.summary
+    folder = plain(result.folder)
     frames, seconds = summary["frames"], summary["seconds"]
     count = frames["with_pose"] + len(frames["lost"])
     console.print(
@@ -37,22 +38,22 @@ def print_result(result: Result) -> None:
     for name, range_s in seconds["stages"].items():
         if "median" in range_s:
             values = (f"{1000 * range_s[key]:.1f}" for key in ("min", "median", "max"))
-            stages.add_row(name, *values)
+            stages.add_row(plain(name), *values)
     if stages.row_count:
         console.print(stages)
     for name, values in summary["quality"].items():
         if "median" in values:
             low, median, high = (f"{values[key]:.3f}" for key in ("min", "median", "max"))
-            console.print(f"{name}: median {median}, from {low} to {high}")
-    console.print(f"[bold]{result.folder}[/bold]", soft_wrap=True)
+            console.print(f"{plain(name)}: median {median}, from {low} to {high}")
+    console.print(f"[bold]{folder}[/bold]", soft_wrap=True)
     for pattern, meaning in _FILES:
         if any(result.folder.glob(pattern)):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
     verdict = verdict_of(summary)
-    console.print(f"to see it in three dimensions: voxelpose view {result.folder}", soft_wrap=True)
-    console.print(f"to assess its quality: voxelpose report {result.folder}", soft_wrap=True)
+    console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
+    console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
     colour = "green" if verdict.level == "reliable" else "yellow"
-    words = f": {verdict.reason}" if verdict.reason else ""
+    words = f": {plain(verdict.reason)}" if verdict.reason else ""
     console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
 
 
@@ -78,7 +79,7 @@ def print_score(score: Score) -> None:
         ),
     ):
         table.add_row(f"[bold]{value}[/bold]", meaning)
-    console = Console(highlight=False)
+    console = rich_console()
     console.print(table)
     if score.joint_root_mm:
         worst = sorted(zip(score.joint_root_mm, LANDMARK_NAMES, strict=True), reverse=True)[:3]

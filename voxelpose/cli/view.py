@@ -47,9 +47,11 @@ cameras and hull are shown.
     video: OptionalFile = None
     """WebM of all frames to be written instead; no screen is needed."""
     host: Annotated[str, arg(metavar="NAME")] = "localhost"
-    """Address at which the page is served; 0.0.0.0 makes it visible to everyone in your network."""
+    """Address at which the page is served; any but this machine's own needs --token."""
     port: Annotated[int, arg(metavar="N")] = 8080
     """Port of the page; the next free one if it is taken."""
+    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
+    """Word without which the page is not shown; part of the address that is printed."""
     browser: bool = True
     """Open the page; --no-browser only prints its address."""
     recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
@@ -63,6 +65,10 @@ cameras and hull are shown.
         """Shows or writes the scenes; returns the exit code."""
         refuse_existing([self.png], self.overwrite, "--png")
         refuse_existing([self.video], self.overwrite, "--video")
+        if not (self.open3d or self.png or self.video):
+            from voxelpose.view.serving.gate import check_access
+
+            check_access(self.host, self.token)
         if self.open3d:
             from voxelpose.view.open3d_import import import_open3d
 
@@ -133,9 +139,10 @@ cameras and hull are shown.
     def _serve(self, scenes: ResultScenes, frame: int) -> None:
         import webbrowser
 
-        from voxelpose.view.viewer.browser import Address, Browser
+        from voxelpose.view.serving.page_server import Address
+        from voxelpose.view.viewer.browser import Browser
 
-        browser = Browser(scenes, Address(self.host, self.port), frame)
+        browser = Browser(scenes, Address(self.host, self.port), frame, self.token)
         print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
         if scenes.missing:
             print(f"note: {scenes.missing}")

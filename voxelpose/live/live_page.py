@@ -11,9 +11,8 @@ from calib.camera import Camera
 from voxelpose.live.live_frame import Controls, LiveFrame
 from voxelpose.live.live_scene import LiveScene, ShownLayers
 from voxelpose.live.page_panel import PagePanel
-from voxelpose.live.page_server import PageServer
 from voxelpose.live.sender import ReceiverState
-from voxelpose.view.viewer.browser import Address
+from voxelpose.view.serving.page_server import Address, PageServer
 
 _MOST_PER_S = 15.0
 _TEXTS_S = 0.4

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import PosedBody
-from voxelpose.live.viser_internals import move_bones
+from voxelpose.view.serving.viser_internals import move_bones
 from voxelpose.view.viewer.legend import Colour
 
 _NAME = "/figure"

@@ -133,7 +133,7 @@ def test_fit_writes_and_says_where(desk):
         (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
         (
             ["fit", "walk", "--out", "site", "--estimator", "standing", "--overwrite"],
-            "site exists and is not a result",
+            "site exists and was not made by this command",
         ),
         (["fit", "walk", "--out", "x", "--cameras", "cam_1,cam_7"], "there is no camera cam_7"),
         (["fit", "walk", "--out", "x", "--cameras", ","], "--cameras names none"),

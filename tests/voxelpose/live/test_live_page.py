@@ -22,7 +22,7 @@ from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_page import Page, PageAccess
 from voxelpose.live.page_texts import links_html, status_html, timings_html
 from voxelpose.live.sender import ReceiverState
-from voxelpose.view.viewer.browser import Address
+from voxelpose.view.serving.page_server import Address
 from voxelpose.view.viewer.legend import SILHOUETTE
 
 RIG = ring(2, (320, 240), (-0.2, 0.05, 0.0, 0.0))

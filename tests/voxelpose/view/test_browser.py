@@ -5,12 +5,17 @@ import threading
 import cv2
 import numpy as np
 import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
+from calib.errors import InputError
 from tests.browsing import new_page
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.view.viewer.browser import Address, Browser
+from voxelpose.view.serving.page_server import Address
+from voxelpose.view.viewer.browser import Browser
+from voxelpose.view.viewer.legend import frame_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 
@@ -38,13 +43,13 @@ def served(desk):
 def test_the_page(served, tmp_path):
     with new_page(900, 600) as (page, faults):
         page.goto(served.url)
-        page.get_by_text("Frame 2", exact=True).wait_for(timeout=60_000)
+        page.get_by_text("Frame 2,").wait_for(timeout=60_000)
         page.locator("canvas").first.wait_for()
         slider = page.get_by_role("slider").first
         assert slider.get_attribute("aria-valuenow") == "2"
         slider.focus()
         page.keyboard.press("ArrowRight")
-        page.get_by_text("Frame 3", exact=True).wait_for()
+        page.get_by_text("Frame 3,").wait_for()
         page.keyboard.press("Home")
         page.get_by_text("no pose was found in this frame").wait_for()
         page.keyboard.press("End")
@@ -70,7 +75,7 @@ def test_a_recording_alone_is_served_and_plays(desk, capsys):
         for _ in range(2)
     )
     assert first.url == "http://localhost:8395" and second.url != first.url  # the next free port
-    assert first.step(1.0) and "**Frame 1**" in first._status.content
+    assert first.step(1.0) and "<b>Frame 1," in first._status.content
     assert not first.step(0.01)  # no new choice
     first._play.value = True
     shown = []
@@ -92,4 +97,29 @@ def test_a_choice_is_drawn_once(served):
             break
         threading.Event().wait(0.05)
     assert served._drawn == served.choice and served.choice.row == 1 and not served.choice.hull
-    assert "**Frame 1**" in served._status.content
+    assert "<b>Frame 1," in served._status.content
+
+
+def test_text_of_a_hostile_result_is_shown_and_not_run(served, desk):
+    settings = (desk / "out" / "settings.toml").read_text()
+    hostile = "<iframe srcdoc='<script>1</script>'>{alert(1)}"
+    lines = [line for line in settings.splitlines() if not line.startswith("recording")]
+    (desk / "out" / "settings.toml").write_text("\n".join([f'recording = "{hostile}"', *lines]))
+    scenes = ResultScenes("out", voxel_size_m=0.04)
+    shown = frame_html(scenes.scene(1))
+    assert "<iframe" not in shown and "<script" not in shown
+    assert "&lt;iframe" in shown
+    scenes.close()
+
+
+def test_another_site_cannot_listen(served):
+    address = served.url.replace("http://", "ws://")
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(address, origin="http://evil.example", open_timeout=5)
+
+
+def test_other_machines_need_a_token(served):
+    with pytest.raises(InputError, match="protect the page with --token"):
+        Browser(served.scenes, Address("0.0.0.0", 8399))
+    with pytest.raises(InputError, match=r"--host no\.such\.name\.invalid"):
+        Browser(served.scenes, Address("no.such.name.invalid", 8399), token="a long one")

@@ -11,7 +11,7 @@ from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.export.hypotheses import read_hypotheses
-from voxelpose.view.viewer.legend import area_text, frame_text, legend_html, overlap_colours
+from voxelpose.view.viewer.legend import area_text, frame_html, legend_html, overlap_colours
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene_renderer import camera_picture
 
@@ -70,7 +70,7 @@ def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
         and scene.hull.occupancy.any()
         and scene.notes == ("no pose was found in this frame",)
     )
-    assert "no pose" in frame_text(scene) and scenes.areas(0) == {}
+    assert "no pose" in frame_html(scene) and scenes.areas(0) == {}
     assert "no pose" in area_text("neck", {})
 
 
@@ -88,7 +88,7 @@ def test_a_missing_recording(fitted):
     scenes = ResultScenes("out")
     scene = scenes.scene(1)
     assert scene.hull is None and scene.body is not None and scene.camera_frames[0].picture is None
-    assert "say where with --recording" in frame_text(scene)
+    assert "say where with --recording" in frame_html(scene)
     assert scenes.areas(1) == {} and camera_picture(scene.camera_frames[0], "both") is None
 
 
@@ -175,7 +175,7 @@ def test_hypotheses(fitted, tmp_path):
         and hypotheses[0].probability == 0.7
     )
     assert np.nansum(hypotheses[1].joints_m) == 3 + 2 + 1.5 and scenes.scene(2).hypotheses == ()
-    assert "Pose 2: 20 %" in frame_text(scenes.scene(3)) and "other poses" in legend_html(True)
+    assert "Pose 2: 20 %" in frame_html(scenes.scene(3)) and "other poses" in legend_html(True)
     (tmp_path / "out" / "hypotheses.csv").write_text(
         "frame,rank,probability,joint,x_m,y_m,z_m\n1,1,0.5,tail,0,0,0\n"
     )

@@ -5,18 +5,16 @@ Callbacks only record the choice; one thread draws it.
 
 from __future__ import annotations
 
-import io
 import threading
 import time
-from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import viser
 
 from calib.errors import InputError
 from voxelpose.matching.limbs import LIMBS, TORSO
-from voxelpose.view.viewer.legend import area_text, display_name, frame_text, legend_html
+from voxelpose.view.serving.page_server import Address, PageServer
+from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene_renderer import PICTURES, Choice, SceneRenderer
 
@@ -33,19 +31,6 @@ _LAYERS = {
 _HIP_HEIGHT = 0.54  # of the stature
 
 
-@dataclass(frozen=True)
-class Address:
-    """Network address of the viewer.
-
-    Attributes:
-        host: "localhost" for this machine only.
-        port: the first free one from this number on is used.
-    """
-
-    host: str = "localhost"
-    port: int = 8080
-
-
 class Browser:
     """Serves scenes to browsers.
 
@@ -56,7 +41,11 @@ class Browser:
     """
 
     def __init__(
-        self, scenes: ResultScenes, address: Address | None = None, frame: int | None = None
+        self,
+        scenes: ResultScenes,
+        address: Address | None = None,
+        frame: int | None = None,
+        token: str | None = None,
     ) -> None:
         """Starts the server; nothing is drawn before the first `step`.
 
@@ -64,8 +53,11 @@ class Browser:
             scenes: what is shown.
             address: network address; None: the default.
             frame: number of the frame shown first; None: the middle one.
+            token: who wants to see the page must know it; None: this machine alone may.
+
+        Raises:
+            InputError: other machines could see it without a token, or the address cannot be used.
         """
-        address = address or Address()
         self.scenes = scenes
         middle = len(scenes.frames) // 2
         self.choice = Choice(
@@ -75,10 +67,8 @@ class Browser:
         self._wake = threading.Event()
         self._wake.set()
         self._played_s = 0.0
-        with redirect_stdout(io.StringIO()):  # viser would print a banner
-            self.server = viser.ViserServer(
-                address.host, address.port, label="voxelpose", verbose=False
-            )
+        self._page = PageServer(address or Address(), token)
+        self.server = self._page.viser
         self.server.gui.configure_theme(
             control_width="large", show_logo=False, show_share_button=False
         )
@@ -90,10 +80,8 @@ class Browser:
 
     @property
     def url(self) -> str:
-        """Address for the browser."""
-        host = self.server.get_host()
-        name = "localhost" if host in ("0.0.0.0", "127.0.0.1") else host
-        return f"http://{name}:{self.server.get_port()}"
+        """Address for the browser, the token included."""
+        return self._page.url
 
     def run(self) -> None:
         """Draws what is chosen until the process is interrupted."""
@@ -122,19 +110,18 @@ class Browser:
             scene = self.scenes.scene(frame)
             areas = self.scenes.areas(frame) if choice.part else {}
         except InputError as error:  # for example a truncated video: other frames may be readable
-            self._status.content, self._drawn = f"**Frame {frame}**\n\n⚠ {error}", choice
+            self._status.content, self._drawn = text_html([f"Frame {frame}", f"⚠ {error}"]), choice
             return True
         with self.server.atomic():
             self._renderer.draw(scene, areas, choice)
-            self._status.content = frame_text(scene)
+            self._status.content = frame_html(scene)
             self._area.content = area_text(choice.part, areas)
         self._drawn = choice
         return True
 
     def close(self) -> None:
         """Stops the server."""
-        with redirect_stdout(io.StringIO()):
-            self.server.stop()
+        self._page.close()
         self.scenes.close()
 
     def _choose(self, **changes: object) -> None:
@@ -170,7 +157,7 @@ class Browser:
         )
         self._play.on_update(lambda _: self._start())
         with gui.add_folder("This frame"):
-            self._status = gui.add_markdown("Reading the recording …")
+            self._status = gui.add_html(text_html(["Reading the recording …"]))
         with gui.add_folder("Show"):
             pictures = gui.add_dropdown("Cameras show", PICTURES)
             pictures.on_update(lambda _: self._choose(pictures=pictures.value))

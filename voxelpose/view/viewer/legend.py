@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import html
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,9 +79,9 @@ def legend_html(with_hypotheses: bool) -> str:
     )
 
 
-def frame_text(scene: Scene) -> str:
-    """Description of a frame, as Markdown."""
-    lines = [f"**Frame {scene.frame}**, {scene.time_s:.2f} s"]
+def frame_html(scene: Scene) -> str:
+    """Description of a frame, as HTML; texts from files are escaped."""
+    lines = [f"Frame {scene.frame}, {scene.time_s:.2f} s"]
     if scene.body is not None:
         agreement = scene.body.outline_agreement
         if agreement is not None and np.isfinite(agreement):
@@ -105,7 +108,16 @@ def frame_text(scene: Scene) -> str:
         f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
         for hypothesis in scene.hypotheses
     ]
-    return "\n\n".join(lines)
+    return text_html(lines)
+
+
+def text_html(lines: Sequence[str]) -> str:
+    """Lines of plain text as HTML, the first one as a title."""
+    title, *rest = map(html.escape, lines)
+    paragraphs = "".join(f'<div style="margin-top:0.6em">{line}</div>' for line in rest)
+    return (
+        f'<div style="padding:0.4em 0.8em 0.6em;line-height:1.5"><b>{title}</b>{paragraphs}</div>'
+    )
 
 
 def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:

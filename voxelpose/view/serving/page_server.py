@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import io
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from urllib.parse import quote
 
 import viser
 
-from voxelpose.live.gate import Gate, check_access
-from voxelpose.live.viser_internals import guard_connections
-from voxelpose.view.viewer.browser import Address
+from voxelpose.view.serving.gate import Gate, check_access
+from voxelpose.view.serving.viser_internals import guard_connections
+
+
+@dataclass(frozen=True)
+class Address:
+    """Network address of a page.
+
+    Attributes:
+        host: "localhost" for this machine only.
+        port: the first free one from this number on is used.
+    """
+
+    host: str = "localhost"
+    port: int = 8080
 
 
 class PageServer:

@@ -12,9 +12,8 @@ import websockets.sync.client
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from calib.errors import InputError
-from voxelpose.live.gate import Gate
-from voxelpose.live.page_server import PageServer
-from voxelpose.view.viewer.browser import Address
+from voxelpose.view.serving.gate import Gate
+from voxelpose.view.serving.page_server import Address, PageServer
 
 TOKEN = "open & sesame"
 QUERY = "/?token=open%20%26%20sesame"

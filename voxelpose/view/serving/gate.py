@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import socket
 import threading
 from asyncio import StreamReader, StreamWriter
 from concurrent.futures import Future
 from contextlib import suppress
 
 from calib.errors import InputError
-from voxelpose.live.gate_request import GateKeys, GateRequest, Reply, is_loopback
+from voxelpose.view.serving.gate_request import GateKeys, GateRequest, Reply, is_loopback
 
 _HEAD_BYTES = 16384
 _HEAD_S = 10.0
@@ -102,6 +103,8 @@ class Gate:
                 return await asyncio.start_server(
                     self._meet, self.host, self.port and self.port + tried, limit=_HEAD_BYTES
                 )
+            except socket.gaierror:  # no such name: every port would say so, and slowly
+                raise
             except OSError:
                 if tried == _MOST_PORTS - 1:
                     raise

@@ -105,7 +105,7 @@ class GateRequest:
         host = self.headers.get("host", "")
         body = self.headers.get("content-length", "0") != "0" or "transfer-encoding" in self.headers
         if not host or self.method != "GET" or body:
-            return Reply("400 Bad Request", "This is the page of a live session: GET only.")
+            return Reply("400 Bad Request", "This page takes GET only.")
         origin = self.headers.get("origin")
         if origin is not None and origin.lower().partition("://")[2] != host.lower():
             return Reply("403 Forbidden", "Another site's page may not open this one.")

@@ -1,0 +1,105 @@
+"""Text from files and names is shown, and controls neither the terminal nor rich's markup."""
+
+import io
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.clips import waving
+from tests.sources import ring, write_staged
+from voxelpose.cli import run
+from voxelpose.cli.terminal import VisibleStream, message, plain, visible
+from voxelpose.demo.filming import make_recording
+
+HOSTILE = "\x1b[31mred\x07\x9b2J\u202e[bold]"
+
+
+def test_control_characters_are_visible():
+    assert visible(HOSTILE) == r"\x1b[31mred\x07\x9b2J\u202e[bold]"
+    assert visible("ä\t\n") == "ä\t\n"
+    assert visible("a\udcff") == r"a\udcff"
+    assert plain("[bold]") == r"\[bold]"
+
+
+def test_a_message_is_one_line_of_bounded_length():
+    assert message("a\n b") == "a b"
+    assert len(message("x" * 100_000)) < 1100
+
+
+def test_a_stream_writes_nothing_else():
+    stream = io.StringIO()
+    print(HOSTILE, file=VisibleStream(stream))
+    assert stream.getvalue() == visible(HOSTILE) + "\n"
+
+
+@pytest.mark.parametrize("name", ["x[/red]", "walk[bold]", "a\x1b[31m"])
+def test_names_are_printed_as_they_are(desk, capsys, name):
+    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+    assert run(["fit", "walk", "--out", name, "--estimator", "standing", "--no-pictures"]) == 0
+    out = capsys.readouterr().out
+    assert visible(name) in out
+    assert "\x1b[31m" not in out
+
+
+def test_a_name_that_is_no_text_is_refused(desk, capsys):
+    assert run(["carve", "walk\udcff", "--out", "hull.ply"]) == 2
+    assert r"walk\udcff is not UTF-8" in capsys.readouterr().err
+
+
+def test_a_name_that_is_too_long_is_one_line(desk, capsys):
+    assert run(["fit", "walk" * 100, "--out", "out"]) == 2
+    assert "name too long" in capsys.readouterr().err.lower()
+
+
+def test_doctor_removes_what_a_killed_run_left(desk, capsys):
+    (desk / "out.partial-2147483000-0123abcd").mkdir()
+    assert run(["doctor", "--clean", "."]) == 0
+    assert "removed out.partial-" in capsys.readouterr().out
+    assert run(["doctor", "--clean", "."]) == 0
+    assert "left nothing" in capsys.readouterr().out
+    assert run(["doctor", "--clean", "missing"]) == 2
+
+
+def test_an_interrupt_after_the_result_says_that_it_is_there(desk, capsys, monkeypatch):
+    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("voxelpose.results.Result.open", interrupted)
+    words = ["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]
+    assert run(words) == 130
+    error = capsys.readouterr().err
+    assert "interrupted" in error and "written before: " in error and f"{desk / 'out'}\n" in error
+    assert "nothing was written" not in error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, number):
+    make_recording(desk / "walk", 12)
+    words = ["fit", "walk", "--out", "out"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "voxelpose", *words], stderr=subprocess.PIPE
+    ) as process:
+        while not any(desk.glob("out.partial-*/overlay_*.webm")):  # pictures are being drawn
+            assert process.poll() is None
+            time.sleep(0.005)
+        process.send_signal(number)
+        error = process.communicate()[1].decode()
+    assert not (desk / "out").exists()
+    if number == signal.SIGKILL:
+        assert any(desk.glob("out.partial-*"))
+        assert run([*words, "--no-pictures", "--frames", "0:4"]) == 0
+        assert names(desk) == ["out", "walk"]
+    else:
+        assert process.returncode == 130
+        assert "nothing was written" in error and "Traceback" not in error
+        assert names(desk) == ["walk"]
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir() if path.name != "site")

@@ -1,0 +1,1 @@
+"""Who may see a page: viser's server behind a gate."""
