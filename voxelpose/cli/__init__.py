@@ -140,7 +140,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _check_names(words: Sequence[str]) -> None:
-    """Raises InputError where a name is no text: neither OpenCV nor a file of ours can hold it."""
+    """Raises InputError where an argument is no text, which no file of ours could hold."""
     for word in words:
         try:
             word.encode()

@@ -107,6 +107,8 @@ class Recording:
                 " calibration.toml"
             )
         paths, silhouettes_given = _paths(folder, cameras)
+        for path in (folder.resolve(), *paths.values()):
+            check_name(path)
         readers = {name: FrameReader.open(path) for name, path in paths.items()}
         calibration = _calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
@@ -336,6 +338,18 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
                 f"there is no video of {' or '.join(cameras)} in {folder}: its cameras are {filmed}"
             )
     return paths, silhouettes_given
+
+
+def check_name(path: Path) -> None:
+    """Checks that a name is text, which OpenCV and files of text need.
+
+    Raises:
+        InputError: it is not.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"the name {path} is not UTF-8: rename it") from None
 
 
 def _calibration_path(folder: Path) -> Path | None:

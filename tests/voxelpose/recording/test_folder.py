@@ -327,3 +327,10 @@ def test_silhouettes_and_projection_matrices_are_enough(shared: Path, tmp_path: 
     assert len(recording.rig) == 8
     (_, _, frames), *_ = recording
     assert all(0.01 < (frame > 127).mean() < 0.3 for frame in frames.values())
+
+
+def test_a_name_that_is_no_text_is_refused(folder: Path):
+    video = folder / "cam_1.avi"
+    video.rename(folder / "cam_\udcff.avi")
+    with pytest.raises(InputError, match="is not UTF-8: rename it"):
+        Recording.open(folder)
