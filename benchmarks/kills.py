@@ -31,6 +31,8 @@ from silhouette_core.library.store import read_library
 from voxelpose.demo.filming import make_recording
 from voxelpose.results import Result
 
+# Python ends itself by SIGINT, which shells show as 130, where the interrupt met exec of a text.
+_ENDED = (0, 130, -signal.SIGINT)
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 
 
@@ -144,7 +146,7 @@ def faults_of(
         time.sleep(delay_s)
         process.send_signal(number)
         error = process.communicate()[1]
-        if number != signal.SIGKILL and process.returncode not in (0, 130):
+        if number != signal.SIGKILL and process.returncode not in _ENDED:
             faults.append(f"exit code {process.returncode}")
         if "Traceback" in error:
             faults.append(f"a traceback: {error.splitlines()[-1]}")

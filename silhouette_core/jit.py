@@ -10,12 +10,26 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import cv2
 import numba
 
+from calib.errors import InputError
+
 # error_model "numpy": no division checks. nogil: kernels may run in parallel with video decoding.
 # fastmath stays off, so that results are the same on every machine of one architecture and for
 # every number of threads.
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
 parallel_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 prange = numba.prange
+
+
+def check_threads(threads: int | None) -> None:
+    """Checks a number of threads; None is all.
+
+    Raises:
+        InputError: it is less than one.
+    """
+    if threads is not None and threads < 1:
+        raise InputError(
+            f"{threads} threads cannot work: give --threads 1 or more, or leave it out"
+        )
 
 
 def set_threads(threads: int | None = None) -> int:
@@ -30,12 +44,11 @@ def set_threads(threads: int | None = None) -> int:
         The number of threads in use.
 
     Raises:
-        ValueError: fewer than one thread.
+        InputError: fewer than one thread.
     """
     available = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    check_threads(threads)
     threads = available if threads is None else threads
-    if threads < 1:
-        raise ValueError(f"threads must be at least 1, got {threads}")
     numba.set_num_threads(min(threads, available))
     cv2.setNumThreads(1)
     return numba.get_num_threads()

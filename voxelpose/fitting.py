@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.estimator import Estimate, Settings, load_estimator
+from silhouette_core.jit import check_threads
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
@@ -70,10 +71,7 @@ def fit(
     reporter = reporter or SilentReporter()
     started = time.perf_counter()
     settings = _with_subject(settings or Settings(), recording)
-    if settings.threads is not None and settings.threads < 1:
-        raise InputError(
-            f"{settings.threads} threads cannot work: give --threads 1 or more, or leave it out"
-        )
+    check_threads(settings.threads)
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     implementation = load_estimator(estimator)
     load_backend(settings.backend)  # refuses an unknown name before the work begins

@@ -21,6 +21,7 @@ from silhouette_core.motion.motion_file import body_of_motion
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
+from voxelpose.carving.bounds import check_tolerance
 from voxelpose.matching.body_choice import choose_body, refit
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
@@ -81,6 +82,7 @@ class MultiViewEstimator:
                 f"{len(source.rig)} camera is too few for voxels: give at least two calibrated"
                 " cameras that see the person"
             )
+        check_tolerance(options.tolerance, len(source.rig))
         if settings.stature_m is not None:
             # Refuses what is no person's, before any work is done.
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)

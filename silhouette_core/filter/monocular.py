@@ -10,6 +10,7 @@ from itertools import islice
 
 import numpy as np
 
+from calib.agreement import even_moments
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
@@ -24,6 +25,7 @@ from silhouette_core.filter.monocular_stages import (
 )
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
+from silhouette_core.image.plausibility import MOMENTS, check_plausible
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
 from silhouette_core.library.pose_library import PoseLibrary
@@ -97,6 +99,8 @@ class MonocularEstimator:
         reporter.stage("background")
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
         silhouettes.note(reporter)
+        if settings.smooth or source.silhouettes_given:
+            _check_silhouettes(source, silhouettes)
         people = _people(source, silhouettes, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)
@@ -130,6 +134,13 @@ class MonocularEstimator:
             facts,
             hypotheses,
         )
+
+
+def _check_silhouettes(source: FrameSource, silhouettes: Silhouettes) -> None:
+    """Raises InputError if they cannot be those of a person."""
+    steps = even_moments(source.frame_count, MOMENTS)
+    masks = [silhouettes.of(frames) for frames in source.at(steps)]
+    check_plausible({name: [mask[name] for mask in masks] for name in source.rig.names}, least=1)
 
 
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:

@@ -16,6 +16,9 @@ from voxelpose.carving.views import Masks, mask_list
 
 _SEARCH_VOXELS = 64  # along the longest edge of the box while it shrinks
 _SEARCH_STEPS = 6
+LEAST_CAMERAS = 2
+"""Number of cameras that bound a hull."""
+
 _LEAST_SHRINKAGE = 0.9  # ratio of volumes above which shrinking ends
 _MARGIN_VOXELS = 1
 _FAR_M = 1e4
@@ -56,11 +59,12 @@ def place_grid(
         InputError: No foreground, no common volume, or no occupied voxel; it names the cameras.
         ValueError: An argument is out of range.
     """
+    rule = rule or CarveRule()
+    check_tolerance(rule.tolerance, len(rig))
     if resolution < 1:
         raise ValueError(f"resolution must be at least 1 voxel, got {resolution}")
     if voxel_size_m is not None and not voxel_size_m > 0:
         raise ValueError(f"voxel_size_m must be positive, got {voxel_size_m}")
-    rule = rule or CarveRule()
     images = mask_list(rig, masks)
     require_foreground(rig, images, rule.tolerance)
     low, high = _pyramid_box(rig, images, rule)
@@ -108,10 +112,19 @@ def require_foreground(rig: Rig, masks: list[NDArray[Any]], tolerance: int = 0) 
             " the background another?"
         )
     if len(empty) > tolerance:
+        remedy = "check that video and its background, or leave the camera out"
+        if len(rig) - len(empty) >= LEAST_CAMERAS:
+            remedy += f" (--cameras), or tolerate it (--tolerance {len(empty)})"
+        raise InputError(f"no foreground in {', '.join(empty)}: {remedy}")
+
+
+def check_tolerance(tolerance: int, cameras: int) -> None:
+    """Raises InputError if so many cameras may be wrong that the others bound no hull."""
+    most = max(cameras - LEAST_CAMERAS, 0)
+    if not 0 <= tolerance <= most:
         raise InputError(
-            f"no foreground in {', '.join(empty)}: check that video and its background, leave the"
-            f" camera out, or tolerate {len(empty)} such camera{'s' if len(empty) > 1 else ''}"
-            f" (--tolerance {len(empty)})"
+            f"--tolerance {tolerance} is impossible with {cameras}"
+            f" camera{'s' if cameras > 1 else ''}: give {f'0 to {most}' if most else '0'}"
         )
 
 
@@ -197,7 +210,7 @@ def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _
     if not np.isfinite([low, high]).all():
         raise InputError(
             f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the same"
-            " way): give it (--volume)"
+            " way): add a camera that looks from another side"
         )
     return low, high
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.carving.bounds import grid_within, place_grid, require_foreground
+from voxelpose.carving.bounds import check_tolerance, grid_within, place_grid, require_foreground
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.hull_mesh import write_ply
@@ -140,6 +140,7 @@ def carve_masks(
     if settings.volume_m is None:
         grid = place_grid(rig, masks, settings.voxel_size_m, settings.resolution, settings.rule)
     else:
+        check_tolerance(settings.rule.tolerance, len(rig))
         require_foreground(rig, [masks[name] for name in rig.names], settings.rule.tolerance)
         low, high = np.array(settings.volume_m[:3]), np.array(settings.volume_m[3:])
         grid = grid_within(

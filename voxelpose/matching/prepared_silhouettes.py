@@ -15,11 +15,12 @@ from calib.camera import Rig
 from calib.checks import FloatArray
 from calib.upright import UprightFrame
 from silhouette_core.estimator import FrameSource, Settings
+from silhouette_core.image.plausibility import MOMENTS, check_plausible
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
-from voxelpose.carving.bounds import place_grid, require_foreground
+from voxelpose.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.matching.camera_repair import RepairedCameras, repair_cameras
 from voxelpose.matching.completion import SilhouetteCompletion
 from voxelpose.matching.floor_shadows import floor_under
@@ -105,6 +106,9 @@ def prepare_silhouettes(
         ]
         work = _Preparation(source, stores, preparation, clock, reporter)
         numbers, times_s = work.subtract_background(settings, lenses)
+        moments = [stores[0][int(t)] for t in even_moments(len(stores[0]), MOMENTS)]
+        by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
+        check_plausible(by_camera, least=LEAST_CAMERAS)
         checked = work.check_cameras(Rig(tuple(lens.pinhole for lens in lenses)), times_s)
         reporter.stage("volume")
         search = UpSearch(checked.rig, settings, preparation.matching)

@@ -11,6 +11,7 @@ import pytest
 
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, run
+from voxelpose.demo.filming import make_recording
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")
@@ -201,3 +202,18 @@ def test_interrupted_fit_says_how_far_it_came_and_leaves_nothing(desk, number):
     )
     assert "Traceback" not in err
     assert left(desk) == []
+
+
+@pytest.mark.parametrize("command", ["fit", "carve"])
+def test_a_tolerance_that_leaves_no_hull_is_refused(desk, capsys, command):
+    make_recording(desk / "walk", 1, cameras=["cam_1", "cam_2", "cam_3"])
+    for tolerance in ("2", "3", "99"):
+        assert run([command, "walk", "--out", "out", "--tolerance", tolerance]) == 2
+        assert f"--tolerance {tolerance} is impossible with 3 cameras: give 0 to 1" in (
+            capsys.readouterr().err
+        )
+
+
+def test_no_threads_are_refused(desk, capsys):
+    assert run(["library", "build", "walk", "--out", "lib.vplib", "--threads", "0"]) == 2
+    assert "0 threads cannot work" in capsys.readouterr().err
