@@ -146,12 +146,14 @@ def faults_of(
         time.sleep(delay_s)
         process.send_signal(number)
         error = process.communicate()[1]
-        if number != signal.SIGKILL and process.returncode not in _ENDED:
+        out = folder / command.out
+        after = contents(folder)
+        # While Python ends, after the work, SIGTERM has its usual effect.
+        done = process.returncode == -signal.SIGTERM and after.keys() == expected
+        if number != signal.SIGKILL and process.returncode not in _ENDED and not done:
             faults.append(f"exit code {process.returncode}")
         if "Traceback" in error:
             faults.append(f"a traceback: {error.splitlines()[-1]}")
-        out = folder / command.out
-        after = contents(folder)
         changed = [name for name in before if after.get(name) != before[name]]
         if any(not name.startswith(command.out) for name in changed):
             faults.append(f"changed: {', '.join(changed)}")

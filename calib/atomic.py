@@ -36,6 +36,8 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         yield partial
         flush(partial)
+        if not partial.stat().st_size:
+            raise OSError(errno.EIO, "nothing was written")
         rename(partial, path)
     except OSError as error:
         raise unwritable(path, error) from error

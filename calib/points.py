@@ -17,6 +17,7 @@ from calib.errors import InputError
 from calib.extrinsics import Extrinsics, camera_error
 from calib.rotation import matrix_from_rodrigues
 
+_ON_A_LINE = 1e-3  # width of a line of points, relative to its length
 _NEEDED = 4
 _OUTLIER = 4.0  # times the median error
 _ALWAYS_GOOD_PX = 2.0
@@ -159,7 +160,7 @@ def _locate(camera: Camera, points_m: FloatArray, pixels: FloatArray) -> Camera:
     ideal = camera.undistort(pixels)
     good = np.isfinite(ideal).all(axis=1)
     solved, rotvec, shift = False, None, None
-    if good.sum() >= _NEEDED:
+    if good.sum() >= _NEEDED and _fill_a_plane(points_m[good]) and _fill_a_plane(ideal[good]):
         solved, rotvec, shift = cv2.solvePnP(
             points_m[good], ideal[good], camera.matrix, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP
         )
@@ -173,6 +174,12 @@ def _locate(camera: Camera, points_m: FloatArray, pixels: FloatArray) -> Camera:
         rotation=matrix_from_rodrigues(rotvec),
         translation=np.asarray(shift, dtype=np.float64).ravel(),
     )
+
+
+def _fill_a_plane(points: FloatArray) -> bool:
+    """Whether points (N, D) are neither one point nor on one line."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1] > _ON_A_LINE * spread[0])
 
 
 def _triangulate(cameras: list[Camera], pixels: FloatArray) -> FloatArray:

@@ -77,3 +77,22 @@ def test_what_cannot_work_is_refused():
         calibrate_from_points(without_poses(truth), listed(truth, measured=3))
     with pytest.raises(InputError, match="points are listed for camera cam_1, which has no lens"):
         calibrate_from_points(without_poses(truth.select(["cam_0"])), listed(truth, measured=8))
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        np.tile([[0.2, 0.1, 1.0]], (12, 1)),
+        np.linspace([-1.0, 0.0, 1.0], [1.0, 0.5, 1.2], 12),
+    ],
+    ids=["one point", "a line"],
+)
+def test_points_that_do_not_place_a_camera_are_refused(scene):
+    truth = room(3)
+    pixels = {f"p{index}": {} for index in range(len(scene))}
+    for camera in truth:
+        for index, pixel in enumerate(camera.project(scene)[0]):
+            pixels[f"p{index}"][camera.name] = pixel
+    known = {f"p{index}": point for index, point in enumerate(scene)}
+    with pytest.raises(InputError, match="its points do not say where it stands"):
+        calibrate_from_points(without_poses(truth), ScenePoints(pixels, known))

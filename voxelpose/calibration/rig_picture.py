@@ -26,6 +26,7 @@ _PANEL, _MARGIN, _HEAD, _GAP, _FOOT = 640, 48, 84, 56, 44
 _CELLS = 72  # along the longest edge
 _LINE = (52, 45, 40)
 _SEEN = (96, 84, 62)  # colour of the volume seen by all cameras
+_MOST_LINES = 50
 _PERSON_M = np.linspace(0.1, 1.8, 6)  # heights tested for the view from above
 _TALLEST_M = 2.5
 
@@ -74,7 +75,7 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
     rig = rig if floor else UprightFrame.from_up(up_candidates(rig)[0]).rig(rig)
     low, high = _extent(rig, floor)
     edges = high - low
-    scale = _PANEL / edges.max()
+    scale, spacing = _PANEL / edges.max(), _spacing_m(float(edges.max()))
     width, height = (
         2 * _MARGIN + _GAP + round(2 * edges[0] * scale),
         _HEAD + _FOOT + round(max(edges[1], edges[2]) * scale),
@@ -88,7 +89,7 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
         (above, side), counts, ("from above", "from the side"), strict=True
     ):
         _shade(picture, panel, count, high, len(rig))
-        _grid(picture, panel, high)
+        _grid(picture, panel, high, spacing)
         write_text(
             picture, title, round(panel.left_px), round(panel.at(high[None])[0, 1]) - 12, 16, FAINT
         )
@@ -122,7 +123,9 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
         if floor
         else "; no floor was given: up is a guess, from the cameras"
     )
-    write_text(picture, f"{len(rig)} cameras, a line every metre", _MARGIN, 36, 20, INK, bold=True)
+    every = "metre" if spacing == 1 else f"{spacing} metres"
+    title = f"{len(rig)} cameras, a line every {every}"
+    write_text(picture, title, _MARGIN, 36, 20, INK, bold=True)
     write_text(picture, caption, _MARGIN, height - 14, 14, FAINT)
     return picture
 
@@ -196,14 +199,25 @@ def _shade(
     area[:] = np.round(area + fraction * (np.array(_SEEN) - area)).astype(np.uint8)
 
 
-def _grid(picture: Image, panel: _Panel, high: FloatArray) -> None:
-    """Draws a grid of one metre and the border."""
+def _spacing_m(extent_m: float) -> int:
+    """Distance of the grid's lines: 1, 2, 5, 10, ... m, so that there are few enough to be seen."""
+    decade = 1
+    while True:
+        for spacing in (decade, 2 * decade, 5 * decade):
+            if extent_m <= _MOST_LINES * spacing:
+                return spacing
+        decade *= 10
+
+
+def _grid(picture: Image, panel: _Panel, high: FloatArray, spacing_m: int) -> None:
+    """Draws a grid and the border."""
     low = panel.low
     for axis in (panel.right, panel.up):
         other = panel.up if axis == panel.right else panel.right
-        for metre in range(int(np.ceil(low[axis])), int(np.floor(high[axis])) + 1):
+        first, last = np.ceil(low[axis] / spacing_m), np.floor(high[axis] / spacing_m)
+        for line in spacing_m * np.arange(first, last + 1):
             ends = np.zeros((2, 3))
-            ends[:, axis], ends[:, other] = metre, (low[other], high[other])
+            ends[:, axis], ends[:, other] = line, (low[other], high[other])
             stroke(picture, panel.at(ends), _LINE)
     border = np.zeros((4, 3))
     border[:, panel.right] = np.array([low, high, high, low])[:, panel.right]
