@@ -8,6 +8,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from calib.atomic_folder import claimed
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -44,16 +45,35 @@ def default_library(
     chest = None if sizes.chest_girth_m is None else round(sizes.chest_girth_m / 0.02) * 0.02
     body = BodySizes(round(sizes.stature_m, 2), chest, sizes.sex)
     path = (folder or user_cache_path("voxelpose") / "libraries") / _name(body)
-    if path.exists():
-        try:
-            return read_library(path)
-        except InputError as error:
-            reporter.note(f"{error}; it is made again")
-            path.unlink(missing_ok=True)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path.parent} cannot be made: {error.strerror or error}") from error
+    library = _kept(path, reporter)
+    if library is not None:
+        return library
+
+    def waiting() -> None:
+        reporter.note("another process is making the pose library of this body: waiting for it")
+
+    with claimed(path.with_name(f"{path.name}.first"), waiting):
+        library = _kept(path, reporter)
+        return _make(path, body, reporter) if library is None else library
+
+
+def _kept(path: Path, reporter: Reporter) -> PoseLibrary | None:
+    """The library of a file; None where there is none, or a damaged one, which is removed."""
+    if not path.exists():
+        return None
+    try:
+        return read_library(path)
+    except InputError as error:
+        reporter.note(f"{error}; it is made again")
+        path.unlink(missing_ok=True)
+        return None
+
+
+def _make(path: Path, body: BodySizes, reporter: Reporter) -> PoseLibrary:
     reporter.note(
         "first use with this body: a pose library is made from the program's own motions and kept"
         " (a few minutes, once); voxelpose library build makes one from recorded motion"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from calib.atomic import replacing
+from calib.atomic_folder import claimed
 from calib.errors import InputError
 from silhouette_core.workers import WorkerEndedError, open_workers
 from voxelpose.batch.jobs import Job
@@ -101,12 +102,20 @@ def run_batch(
         An outcome for each job, in their order.
 
     Raises:
-        InputError: there is no worker, or the folder cannot be made.
+        InputError: there is no worker, the folder cannot be made, or another batch is writing it.
     """
     try:
         settings.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{settings.out} cannot be made: {error.strerror or error}") from error
+    with claimed(settings.out.resolve()):
+        return _run_jobs(jobs, settings, told)
+
+
+def _run_jobs(
+    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
+) -> list[Outcome]:
+    """The outcomes of the jobs, in their order."""
     outcomes: dict[int, Outcome] = {}
 
     def keep(number: int, outcome: Outcome) -> None:

@@ -1,9 +1,11 @@
 """The default library: made once, opened afterwards."""
 
+import threading
 from dataclasses import replace
 
 import pytest
 
+from calib.atomic_folder import claimed
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.library import default
 from silhouette_core.progress import SilentReporter
@@ -38,6 +40,33 @@ def test_it_is_made_once_for_every_body(small, tmp_path):
     assert not again.notes
     default.default_library(BodySizes(1.80, 1.001, "female"), again, tmp_path)
     assert len(list(tmp_path.iterdir())) == 2 and again.notes
+
+
+def test_who_comes_second_waits_for_the_first(small, tmp_path):
+    made = default.default_library(BodySizes(1.75), None, tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.rename(tmp_path / "made")
+    begun, ended = threading.Event(), threading.Event()
+
+    def first():
+        with claimed(path.with_name(f"{path.name}.first")):
+            begun.set()
+            assert ended.wait(30)
+            (tmp_path / "made").rename(path)
+
+    class Second(Listener):
+        def note(self, text):
+            super().note(text)
+            ended.set()
+
+    thread, second = threading.Thread(target=first), Second()
+    thread.start()
+    assert begun.wait(30)
+    assert len(default.default_library(BodySizes(1.75), second, tmp_path)) == len(made)
+    thread.join()
+    assert second.notes == [
+        "another process is making the pose library of this body: waiting for it"
+    ]
 
 
 def test_a_damaged_one_is_made_again(small, tmp_path):
