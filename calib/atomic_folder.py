@@ -154,9 +154,10 @@ class FolderWriter:
         except OSError as failed:
             error = failed
         finally:
-            # After an exchange this is the earlier folder.
-            shutil.rmtree(self._partial, ignore_errors=True)
-            self._give_up()
+            try:  # after an exchange this is the earlier folder
+                shutil.rmtree(self._partial, ignore_errors=True)
+            finally:
+                self._give_up()
         if isinstance(error, OSError) and is_disk_full(error):
             raise unwritable(self.out, error) from error
         if kind is None and error is not None:
