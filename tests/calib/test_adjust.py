@@ -28,8 +28,9 @@ def scene(boards: int = 6, distortion: tuple[float, ...] = ()) -> BundleScene:
     turns = [matrix_from_rodrigues(rng.uniform(-0.5, 0.5, 3)) @ upright for _ in range(boards)]
     rotations = np.array([np.linalg.qr(turn)[0] for turn in turns])
     rotations *= np.linalg.det(rotations)[:, None, None]
+    places = rng.uniform(-0.4, 0.4, (boards, 3)) + np.array([0, 0, 1])
     bent = [replace(camera, distortion=np.array(distortion)) for camera in cameras]
-    return BundleScene(tuple(bent), rotations, rng.uniform(-0.4, 0.4, (boards, 3)) + [0, 0, 1])
+    return BundleScene(tuple(bent), rotations, places)
 
 
 def photographed(truth: BundleScene, seed: int, noise_px: float = NOISE_PX) -> Observations:

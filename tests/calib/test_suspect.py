@@ -55,5 +55,5 @@ def test_a_stretched_picture_keeps_its_middle():
     np.testing.assert_allclose(stretched.project(CAMERA.center_m + ray)[0][0], middle, atol=1e-9)
     shifted = stretched_camera(CAMERA, np.array([0.0, 0.0, 3.0, -2.0]))
     np.testing.assert_allclose(
-        shifted.project(CAMERA.center_m + ray)[0][0], middle + [3, -2], atol=1e-9
+        shifted.project(CAMERA.center_m + ray)[0][0], middle + np.array([3, -2]), atol=1e-9
     )

@@ -60,7 +60,7 @@ def test_no_proportion_is_farther_than_three_standard_deviations():
 
 
 def test_long_legs_are_found_together_with_the_poses():
-    """Two frames, four cameras; thighs and shins are longer by 8 per cent, the poses a little off."""
+    """Two frames, four cameras: thighs and shins are 8 per cent longer, the poses a little off."""
     longer = [0.08 * (axis.name in ("thigh_length", "shin_length")) for axis in SHAPE_AXES]
     body = fitting_model().reshaped(np.array(longer))
     truth = [stance(body), stance(body, {"left_thigh.flexion": 40.0, "left_shin.flexion": 50.0})]
