@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA
+from silhouette_core.refinement import adaptation
 from silhouette_core.refinement.adaptation import (
     Stature,
     adapt_shape,
@@ -11,6 +12,7 @@ from silhouette_core.refinement.adaptation import (
     stature_of,
 )
 from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import RefineSettings, free_unknowns
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.matching.matching_scenes import (
     STATURE_M,
@@ -78,6 +80,35 @@ def test_long_legs_are_found_together_with_the_poses():
         for pose, true in zip(poses, truth, strict=True)
     ]
     assert max(errors) < 0.01
+
+
+def test_a_step_is_that_of_shape_and_poses_together(monkeypatch):
+    """Eliminating the poses gives what the equations of all unknowns give at once."""
+    monkeypatch.setattr(adaptation, "_REACHES_M", (0.1,))
+    monkeypatch.setattr(adaptation, "_SETTLE_M", ())
+    body = fitting_model().reshaped(np.array([0.04 * (axis.joints != ()) for axis in SHAPE_AXES]))
+    poses = [stance(body), stance(body, {"left_thigh.flexion": 40.0, "left_shin.flexion": 50.0})]
+    seen = [observe(views(4), body, pose) for pose in poses]
+    count, free = len(SHAPE_AXES), free_unknowns(SURFACE.model)
+    size = count + 2 * len(free)
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    matrix[:count, :count] = np.diag(1 / SHAPE_SIGMA**2)
+    for k, (observation, pose) in enumerate(zip(seen, poses, strict=True)):
+        given = SURFACE, observation, pose, 0.1, RefineSettings(), None
+        one = adaptation._FrameSystem(*given)
+        own = slice(count + k * len(free), count + (k + 1) * len(free))
+        matrix[:count, :count] += one.shape
+        matrix[own, own] = one.pose[np.ix_(free, free)] + 1e-6 * np.eye(len(free))
+        matrix[own, :count], matrix[:count, own] = one.cross[free], one.cross[free].T
+        gradient[:count] += one.shape_gradient
+        gradient[own] = one.pose_gradient[free]
+    step = -np.linalg.solve(matrix, gradient)
+    found, moved = adapt_shape(SURFACE, seen, poses, Stature(STATURE_M, 100.0), USUAL)
+    np.testing.assert_allclose(found.model.shape, step[:count], atol=1e-4)
+    for k, (pose, start) in enumerate(zip(moved, poses, strict=True)):
+        expected = step[count:].reshape(2, -1)[k]
+        apart = np.abs(pose.minus(start)[free] - expected)
+        assert np.median(apart) < 1e-4 and np.quantile(apart, 0.9) < 0.01
 
 
 def knee_to_ankle(surface: Surface) -> float:

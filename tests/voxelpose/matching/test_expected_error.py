@@ -125,3 +125,21 @@ def test_a_motion_tells_how_stout_it_is_and_how_far_its_joints_are_bent():
     )
     assert found.stoutness == pytest.approx(np.log(1.1), abs=0.01)
     assert found.at_limits[1] - found.at_limits[0] == pytest.approx(1 / model.dof_count)
+
+
+def test_expected_errors_are_the_regression():
+    """The logarithm of 3 mm more is linear in the evidence."""
+    rng = np.random.default_rng(0)
+    given = MotionEvidence(
+        rng.uniform(0.05, 0.3, (6, 4)),
+        rng.uniform(0, 0.2, (6, 15)),
+        rng.uniform(0, 0.3, 6),
+        rng.uniform(0, 0.2, 6),
+        2.0,
+        0.1,
+    )
+    joints, frames = regressors(given)
+    found = expected_errors(given)
+    np.testing.assert_allclose(np.log(found.median_mm + 3.0), joints @ ERROR_WEIGHTS, atol=0.05)
+    odds = found.right_probability / (1 - found.right_probability)
+    np.testing.assert_allclose(np.log(odds), frames @ RIGHT_WEIGHTS, atol=1e-6)
