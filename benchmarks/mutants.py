@@ -3,7 +3,7 @@
 Makes the small mistakes that benchmarks/mutants.toml lists (a sign, a comparison, a term left out),
 one at a time in a copy of the project, and runs the tests beside each of them there. A mutation is
 caught where one of these fails or takes too long; slow tests are left out. PATTERN chooses
-mutations by a part of their file or description; left out: all (an hour and a half).
+mutations by a part of their file or description; left out: all (half an hour).
 
 Writes a table, and names the survivors. The exit code is 1 where less than the floor was caught, of
 those that are not explained as equivalent, and 2 where a test fails without any mutation.

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
+from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
+from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations, segment_axes
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 
@@ -108,6 +108,17 @@ def test_ulnar_deviation_leads_away_from_the_thumb(side):
     went = posed(turn).parts()[1][0, fingers] - posed({}).parts()[1][0, fingers]
     away = -np.sign(went @ thumb)
     assert angle(turn, name) - angle({}, name) == pytest.approx(20 * away, abs=1.5)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_arm_forearm_and_hand_turn_about_the_axis_of_the_elbow(side):
+    """As far as it is at right angles to the bone, in a body whose arm does not lie in a plane."""
+    body = BODY.reshaped(2 * np.random.default_rng(2).normal(size=len(SHAPE_SIGMA)) * SHAPE_SIGMA)
+    elbow = body.dof_axis[body.dof_names.index(f"{side}_forearm.flexion")]
+    for part in ("upper_arm", "forearm", "hand"):
+        _, up, right = segment_axes(body)[f"{side}_{part}"].T
+        assert np.linalg.det([right, up, elbow]) == pytest.approx(0, abs=1e-9)
+        assert right @ elbow > 0.5
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
