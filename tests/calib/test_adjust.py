@@ -95,7 +95,7 @@ def test_tangential_terms_are_small_where_little_is_seen():
     truth = scene(1, (0.0, 0.0, 0.0, 0.0))
     one = BundleScene(truth.cameras[:1], truth.rotations, truth.translations)
     terms = []
-    for seed in range(8):
+    for seed in range(3):
         found = adjust(one, photographed(one, seed, 1.0), "lenses").scene.cameras[0]
         terms.append(np.abs(found.distortion[2:4]).max())
     assert np.median(terms) < 0.04
