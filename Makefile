@@ -9,7 +9,7 @@ OUT ?= demo
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills clean
+.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills mutants clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
@@ -21,6 +21,7 @@ help:
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
 	@echo "make trials    fits random recordings and writes their tables into docs/results.md (an hour)"
 	@echo "make kills     ends commands at random moments and looks for what is lost or left (half an hour)"
+	@echo "make mutants   makes small mistakes in a copy of the code, and tells which the tests do not notice (half an hour)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
 	@echo "make format    puts the code into the project's style"
 
@@ -64,6 +65,9 @@ trials: $(VENV)/.ready-dev
 
 kills: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.kills
+
+mutants: $(VENV)/.ready-dev
+	$(BIN)/python -m benchmarks.mutants
 
 clean:
 	rm -rf $(VENV) build dist site docs/reference *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -53,6 +53,13 @@ def test_the_true_lens_is_found_in_noise(lens, distortion):
     assert (result.focal_error_px < 5).all()
 
 
+def test_pictures_that_are_all_as_coarse_are_all_kept():
+    views = lens_views(camera([0.0] * 4), 8, noise_px=0.8)
+    result = calibrate_intrinsics(CHECKERBOARD, views)
+    assert result.rms_px > 0.8
+    assert all(line.left_out is None for line in result.pictures)
+
+
 def test_a_bad_picture_is_left_out_and_named():
     views = lens_views(camera([0.0] * 4), 10, noise_px=0.1)
     broken = views["picture_03"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from silhouettes import filmed, stage
 
+from calib import synchronise as synchronisation
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
@@ -11,6 +12,8 @@ from calib.synchronise import speeds, synchronise
 from calib.tangency import OutlineTrack
 
 FPS = 20.0
+TRUE_S = {"cam_0": 0.0, "cam_1": 0.03, "cam_2": -0.05}
+SLOPE_PX = 40.0  # px per second of an offset
 BEGIN = {"cam_0": 2.0, "cam_1": 0.0, "cam_2": 6.25, "cam_3": 3.5}
 
 
@@ -96,3 +99,38 @@ def test_speeds_are_of_the_outline(shifted):
     result = speeds(shifted[0])
     assert result.shape == (36, 3)
     assert 0.05 < np.nanmedian(result[:, 0]) < 3
+
+
+def noisy(monkeypatch, rig, seed: int, noise_px: float, biased: tuple[str, ...] = ()) -> list:
+    """Three tracks whose tangency errors grow evenly with the offset, with noise; a pair that is
+    biased has its minimum elsewhere.
+    """
+    rng, noise = np.random.default_rng(seed), {}
+
+    def measured(first, second, moments_s, offset_s):
+        names = first.camera.name, second.camera.name
+        if names not in noise:
+            noise[names] = noise_px * rng.normal(size=(len(moments_s), 2))
+        late = offset_s[1] - offset_s[0] - (TRUE_S[names[1]] - TRUE_S[names[0]])
+        return SLOPE_PX * (late + 0.1 * (names == biased)) + noise[names][: len(moments_s)]
+
+    monkeypatch.setattr(synchronisation, "tangency", measured)
+    time_s = np.arange(90) / FPS
+    return [OutlineTrack(camera, time_s, (None,) * 90) for camera in rig.cameras[:3]]
+
+
+def test_standard_errors_are_as_large_as_the_noise_makes_them(monkeypatch, rig):
+    stated, found = [], []
+    for seed in range(12):
+        given = noisy(monkeypatch, rig, seed, 0.1)
+        offsets, errors = synchronisation._refined_offsets(given, np.zeros(3), np.ones(3))
+        stated.append(errors[1:])
+        found.append(offsets[1:] - [TRUE_S["cam_1"], TRUE_S["cam_2"]])
+    ratio = np.sqrt(np.mean(np.square(stated)) / np.mean(np.square(found)))
+    assert 0.65 < ratio < 1.5
+
+
+def test_a_pair_without_weight_decides_nothing(monkeypatch, rig):
+    given = noisy(monkeypatch, rig, 0, 0.0, ("cam_1", "cam_2"))
+    offsets, _ = synchronisation._refined_offsets(given, np.zeros(3), np.array([1.0, 1.0, 0.0]))
+    np.testing.assert_allclose(offsets, list(TRUE_S.values()), atol=1e-6)

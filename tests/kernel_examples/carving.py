@@ -4,9 +4,8 @@ import numpy as np
 from calib.camera import Rig
 from tests.kernel_examples import Example
 from tests.voxelpose.carving.carving_scenes import look_at
-from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
-from voxelpose.carving.kernels.blocks import LARGEST
+from voxelpose.carving.kernels.blocks import BLIND, LARGEST, OBJECTS
 from voxelpose.carving.views import block_order, pack_masks, pack_rig
 
 LENSES = (
@@ -31,7 +30,7 @@ def carve_blocks(rng):
     grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
     axes = grid.axes(LARGEST)
     order = block_order(int(np.prod([len(axis) // LARGEST for axis in axes])))
-    rule = CarveRule(1, str(rng.choice(["keep", "carve"])), 1).packed(len(rig))
+    rule = 1, 1, (OBJECTS, BLIND)[rng.integers(2)]
     occupancy = np.zeros(grid.shape, bool)
     return Example((*pack_rig(rig), frames, sums, pixels, rule, axes, order, occupancy))
 

@@ -115,7 +115,7 @@ def sharpen(rng):
     planes = np.ascontiguousarray(frame(rng).transpose(2, 0, 1))
     mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
     light = np.full(3, 0.2, np.float32), np.full(3, 2, np.float32)
-    regions = around, mask & ~around, ~mask & ~around
+    regions = around, mask & ~around, ~around  # what is inside is not outside
     return Example((planes, mean, *light, *regions, 4, np.float32(10), mask.copy()))
 
 

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -47,6 +48,31 @@ def test_exchanged_sides_are_flips(truth):
     estimate = truth.copy()
     estimate[3:6] = truth[3:6][:, mirror]
     assert score_motion(truth, estimate).flips == pytest.approx(3 / 12)
+
+
+def test_a_mirrored_figure_is_not_aligned(truth):
+    """The error left is that of the best proper rotation, by another solver."""
+    rng = np.random.default_rng(1)
+    mirrored = truth * [-1.0, 1.0, 1.0] + rng.normal(0, 0.03, truth.shape)
+    errors = []
+    for a, b in zip(mirrored, truth, strict=True):
+        a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+        turn, _ = Rotation.align_vectors(b, a)
+        turned = turn.apply(a)
+        scale = (turned * b).sum() / (a**2).sum()
+        errors.append(np.linalg.norm(scale * turned - b, axis=1).mean())
+    found = score_motion(truth, mirrored).pa_mm
+    assert found == pytest.approx(1000 * np.mean(errors), rel=1e-6)
+    assert found > 40
+
+
+def test_a_figure_whose_sides_hardly_differ_is_not_flipped(truth):
+    """Seen from the side: every right joint is a centimetre beside the left one."""
+    narrow = truth.copy()
+    for name in (name for name in LANDMARK_NAMES if name.startswith("left_")):
+        left, right = (LANDMARK_NAMES.index(name.replace("left", s)) for s in ("left", "right"))
+        narrow[:, right] = narrow[:, left] + [0.01, 0, 0]
+    assert score_motion(narrow, narrow + 0.001).flips == 0
 
 
 def test_absent_and_far_frames_are_lost(truth):

@@ -6,13 +6,9 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 from scipy.stats import multivariate_t, t
 
-from silhouette_core.proposal.kernels.mixture import (
-    FREEDOM,
-    JOINT_LOG_SIGMA,
-    LEAST_PART,
-    OFFSET_LOG_SIGMA,
-    SIGMA,
-)
+# The numbers of `mixture`, written out: what is imported from there would not be checked.
+FREEDOM, SIGMA, LEAST_PART = 4.0, 0.05, 1e-9
+JOINT_LOG_SIGMA, OFFSET_LOG_SIGMA = (-1.6, 2.2), (-2.0, 3.0)
 
 
 def spoil_silhouettes(masks, edges, discs):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silhouette_core.image.cleanup import clean
+from silhouette_core.image.cleanup import clean, reduce_silhouette
 
 
 @pytest.fixture
@@ -50,3 +50,9 @@ def test_wrong_arrays_are_refused(ring):
         clean(np.zeros((5, 5), np.uint8))
     with pytest.raises(ValueError, match=r"region must be \(40, 50\) bool"):
         clean(ring, region=np.ones((4, 4), bool))
+
+
+def test_a_reduced_pixel_is_set_where_two_of_its_four_are():
+    four = np.array(list(np.ndindex(2, 2, 2, 2)), bool)
+    reduced = reduce_silhouette(four.reshape(16, 2, 2))
+    np.testing.assert_array_equal(reduced.ravel(), four.sum(axis=1) >= 2)

@@ -148,6 +148,58 @@ def test_faces_with_corners_that_are_not_finite_are_omitted():
     )
 
 
+SKEWED = np.array([[50.0, 9, 49.5], [0, 48, 49.5], [0, 0, 1]])
+
+
+def fan(count: int, near_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """A floor of triangles about the point below the camera, from behind it to far in front."""
+    angles = 2 * np.pi * (np.arange(count) + 0.3) / count
+    ring = np.column_stack([30 * np.sin(angles), np.full(count, 1.0), 30 * np.cos(angles)])
+    corners = np.vstack([[0.0, 1.0, near_m], ring])
+    return corners, np.array([[0, i, i % count + 1] for i in range(1, count + 1)], np.int32)
+
+
+@pytest.mark.parametrize("near_m", [-0.5, 0.5])
+def test_skew_counts_in_whole_and_in_clipped_triangles(near_m):
+    vertices, faces = fan(7, near_m)
+    parts, depth = render_parts(vertices, faces, np.arange(7, dtype=np.int32), SKEWED, (100, 100))
+    rows, columns = np.nonzero(parts)
+    assert len(rows) > 2000
+    ray = np.column_stack([columns, rows, np.ones(len(rows))]) @ np.linalg.inv(SKEWED).T
+    point = ray / ray[:, 1:2]  # the floor is 1 m below
+    np.testing.assert_allclose(depth[rows, columns], point[:, 2], rtol=0.02)
+    angle = np.arctan2(point[:, 0], point[:, 2] - near_m)
+    expected = np.floor(((angle / (2 * np.pi)) * 7 - 0.3) % 7).astype(int)
+    assert (parts[rows, columns] == expected + 1).mean() > 0.97
+
+
+def test_of_equally_near_faces_the_first_is_kept():
+    vertices = np.array([[0.0, 0, 2], [8, 0, 2], [0, 8, 2]])
+    faces = np.array([[0, 1, 2]] * 3, np.int32)
+    for order in ([4, 7, 2], [7, 2, 4]):
+        parts, _ = render_parts(
+            vertices, faces, np.array(order, np.int32), np.diag([5.0, 5, 1]), (30, 30)
+        )
+        assert set(np.unique(parts)) == {0, order[0] + 1}
+
+
+def test_culling_leaves_the_sides_that_face_the_camera():
+    """Normals point outward by the right-hand rule."""
+    vertices = np.array([[0.0, 0, 2], [8, 0, 2], [0, 8, 2]])
+    seen = [
+        render_parts(
+            vertices,
+            np.array([face], np.int32),
+            np.zeros(1, np.int32),
+            np.diag([5.0, 5, 1]),
+            (30, 30),
+            cull_back=True,
+        )[0].any()
+        for face in ([0, 2, 1], [0, 1, 2])
+    ]
+    assert seen == [True, False]
+
+
 def test_culling_keeps_the_silhouette_of_a_closed_mesh():
     vertices, faces, part = blobs(2)
     kept, culled = (

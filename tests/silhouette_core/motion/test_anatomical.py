@@ -1,6 +1,7 @@
 """Anatomical angles against bodies bent by hand, and against the rotations they come from."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
+from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
+from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations, segment_axes
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 
@@ -75,6 +76,71 @@ def test_trunk(turn, name, sign):
         )
         sign = 1 if right else -1
     assert moved == pytest.approx(20 * sign, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("turn", "name", "face", "toward"),
+    [
+        ("flexion", "flexion", False, [0, -1, 0]),  # the head goes forward
+        ("lateral", "lateral_bending", False, [-1, 0, 0]),  # to the right
+        ("rotation", "rotation", True, [1, 0, 0]),  # the face turns to the left
+    ],
+)
+def test_neck(turn, name, face, toward):
+    """By geometry: the sign is that of the movement which is seen."""
+
+    def seen(motion: Motion) -> np.ndarray:
+        rotation, origin = motion.parts()
+        head = PART_NAMES.index("head")
+        return rotation[0, head] @ [0, -1, 0] if face else origin[0, head]
+
+    went = (seen(posed({f"neck.{turn}": 20})) - seen(posed({}))) @ toward
+    assert abs(went) > 0.01
+    assert angle({f"neck.{turn}": 20}, f"neck_{name}") == pytest.approx(20 * np.sign(went), abs=1)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_ulnar_deviation_leads_away_from_the_thumb(side):
+    joint = dict(zip(BODY.names, BODY.joints_m, strict=True))
+    thumb = joint[f"{side}_thumb"] - joint[f"{side}_hand"]
+    turn, name = {f"{side}_hand.deviation": 20}, f"{side}_wrist_ulnar_deviation"
+    fingers = PART_NAMES.index(f"{side}_fingers")
+    went = posed(turn).parts()[1][0, fingers] - posed({}).parts()[1][0, fingers]
+    away = -np.sign(went @ thumb)
+    assert angle(turn, name) - angle({}, name) == pytest.approx(20 * away, abs=1.5)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_arm_forearm_and_hand_turn_about_the_axis_of_the_elbow(side):
+    """As far as it is at right angles to the bone, in a body whose arm does not lie in a plane."""
+    body = BODY.reshaped(2 * np.random.default_rng(2).normal(size=len(SHAPE_SIGMA)) * SHAPE_SIGMA)
+    elbow = body.dof_axis[body.dof_names.index(f"{side}_forearm.flexion")]
+    for part in ("upper_arm", "forearm", "hand"):
+        _, up, right = segment_axes(body)[f"{side}_{part}"].T
+        assert np.linalg.det([right, up, elbow]) == pytest.approx(0, abs=1e-9)
+        assert right @ elbow > 0.5
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_hands_and_feet_are_not_twisted_at_rest(side):
+    """Fingers in line with the forearm, toes forward."""
+    wrist = joint_rotations(posed({}))[f"{side}_wrist"][0]
+    assert np.degrees(Rotation.from_matrix(wrist).magnitude()) < 10
+    assert abs(angle({}, f"{side}_ankle_internal_rotation")) < 15
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_shin_that_slants_toward_the_other_leg_is_adducted(side):
+    hip, knee, ankle = (
+        posed({}).landmarks()[0, LANDMARK_NAMES.index(f"{side}_{name}")]
+        for name in ("hip", "knee", "ankle")
+    )
+    thigh, shin = (
+        np.arctan2(abs(b[0]) - abs(a[0]), a[2] - b[2]) for a, b in pairwise((hip, knee, ankle))
+    )
+    inward = np.degrees(thigh - shin)
+    assert abs(inward) > 0.3
+    assert angle({}, f"{side}_knee_adduction") == pytest.approx(inward, abs=0.1)
 
 
 def test_arms_forward_and_to_the_side():

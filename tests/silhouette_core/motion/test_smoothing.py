@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.pose import Pose
-from silhouette_core.motion.smoothing import smooth, smooth_quaternions
+from silhouette_core.motion.smoothing import smooth, smooth_quaternions, smooth_runs
 
 
 def test_smoothing_keeps_what_stands_still_and_what_moves_evenly():
@@ -48,6 +48,18 @@ def test_smoothed_rotations_stay_rotations_whatever_their_signs():
     np.testing.assert_allclose(np.linalg.norm(smoothed, axis=1), 1)
     apart = (Rotation.from_quat(smoothed, scalar_first=True) * steps.inv()).magnitude()
     assert apart[8:-8].max() < 0.01
+
+
+def test_frames_that_are_missing_end_a_run():
+    """Before and after the gap the body stands still, elsewhere."""
+    frames = np.r_[np.arange(20), np.arange(60, 80)]
+    places = np.repeat([[0.0, 0, 1], [2.0, 1, 1]], 20, axis=0)
+    turns = Rotation.from_rotvec(np.repeat([[0, 0, 0.0], [0, 0, 2.0]], 20, axis=0))
+    given = places, turns.as_quat(scalar_first=True), places[:, :2]
+    smoothed = [values.copy() for values in given]
+    smooth_runs(*smoothed, frames, 30.0)
+    for values, expected in zip(smoothed, given, strict=True):
+        np.testing.assert_allclose(values, expected, atol=1e-9)
 
 
 def test_steps_between_poses_lead_there_and_back():

@@ -6,6 +6,7 @@ from calib.camera import Camera, Rig
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels import reference
+from voxelpose.carving.kernels.blocks import BLIND, OBJECTS
 from voxelpose.carving.views import Masks, mask_list, pack_rig
 
 
@@ -75,5 +76,15 @@ def carve_by_reference(
 ) -> np.ndarray:
     """Carves voxel by voxel, as `voxelpose.carving.carver.carve` should."""
     rows, kinds, _ = pack_rig(rig)
-    packed = (rule or CarveRule()).packed(len(rig))
-    return reference.carve_voxels(rows, kinds, mask_list(rig, masks), packed, grid.axes())
+    given = rule_numbers(rule or CarveRule(), len(rig))
+    return reference.carve_voxels(rows, kinds, mask_list(rig, masks), given, grid.axes())
+
+
+def rule_numbers(rule: CarveRule, cameras: int) -> tuple[int, int, int]:
+    """Most cameras that may object, fewest that must agree, and the verdict of a blind one: what
+    `CarveRule` says, and not what it computes.
+    """
+    least = rule.least_agreeing
+    if least is None:
+        least = max(int(np.floor(0.75 * cameras)) - rule.tolerance, 1)
+    return rule.tolerance, least, {"carve": OBJECTS, "keep": BLIND}[rule.outside]

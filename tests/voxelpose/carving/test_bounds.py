@@ -30,6 +30,25 @@ def test_the_resolution_divides_the_longest_edge():
     assert 100 <= max(grid.shape) <= 104
 
 
+def test_the_margin_is_one_voxel():
+    """Within it, the corners of grids of both sizes are the same corner, rounded down."""
+    rig = ring(4)
+    fine, coarse = (place_grid(rig, silhouettes(rig), voxel_size_m=size) for size in (0.02, 0.2))
+    corner = (fine.origin_m + 0.02) / 0.2
+    np.testing.assert_allclose(coarse.origin_m + 0.2, 0.2 * np.floor(corner + 1e-9))
+
+
+def test_a_pole_thinner_than_the_voxels_of_the_search_is_held():
+    rig = ring(4, size=(640, 480), focal=600.0)
+    axis = np.arange(-0.2, 0.2, 0.01)
+    ball = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    ball = ball[np.linalg.norm(ball, axis=1) < 0.2] + [0, 0, 1.3]
+    along = np.arange(0.0, 1.1, 0.004)
+    pole = np.column_stack([along, 0 * along, 1.3 + 0.1 * along])
+    grid = place_grid(rig, silhouettes(rig, np.concatenate([ball, pole])), voxel_size_m=0.01)
+    assert grid.origin_m[0] + grid.size_m[0] > 1.1
+
+
 def test_a_cut_off_silhouette_does_not_cut_off_the_body():
     near = look_at("near", (1.3, 0.4, 1.5), (0, 0, 1.5))  # sees head and chest only
     rig = Rig((*ring(3), near))
@@ -45,7 +64,9 @@ def test_one_bad_camera_neither_shrinks_nor_empties_a_tolerant_box():
     rig = ring(5)
     masks = silhouettes(rig)
     good = place_grid(rig, masks, voxel_size_m=0.03)
-    for bad in (np.zeros((120, 160), bool), np.eye(120, 160, dtype=bool)):
+    corner = np.zeros((120, 160), bool)
+    corner[:9, :9] = True
+    for bad in (np.zeros((120, 160), bool), np.eye(120, 160, dtype=bool), corner):
         grid = place_grid(
             rig, {**masks, "cam_1": bad}, voxel_size_m=0.03, rule=CarveRule(tolerance=1)
         )

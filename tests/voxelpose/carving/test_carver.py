@@ -97,6 +97,16 @@ def test_blocks_larger_than_the_sums_can_count_agree_with_the_reference():
         )
 
 
+@pytest.mark.parametrize("left", range(0, 650, 50))
+def test_a_count_that_wraps_to_nothing_is_not_taken_for_it(left):
+    """A square of 2^16 pixels, in the image of a block that is larger."""
+    rig = Rig((look_at("near", (0, -0.6, 0.9), (0, 0, 0.9), size=(900, 800), focal=900.0),))
+    grid = VoxelGrid.from_bounds((-0.32, -0.2, 0.58), (0.32, 0.44, 1.22), 0.02)
+    mask = np.zeros((800, 900), bool)
+    mask[120:376, left : left + 256] = True
+    np.testing.assert_array_equal(carve(rig, [mask], grid), carve_by_reference(rig, [mask], grid))
+
+
 def test_the_reference_projects_as_the_camera_does():
     for lens in (
         {},
@@ -164,6 +174,28 @@ def test_what_stands_in_front_of_one_camera_only_is_no_body():
     assert not carve(
         away, [*masks.values(), masks["cam_0"]], middle, CarveRule(outside="carve")
     ).any()
+
+
+@pytest.mark.parametrize(
+    ("seeing", "others", "tolerance", "kept"),
+    [
+        (3, 1, 0, True),
+        (2, 2, 0, False),
+        (2, 2, 1, True),
+        (1, 3, 1, False),
+        (3, 3, 0, False),
+        (3, 3, 1, True),
+        (1, 1, 0, True),
+        (0, 1, 3, False),
+    ],
+)
+def test_three_quarters_of_the_cameras_agree_less_the_tolerance(seeing, others, tolerance, kept):
+    """The others look away, and see nothing of the volume."""
+    away = [look_at(f"away_{k}", (0, -9, 1 + k), (0, -20, 1)) for k in range(others)]
+    rig = Rig((*(ring(seeing) if seeing else ()), *away))
+    masks = {name: np.ones((120, 160), bool) for name in rig.names}
+    middle = VoxelGrid.around((0, 0, 0.9), 0.1, (4, 4, 4))
+    assert carve(rig, masks, middle, CarveRule(tolerance)).all() == kept
 
 
 def test_masks_that_do_not_fit_are_refused():

@@ -64,10 +64,10 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-@pytest.fixture(params=["waving", "wild"])
+@pytest.fixture(params=["waving", "tall", "wild"])
 def motion(request) -> Motion:
-    take = waving(5)
-    if request.param == "waving":
+    take = waving(5, 1.95 if request.param == "tall" else 1.7)
+    if request.param != "wild":
         return take
     random, low, high = np.random.default_rng(3), *take.model.dof_limits_rad.T
     heading = unit(random.normal(size=(5, 4)))

@@ -111,17 +111,36 @@ def test_frames_without_evidence_say_nothing():
 
 def test_a_motion_tells_how_stout_it_is_and_how_far_its_joints_are_bent():
     model = fitting_model()
-    relaxed, bent = stance(model), stance(model, {"left_forearm.flexion": 500.0}).clipped()
-    poses = [relaxed, bent]
+    bent = [stance(model, {"left_forearm.flexion": deg}).clipped() for deg in (500.0, -500.0)]
+    poses = [stance(model), *bent]
     motion = Motion(
         30.0,
         model.reshaped(np.where(np.arange(20) > 8, 0.1, 0.0)),
         np.stack([pose.root_m for pose in poses]),
-        np.array([[1.0, 0, 0, 0]] * 2),
+        np.array([[1.0, 0, 0, 0]] * 3),
         np.stack([pose.angles_rad for pose in poses]),
     )
     found = MotionEvidence.from_motion(
-        motion, np.full((2, 4), 0.1), np.full((2, 15), 0.1), np.zeros(2), 2.0
+        motion, np.full((3, 4), 0.1), np.full((3, 15), 0.1), np.zeros(3), 2.0
     )
     assert found.stoutness == pytest.approx(np.log(1.1), abs=0.01)
-    assert found.at_limits[1] - found.at_limits[0] == pytest.approx(1 / model.dof_count)
+    more = found.at_limits[1:] - found.at_limits[0]
+    assert more == pytest.approx(1 / model.dof_count)
+
+
+def test_expected_errors_are_the_regression():
+    """The logarithm of 3 mm more is linear in the evidence."""
+    rng = np.random.default_rng(0)
+    given = MotionEvidence(
+        rng.uniform(0.05, 0.3, (6, 4)),
+        rng.uniform(0, 0.2, (6, 15)),
+        rng.uniform(0, 0.3, 6),
+        rng.uniform(0, 0.2, 6),
+        2.0,
+        0.1,
+    )
+    joints, frames = regressors(given)
+    found = expected_errors(given)
+    np.testing.assert_allclose(np.log(found.median_mm + 3.0), joints @ ERROR_WEIGHTS, atol=0.05)
+    odds = found.right_probability / (1 - found.right_probability)
+    np.testing.assert_allclose(np.log(odds), frames @ RIGHT_WEIGHTS, atol=1e-6)

@@ -19,7 +19,13 @@ from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.joint_search import interference_groups
 from voxelpose.matching.kernels.bits import count_common
 from voxelpose.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
-from voxelpose.matching.matcher import LimbPlacements, MatchSettings, match, movable_areas
+from voxelpose.matching.matcher import (
+    LimbPlacements,
+    MatchSettings,
+    _Search,
+    match,
+    movable_areas,
+)
 from voxelpose.matching.voxel_set import VoxelSet
 
 LIMB = {limb.name: limb for limb in LIMBS}
@@ -178,6 +184,23 @@ def test_full_search_finds_the_postures_of_others(body_volume):
         assert 0.5 < result.explained < 0.9
     assert np.mean(errors) < 0.06
     assert np.mean(np.array(errors) > 0.15) < 0.07
+
+
+def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume, scene):
+    _, _, grid, occupancy = scene
+    settings, start = MatchSettings(empty_cost=1.5, taken_cost=0.7), stance(body_volume.model)
+    points = len(body_volume.points["left_thigh"])
+    empty, full = (
+        _Search(body_volume, grid, np.full_like(occupancy, there), start, settings)
+        for there in (False, True)
+    )
+    limb, angles = LIMB["left_thigh"], start.angles_rad[None]
+    assert empty.placements(limb, angles).cost == pytest.approx(1.5 * points)
+    placed = full.placements(limb, angles)
+    assert placed.cost == 0
+    full.decide([placed], (0,), start.angles_rad)
+    # Whatever is placed there again, all its points are taken.
+    assert full.placements(limb, angles).cost == pytest.approx(0.7 * points)
 
 
 def test_explained_share_counts_a_voxel_once(body_volume, scene):

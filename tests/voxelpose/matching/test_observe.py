@@ -17,7 +17,7 @@ from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.mask_store import MaskStore
-from voxelpose.matching.observe import HullObserver
+from voxelpose.matching.observe import HullObserver, _small_components
 from voxelpose.matching.quality import assess
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
@@ -55,6 +55,14 @@ def test_what_is_kept_comes_back_as_it_was():
                 np.testing.assert_array_equal(kept, given)
     finally:
         store.close()
+
+
+def test_of_what_only_some_cameras_show_small_pieces_stay():
+    mask = np.zeros((40, 50), bool)
+    mask[5:8, 5:8] = True
+    mask[20:30, 20:30] = True
+    found = _small_components(mask, 20)
+    assert found[5:8, 5:8].all() and found.sum() == 9
 
 
 def test_the_hull_holds_the_body(observer, masks):

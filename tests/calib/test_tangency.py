@@ -1,0 +1,72 @@
+"""Tangent planes of two cameras: signs, clocks and reduced silhouettes."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from silhouettes import filmed, stage
+
+from calib.camera import Rig
+from calib.tangency import Outline, OutlineTrack, tangency
+
+FPS = 10.0
+COUNT = 14
+MOMENTS = np.arange(3, 11) / FPS
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    """Of two cameras, the second has the finer pixels."""
+    first, second = stage(2)
+    matrix = second.matrix * np.array([[1.3], [1.3], [1]])
+    matrix[:2, 2] = second.matrix[:2, 2]
+    return Rig((first, replace(second, matrix=matrix)))
+
+
+@pytest.fixture(scope="module")
+def film(rig) -> dict[str, list[np.ndarray]]:
+    return filmed(rig, COUNT)
+
+
+def track_of(rig: Rig, film: dict[str, list[np.ndarray]], name: str, ahead_s: float = 0.0):
+    return OutlineTrack.from_masks(rig[name], np.arange(COUNT) / FPS + ahead_s, film[name])
+
+
+def test_both_planes_have_the_sign_of_the_outlines_error(rig, film):
+    square = np.ones((7, 7), np.uint8)
+    thicker = [cv2.dilate(mask.view(np.uint8), square).view(bool) for mask in film["cam_0"]]
+    thick = track_of(rig, {"cam_0": thicker}, "cam_0")
+    errors = tangency(thick, track_of(rig, film, "cam_1"), MOMENTS)
+    low, high = np.nanmedian(errors, axis=0)
+    # 3 px along the axes, 4.2 px along the diagonals; the mean of the two cameras' pixels.
+    assert 2.5 < low < 6 and 2.5 < high < 6
+
+
+def test_exchanged_cameras_have_the_opposite_error(rig, film):
+    square = np.ones((9, 9), np.uint8)
+    thicker = [cv2.dilate(mask.view(np.uint8), square).view(bool) for mask in film["cam_0"]]
+    thick, other = track_of(rig, {"cam_0": thicker}, "cam_0"), track_of(rig, film, "cam_1")
+    errors, exchanged = tangency(thick, other, MOMENTS), tangency(other, thick, MOMENTS)
+    np.testing.assert_allclose(exchanged[:, ::-1], -errors, atol=1e-6)
+
+
+def test_a_clock_that_is_ahead_is_corrected(rig, film):
+    first, ahead = track_of(rig, film, "cam_0"), track_of(rig, film, "cam_1", 0.2)
+    errors = [np.nanmean(np.abs(tangency(first, ahead, MOMENTS, (0.0, s)))) for s in (0.2, -0.2)]
+    in_step = tangency(first, track_of(rig, film, "cam_1"), MOMENTS)
+    assert errors[0] == pytest.approx(np.nanmean(np.abs(in_step)))
+    assert errors[1] > 3 * errors[0]
+
+
+def test_a_reduced_silhouette_has_the_same_corners(rig):
+    camera = rig.cameras[0]
+    camera = replace(camera, distortion=np.zeros(0))
+    whole = np.zeros(camera.size[::-1], bool)
+    whole[40:120, 60:160] = True
+    outlines = [Outline.from_mask(camera, mask) for mask in (whole, whole[::4, ::4])]
+    for outline in outlines:
+        assert outline is not None
+        np.testing.assert_allclose(outline.pixels.min(0), [59.5, 39.5], atol=1e-6)
+        np.testing.assert_allclose(outline.pixels.max(0), [159.5, 119.5], atol=1e-6)
+        np.testing.assert_allclose(outline.middle, [109.5, 79.5], atol=2)

@@ -1,0 +1,33 @@
+"""Girth of a body by the volume of its hull."""
+
+import numpy as np
+import pytest
+
+from tests.voxelpose.matching.matching_scenes import fitting_model
+from voxelpose.matching.girth import chest_from_hull, stoutness_of
+
+MODEL = fitting_model()
+BODY_M3 = MODEL.part_volumes_m3(0.02).sum()
+
+
+def hull_of(factor: float) -> float:
+    """Volume of the usual hull of a body whose girths are larger by a factor."""
+    return 1.75 * BODY_M3 * factor**2
+
+
+def test_a_body_whose_girths_are_larger_fills_the_square_of_it():
+    usual = chest_from_hull(MODEL, hull_of(1.0))
+    assert usual == pytest.approx(0.55 * MODEL.sizes.stature_m, rel=1e-6)
+    assert chest_from_hull(MODEL, hull_of(1.2)) == pytest.approx(1.2 * usual, rel=1e-6)
+    assert chest_from_hull(MODEL, hull_of(0.95)) == pytest.approx(0.95 * usual, rel=1e-6)
+
+
+def test_no_hull_makes_a_body_thinner_or_stouter_than_people_are():
+    usual = chest_from_hull(MODEL, hull_of(1.0))
+    thin, stout = (chest_from_hull(MODEL, hull_of(factor)) for factor in (0.3, 4.0))
+    assert thin == pytest.approx(0.9 * usual) and stout == pytest.approx(1.5 * usual)
+
+
+def test_stoutness_grows_with_the_girths():
+    wider = MODEL.reshaped(MODEL.shape + 0.1)
+    assert stoutness_of(wider) == pytest.approx(stoutness_of(MODEL) + np.log(1.1), abs=0.02)
