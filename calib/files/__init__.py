@@ -4,7 +4,6 @@
 that does not state its unit is refused unless the caller states it.
 """
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Mapping
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from calib.camera import Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
@@ -123,16 +123,9 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_easymocap
     if source.path.is_dir():
         return read_opencv_folder
-    try:
-        text = source.path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise source.error("no such calibration file") from None
-    except OSError as error:
-        raise source.error(f"cannot read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise source.error(
-            "not a text file: expected a calibration as TOML, YAML, XML or JSON"
-        ) from None
+    if not source.path.exists():
+        raise source.error("no such calibration file")
+    text = load_text(source.path, LARGEST_CALIBRATION)
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
         return read_opencv
@@ -140,10 +133,10 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_qualisys
     if start[:1] in ("{", "["):
         try:
-            content = json.loads(text)
-        except ValueError as error:
+            content = parse_json(text, source.path)
+        except InputError:  # TOML begins with a bracket, too
             if start.startswith("{"):
-                raise source.error(f"broken JSON: {error}") from None
+                raise
         else:
             if isinstance(content, list) or "projections" in content:
                 return read_projections
