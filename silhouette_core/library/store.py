@@ -251,8 +251,8 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
         raise InputError(f"{path} is not a pose library, or is damaged: {_AGAIN}") from error
     if metadata.get("version") != str(VERSION):
         raise InputError(
-            f"{path} is a library of version {str(metadata.get('version'))[:20]}, and this program"
-            f" reads version {VERSION}: {_AGAIN}"
+            f"{path} is a library of version {str(metadata.get('version'))[:20]!r}, and this"
+            f" program reads version {VERSION}: {_AGAIN}"
         )
     try:
         if str(zlib.crc32(metadata["about"].encode())) != metadata["about_checksum"]:

@@ -138,7 +138,7 @@ def read_motion(path: Path) -> Motion:
 
 def _damaged(path: Path, error: Exception) -> InputError:
     reason = f"no entry {error}" if isinstance(error, KeyError) else str(error)
-    return InputError(f"{path} is damaged ({reason[:300]}): fit again")
+    return InputError(f"{path} is damaged ({' '.join(reason.split())[:300]}): fit again")
 
 
 def _arrays(file: Any) -> dict[str, NDArray[Any]]:
