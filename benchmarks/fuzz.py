@@ -90,6 +90,9 @@ class Bench:
         self.target: FuzzTarget = TARGETS[name]
         self.target.make(folder)
         self._valid = {path: (folder / path).read_bytes() for path in self.target.mutations}
+        # A message may call a file by its own name, or its folder's.
+        parts = [Path(path).parts for path in self._valid]
+        self._names = {part for own in parts for part in (own[0], own[-1])}
         self._there = {path for path in folder.rglob("*") if path.is_file()}
         self.target.run(folder, False)
 
@@ -104,7 +107,7 @@ class Bench:
 
     def run(self, number: int) -> dict:
         """Runs the target on a mutation; returns what became of it."""
-        chosen = self.write(number)
+        self.write(number)
         thorough = number % _THOROUGH == _THOROUGH - 1
         word: dict = {"number": number}
         begun_s, before_mib = time.perf_counter(), _peak_mib()
@@ -117,7 +120,7 @@ class Bench:
                 word["failure"] = f"InputError of {len(text) // 1000 * 1000} characters or more"
             elif "\n" in text.strip():
                 word["failure"] = "InputError of several lines"
-            elif not any(part in text for part in _names(chosen)):
+            elif not any(part in text for part in self._names):
                 word["failure"] = f"InputError without the file: {text[:70]}"
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
@@ -138,12 +141,6 @@ class Bench:
             if path not in self._there:
                 path.unlink()
         return word
-
-
-def _names(path: str) -> list[str]:
-    """Names by which a message may call a mutated file: its own, or its folder's."""
-    parts = Path(path).parts
-    return [parts[-1], parts[0]]
 
 
 def _peak_mib() -> float:

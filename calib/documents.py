@@ -1,11 +1,13 @@
-"""Text, JSON, TOML and XML of bounded size and depth, whoever wrote the file.
+"""Text, JSON, TOML, XML and CSV of bounded size and depth, whoever wrote the file.
 
 The parsers raise what is in the file as an `InputError`: text that is none, numbers of thousands of
 digits, nesting beyond any use, and XML that defines entities, which may expand without end.
 """
 
+import csv
 import json
 import tomllib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,12 +20,13 @@ _DEEPEST = 50
 _LONGEST_INTEGER = 300  # digits; more are no finite float64
 
 
-def load_text(path: Path, largest_bytes: int) -> str:
+def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
     """Text of a file in UTF-8, with or without its mark, lines ended by a newline.
 
     Args:
         path: The file.
         largest_bytes: Size beyond which the file is refused, unread.
+        errors: "replace" puts a mark in the place of bytes that are no text.
 
     Raises:
         InputError: The file cannot be read, is too large, or holds bytes that are no text.
@@ -34,12 +37,9 @@ def load_text(path: Path, largest_bytes: int) -> str:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     if len(data) > largest_bytes:
-        raise InputError(
-            f"{path} is larger than the {largest_bytes / 1e6:,.0f} MB that such a file can have:"
-            " give another file, or make it again"
-        )
+        raise _too_large(path, largest_bytes)
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig", errors)
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path} is not a text file (byte {error.start} is no UTF-8): give another file, or"
@@ -108,6 +108,43 @@ def parse_xml(text: str, path: Path) -> ElementTree.Element:
         raise InputError(f"{path}: broken XML: {error}; mend it or make it again") from None
 
 
+def csv_rows(
+    path: Path, columns: Sequence[str], largest_bytes: int, optional: Sequence[str] = ()
+) -> Iterator[dict[str, str]]:
+    """Rows of a table in CSV, one after the other.
+
+    Args:
+        path: The file; its first line names the columns.
+        columns: Those that are needed; the table may have others.
+        largest_bytes: Size beyond which the file is refused, unread.
+        optional: Columns that are returned if there are any.
+
+    Yields:
+        The texts of these columns by name, as far as the row has them. Empty lines are left out.
+
+    Raises:
+        InputError: The file cannot be read, is too large or no text, or lacks a column.
+    """
+    names = (*columns, *optional)
+    remedy = f"its first line must name {','.join(names)}"
+    try:
+        if path.stat().st_size > largest_bytes:
+            raise _too_large(path, largest_bytes)
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            header = reader.fieldnames or ()
+            if missing := [name for name in columns if name not in header]:
+                raise InputError(f"{path}: no column {', '.join(missing)}: {remedy}")
+            for row in reader:
+                yield {name: row[name] for name in names if row.get(name) is not None}
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(
+            f"{path} cannot be read as CSV: {error}: mend it (a stray quote?); {remedy}"
+        ) from None
+
+
 def check_depth(content: Any, path: Path) -> None:
     """Checks that lists and dictionaries are not nested too deeply for whatever follows.
 
@@ -130,6 +167,13 @@ def check_depth(content: Any, path: Path) -> None:
 
 def _integer(digits: str) -> int | float:
     return int(digits) if len(digits) <= _LONGEST_INTEGER else float(digits)
+
+
+def _too_large(path: Path, largest_bytes: int) -> InputError:
+    return InputError(
+        f"{path} is larger than the {largest_bytes / 1e6:,.0f} MB that such a file can have: give"
+        " another file, or make it again"
+    )
 
 
 def _too_deep(path: Path) -> InputError:
