@@ -9,7 +9,7 @@ OUT ?= demo
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast browser check docs format bench accuracy trials clean
+.PHONY: help install demo test test-fast browser check docs format bench accuracy trials fuzz clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
@@ -20,6 +20,7 @@ help:
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
 	@echo "make trials    fits random recordings and writes their tables into docs/results.md (an hour)"
+	@echo "make fuzz      damages files of every format, 10,000 times each, and runs the readers on them (an hour)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
 	@echo "make format    puts the code into the project's style"
 
@@ -60,6 +61,9 @@ accuracy: $(VENV)/.ready-dev
 
 trials: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.trials
+
+fuzz: $(VENV)/.ready-dev
+	$(BIN)/python -m benchmarks.fuzz --mutations 10000
 
 clean:
 	rm -rf $(VENV) build dist site docs/reference *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -186,25 +186,28 @@ def _lines(process: subprocess.Popen[str]) -> Iterator[str]:
         yield line
 
 
-def fuzz(name: str, mutations: int, seed: int, until_s: float = float("inf")) -> Tally:
+def _worker(name: str, seed: int, first: int, last: int) -> list[str]:
+    """Command of a process that runs mutations, see `work`."""
+    words = [sys.executable, "-m", "benchmarks.fuzz", name, "--seed", str(seed)]
+    return [*words, "--work", str(first), str(last)]
+
+
+def fuzz(name: str, mutations: int, seed: int) -> Tally:
     """Runs mutations of a target in processes of their own.
 
     Args:
         name: of the target.
         mutations: how many.
         seed: of the mutations.
-        until_s: time of `time.monotonic` after which no further process is begun.
 
     Returns:
         What became of them.
     """
     tally, number = Tally(), 0
-    while number < mutations and time.monotonic() < until_s:
+    while number < mutations:
         last = min(mutations, number + _BATCH)
-        words = [sys.executable, "-m", "benchmarks.fuzz", name, "--seed", str(seed)]
-        process = subprocess.Popen(
-            [*words, "--work", str(number), str(last)], stdout=subprocess.PIPE, text=True
-        )
+        words = _worker(name, seed, number, last)
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         begun = None
         try:
             for line in _lines(process):

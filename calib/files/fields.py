@@ -39,11 +39,8 @@ class Source:
 
     def error(self, message: str, camera: str | None = None) -> InputError:
         """Error with a message of one line that names the file and the camera."""
-        return InputError(
-            f"{self.path}: camera {camera[:_LONGEST_NAME]}: {message}"
-            if camera is not None
-            else f"{self.path}: {message}"
-        )
+        whose = "" if camera is None else f"camera {camera[:_LONGEST_NAME]}: "
+        return InputError(" ".join(f"{self.path}: {whose}{message}".split()))
 
     def metres_per_unit(self, stated: object, remedy: str) -> float:
         """Length of the file's unit in metres.

@@ -8,7 +8,9 @@ import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -280,15 +282,12 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     Raises:
         InputError: it is too large.
     """
-    from PIL import Image, UnidentifiedImageError
-
+    pillow = _pillow()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            size = Image.open(io.BytesIO(data)).size
-    except Image.DecompressionBombError:
+        size = pillow.open(io.BytesIO(data)).size
+    except pillow.DecompressionBombError:
         size = None
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, struct.error):
+    except (OSError, ValueError, SyntaxError, EOFError, struct.error):
         # Pillow does not know all TIFF files that OpenCV decodes.
         return file.suffix.lower() in (".tif", ".tiff")
     if size is None or size[0] * size[1] > _MOST_PX:
@@ -297,6 +296,17 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
             f" give an image of at most {_MOST_PX / 1e6:.0f} megapixels"
         )
     return _has_its_chunks(data)
+
+
+@cache
+def _pillow() -> Any:
+    """Pillow, which is loaded when there is an image, without its warnings: what matters of them is
+    reported here, from any thread.
+    """
+    from PIL import Image
+
+    warnings.filterwarnings("ignore", module=r"PIL\.")
+    return Image
 
 
 def _has_its_chunks(data: NDArray[np.uint8]) -> bool:
