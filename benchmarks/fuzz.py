@@ -117,11 +117,11 @@ class Bench:
             word["refused"] = 1
             text = str(error)
             if len(text) > _LONGEST_LINE:
-                word["failure"] = f"InputError of {len(text) // 1000 * 1000} characters or more"
+                word["failure"] = f"InputError of more than {_LONGEST_LINE} characters"
             elif "\n" in text.strip():
                 word["failure"] = "InputError of several lines"
             elif not any(part in text for part in self._names):
-                word["failure"] = f"InputError without the file: {text[:70]}"
+                word["failure"] = "InputError without the name of the file"
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
             own = [

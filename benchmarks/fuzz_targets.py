@@ -256,6 +256,49 @@ def _use_image(folder: Path, thorough: bool, name: str) -> None:
         frame.mean()
 
 
+def _make_hypotheses(folder: Path) -> None:
+    from voxelpose.export.hypotheses import write_hypotheses
+
+    joints = _motion().landmarks()
+    poses = [(k, np.array([0.7, 0.3]), joints[[k, 0]]) for k in range(_FRAMES)]
+    write_hypotheses(poses, folder / "hypotheses.csv")
+
+
+def _use_hypotheses(folder: Path, thorough: bool) -> None:
+    from voxelpose.export.hypotheses import read_hypotheses
+
+    read_hypotheses(folder / "hypotheses.csv")
+
+
+def _make_names(folder: Path) -> None:
+    from silhouette_core.motion.mocap.names import NEEDED
+
+    lines = [f'{role} = ["{role}", "Other"]' for role in NEEDED]
+    (folder / "names.toml").write_text("\n".join([*lines, 'toes = "{left}_toes"']) + "\n")
+
+
+def _use_names(folder: Path, thorough: bool) -> None:
+    from silhouette_core.motion.mocap.names import find_roles
+
+    find_roles("clip.bvh", _motion().model.names, folder / "names.toml")
+
+
+def _make_list(folder: Path) -> None:
+    for name in ("one", "two"):
+        (folder / name).mkdir()
+        write_rig(_rig(), folder / name / "calibration.toml")
+    text = "[settings]\nstature = 1.8\nsmooth = false\n"
+    text += '[[recording]]\nfolder = "one"\nframes = "0:9"\n'
+    text += '[[recording]]\nfolder = "two"\nname = "second"\ncommand = "track"\n'
+    (folder / "list.toml").write_text(text)
+
+
+def _use_list(folder: Path, thorough: bool) -> None:
+    from voxelpose.batch.jobs import jobs_of
+
+    jobs_of([folder / "list.toml"], "fit", {})
+
+
 @cache
 def _recorded() -> tuple:
     """Estimate and settings of a result."""
@@ -467,6 +510,9 @@ TARGETS: dict[str, FuzzTarget] = {
         _make_estimate, {"truth.json": any_json}, partial(_use_estimate, truth="truth.json")
     ),
     "subject": FuzzTarget(_make_subject, {"subject.toml": any_text}, _use_subject),
+    "hypotheses": FuzzTarget(_make_hypotheses, {"hypotheses.csv": any_table}, _use_hypotheses),
+    "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
+    "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
     "timestamps": FuzzTarget(_make_timestamps, {"timestamps.csv": any_table}, _use_timestamps),
     **{
         name: FuzzTarget(

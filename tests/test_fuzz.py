@@ -30,6 +30,7 @@ def test_every_target_is_tried(fuzz):
     assert sorted(target_names()) == sorted(fuzz.TARGETS)
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning:PIL")
 @pytest.mark.parametrize(
     "name",
     [

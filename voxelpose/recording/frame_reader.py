@@ -1,6 +1,5 @@
 """Frames of one camera, read in order from a video, a folder of images or a single image."""
 
-import io
 import queue
 import re
 import struct
@@ -284,7 +283,8 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     """
     pillow = _pillow()
     try:
-        size = pillow.open(io.BytesIO(data)).size
+        with pillow.open(file) as image:
+            size = image.size
     except pillow.DecompressionBombError:
         size = None
     except (OSError, ValueError, SyntaxError, EOFError, struct.error):
@@ -317,7 +317,10 @@ def _has_its_chunks(data: NDArray[np.uint8]) -> bool:
     if data[:position].tobytes() != _PNG:
         return True
     while position + 8 <= len(data):
-        position += 12 + int.from_bytes(data[position : position + 4].tobytes(), "big")
+        header = data[position : position + 8].tobytes()
+        position += 12 + int.from_bytes(header[:4], "big")
+        if header[4:] == b"IEND":
+            return True
     return position <= len(data)
 
 

@@ -75,7 +75,9 @@ class NameMap:
             if not isinstance(spellings, list) or not all(
                 isinstance(spelling, str) for spelling in spellings
             ):
-                raise InputError(f"joint-name map {title}: {key} must be a name or a list of names")
+                raise InputError(
+                    f"joint-name map {title}: {key[:40]} must be a name or a list of names"
+                )
             if key in ROLES:
                 names[key] = tuple(spellings)
             elif key in _LIMBS:
@@ -86,7 +88,7 @@ class NameMap:
                     )
             else:
                 raise InputError(
-                    f"joint-name map {title}: {key!r} is no joint of ours: use"
+                    f"joint-name map {title}: {key[:40]!r} is no joint of ours: use"
                     f" {', '.join(_MIDDLE + _LIMBS)}"
                 )
         return cls(title, names)

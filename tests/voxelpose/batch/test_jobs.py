@@ -70,7 +70,7 @@ def test_settings_are_read_as_in_toml_or_as_text():
         ('[[recording]]\nfolder = "anna/walk"\nframes = "all"', "frames = 'all' is not underst"),
         ('[[recording]]\nfolder = "anna/walk"\nup = "sky"', "up = 'sky' is no direction"),
         ('[[recording]]\nfolder = "anna/walk"\ncommand = "guess"', 'command "fit" or "track"'),
-        ("[[recording", "cannot be read as TOML"),
+        ("[[recording", "no valid TOML"),
     ],
 )
 def test_a_list_that_makes_no_sense_is_refused_before_any_work(studio, content, words):
