@@ -39,7 +39,7 @@ LIMIT_MIB = 1024
 _THOROUGH = 100  # one run in so many is the command itself
 _THOROUGH_S = 20.0
 _SILENT_S = 60.0  # without a word, a process hangs
-_BATCH = 1000  # mutations of a process
+_BATCH = 5000  # mutations of a process
 _LONGEST_LINE = 1000
 _SPARE = 4 << 30  # bytes of address space: what asks for more gets no memory
 

@@ -25,7 +25,7 @@ def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
 
     Args:
         path: The file.
-        largest_bytes: Size beyond which the file is refused, unread.
+        largest_bytes: Size beyond which the file is refused.
         errors: "replace" puts a mark in the place of bytes that are no text.
 
     Raises:
@@ -116,7 +116,7 @@ def csv_rows(
     Args:
         path: The file; its first line names the columns.
         columns: Those that are needed; the table may have others.
-        largest_bytes: Size beyond which the file is refused, unread.
+        largest_bytes: Size beyond which the file is refused.
         optional: Columns that are returned if there are any.
 
     Yields:

@@ -250,9 +250,10 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is not a pose library, or is damaged: {_AGAIN}") from error
     if metadata.get("version") != str(VERSION):
+        stated = " ".join(str(metadata.get("version"))[:20].split())
         raise InputError(
-            f"{path} is a library of version {str(metadata.get('version'))[:20]!r}, and this"
-            f" program reads version {VERSION}: {_AGAIN}"
+            f"{path} is a library of version {stated}, and this program reads version {VERSION}:"
+            f" {_AGAIN}"
         )
     try:
         if str(zlib.crc32(metadata["about"].encode())) != metadata["about_checksum"]:
