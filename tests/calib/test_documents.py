@@ -1,6 +1,6 @@
 import pytest
 
-from calib.documents import load_text, parse_json, parse_toml, parse_xml
+from calib.documents import csv_rows, load_text, parse_json, parse_toml, parse_xml
 from calib.errors import InputError
 
 
@@ -59,3 +59,30 @@ def test_what_is_broken_is_named_with_its_file(tmp_path, parse, text, message):
     with pytest.raises(InputError, match=message) as caught:
         parse(text, tmp_path / "file")
     assert str(tmp_path / "file") in str(caught.value)
+
+
+def test_rows_of_a_table_hold_what_is_asked_for(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("a,b,c\n1,2,3\n\n4\n5,6,7,8\n", encoding="utf-8-sig")
+    assert list(csv_rows(path, ("a",), 100, optional=("c", "d"))) == [
+        {"a": "1", "c": "3"},
+        {"a": "4"},
+        {"a": "5", "c": "7"},
+    ]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "no column a, b: its first line must name a,b"),
+        (b"a\n1\n", "no column b"),
+        (b'a,b\n"' + b"1,2\n" * 50_000, "field larger than field limit .*a stray quote"),
+        (b"a,b\n1,\xff\n", "cannot be read as CSV"),
+        (b"a,b\n" + b"1,2\n" * 100_000, "larger than the 0 MB"),
+    ],
+)
+def test_a_damaged_table_is_one_line(tmp_path, content, message):
+    (tmp_path / "t.csv").write_bytes(content)
+    with pytest.raises(InputError, match=message) as caught:
+        list(csv_rows(tmp_path / "t.csv", ("a", "b"), 300_000))
+    assert "t.csv" in str(caught.value) and "\n" not in str(caught.value)

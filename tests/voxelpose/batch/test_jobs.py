@@ -85,3 +85,25 @@ def test_what_is_not_there_is_named(studio):
         jobs_of([studio / "nobody"], "fit", {})
     with pytest.raises(InputError, match="empty is no recording and holds none"):
         jobs_of([studio / "empty"], "fit", {})
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ('frames = "0:x"', "recording 1: frames = '0:x' is not understood"),
+        ('up = "w"', "recording 1: "),
+        ("stature = []", "recording 1: stature = '[]' must be a number"),
+        ("x = 1", "recording 1: fit has no setting 'x'"),
+        ("x = " + "[" * 3000 + "]" * 3000, "nested more than"),
+        ("stature = " + "9" * 5000, "no valid TOML"),
+    ],
+)
+def test_a_wrong_setting_names_the_list(studio, entries, words):
+    path = studio / "list.toml"
+    path.write_text(f'[[recording]]\nfolder = "anna/walk"\n{entries}\n')
+    with pytest.raises(InputError) as caught:
+        jobs_of([path], "fit", {})
+    assert words in str(caught.value) and "list.toml" in str(caught.value)
+    path.write_text(f'[[recording]]\nfolder = "{"x" * 300}"\n')
+    with pytest.raises(InputError, match="folder is no folder's name"):
+        jobs_of([path], "fit", {})
