@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+_SLOW = ("summary", "settings")
 _MUTATIONS, _MOST_S, _SEED = 300, 1.0, 7
 
 
@@ -35,7 +36,7 @@ def test_every_target_is_tried(fuzz):
     "name",
     [
         # The parts of a report take seconds to load.
-        pytest.param(name, marks=pytest.mark.slow) if name == "summary" else name
+        pytest.param(name, marks=pytest.mark.slow) if name in _SLOW else name
         for name in target_names()
     ],
 )

@@ -206,11 +206,11 @@ def _check_values(motion: Motion) -> None:
         raise ValueError(f"fps is {motion.fps:g}")
     if not abs(motion.floor_m) <= _FARTHEST_M:
         raise ValueError(f"floor_m is {motion.floor_m:g}")
-    if abs(np.linalg.norm(motion.up) - 1) > _UNIT_TOLERANCE:
+    if not (np.abs(motion.up) < 2).all() or abs(np.linalg.norm(motion.up) - 1) > _UNIT_TOLERANCE:
         raise ValueError("up has not the length 1")
     if not len(motion):
         return
-    lengths = np.linalg.norm(motion.root_quaternion, axis=1)
+    lengths = np.linalg.norm(np.clip(motion.root_quaternion, -2, 2), axis=1)
     if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any():
         raise ValueError("root_quaternion has not the length 1")
     largest = {
