@@ -145,6 +145,12 @@ def load_settings(path: Path) -> dict[str, Any]:
     known = _checked(content, _Settings, path)
     if known.frames is not None and known.frames[0] > known.frames[1]:
         raise InputError(f"{path}: frames {known.frames} end before they begin: {_REMEDY}")
+    tolerance = known.options.tolerance or 0
+    if known.cameras is not None and tolerance > max(2, 3 * len(known.cameras) // 4):
+        raise InputError(
+            f"{path}: options.tolerance {tolerance} is more than {len(known.cameras)} cameras"
+            f" allow: {_REMEDY}"
+        )
     if any(len(part.encode()) > 255 for part in Path(known.recording).parts):
         raise InputError(f"{path}: recording is no folder's name: {_REMEDY}")
     return content

@@ -152,7 +152,7 @@ class Source:
                 fisheye=fisheye,
             )
         except ValueError as error:
-            raise self.error(f"{error}: {_REMEDY}") from None
+            raise self.error(f"{str(error)[:300]}: {_REMEDY}") from None
 
     def rotation(self, camera: str, value: object) -> FloatArray:
         """Rotation (3, 3) from a Rodrigues vector (3 numbers, rad) or from a rounded matrix."""

@@ -123,7 +123,8 @@ def read_motion(path: Path) -> Motion:
                 )
             arrays = _arrays(file)
     except (OSError, SafetensorError) as error:
-        raise InputError(f"{path} cannot be read as a motion: {str(error)[:300]}") from error
+        reason = " ".join(str(error).split())[:300]
+        raise InputError(f"{path} cannot be read as a motion: {reason}; fit again") from error
     except _UNFIT as error:
         raise _damaged(path, error) from error
     try:

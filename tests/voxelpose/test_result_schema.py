@@ -89,6 +89,7 @@ def test_settings_of_any_version_are_read(tmp_path):
         ("options = 3", "at options"),
         ("[options]\nvoxel_size_m = 1e-300", "at options.voxel_size_m"),
         ('[options]\ntolerance = "x"', "at options.tolerance"),
+        ('cameras = ["a", "b"]\n[options]\ntolerance = 65', "is more than 2 cameras allow"),
         ("threads = 0", "at threads"),
         (f"stature_m = {'9' * 5000}", "no valid TOML"),
         (f"stature_m = {'9' * 400}", "stature_m"),
