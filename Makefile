@@ -9,7 +9,7 @@ OUT ?= demo
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills mutants clean
+.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills mutants fuzz clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
@@ -22,6 +22,7 @@ help:
 	@echo "make trials    fits random recordings and writes their tables into docs/results.md (an hour)"
 	@echo "make kills     ends commands at random moments and looks for what is lost or left (half an hour)"
 	@echo "make mutants   makes small mistakes in a copy of the code, and tells which the tests do not notice (half an hour)"
+	@echo "make fuzz      damages files of every format, 10,000 times each, and runs the readers on them (an hour)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
 	@echo "make format    puts the code into the project's style"
 
@@ -68,6 +69,9 @@ kills: $(VENV)/.ready-dev
 
 mutants: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.mutants
+
+fuzz: $(VENV)/.ready-dev
+	$(BIN)/python -m benchmarks.fuzz --mutations 10000
 
 clean:
 	rm -rf $(VENV) build dist site docs/reference *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

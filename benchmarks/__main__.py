@@ -1,7 +1,7 @@
 """Speed: `python -m benchmarks [PART OF A NAME ...]`, or `make bench`.
 
 One line per case: name, our time, the reference's time, and their ratio. Both ran in turn in this
-process, after a warm-up; the shortest of several runs counts.
+process, after a warm-up; the shortest of several runs counts. Damaged files: `benchmarks.fuzz`.
 """
 
 import platform

@@ -114,6 +114,8 @@ def unit_vector(direction: ArrayLike) -> FloatArray:
         ValueError: it has no length, or is not finite.
     """
     vector = float_array("direction", direction, (3,), finite=True)
+    if np.abs(vector).max() > 1e150:
+        raise ValueError("direction must have a length whose square is a float64")
     length = float(np.linalg.norm(vector))
     if length < 1e-9:
         raise ValueError("direction must not be zero")

@@ -6,6 +6,22 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.motion import Motion
 
+FIRST_SUMMARY = {
+    "voxelpose": "0.1.0",
+    "estimator": "multiview",
+    "recording": "walk",
+    "fps": 25.0,
+    "cameras": ["cam_1"],
+    "frames": {"first": 0, "last": 5, "with_pose": 5, "lost": [3]},
+    "body": {"stature_m": 1.7, "chest_girth_m": None, "sex": "unknown"},
+    "quality": {
+        "unexplained": {"min": 0.0, "median": 0.1, "max": 0.2},
+        "part_overlap": {"pelvis": 0.9},
+    },
+    "seconds": {"pictures": 1.0, "total": 3.0, "stages": {"hulls": {"sum": 1.0}}},
+}
+"""summary.json of a result of the first version."""
+
 
 def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
     """Walks ahead while turning, the right arm raised and the left knee bent: no left-right

@@ -108,7 +108,7 @@ def evaluate(
 def _truth_of(result: Path) -> Path:
     if not is_result(result):
         raise InputError(f"{result} does not say which recording it is of: give --truth FILE")
-    truth = (result / str(Result.open(result).settings["recording"])).resolve() / TRUTH
+    truth = (result / str(Result.open(result).settings.get("recording", ""))).resolve() / TRUTH
     if not truth.is_file():
         raise InputError(f"there is no {truth}: give --truth FILE")
     return truth

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
+from voxelpose.result_schema import load_settings, load_summary
 
 SUMMARY = "summary.json"
 CALIBRATION = "calibration.toml"
@@ -58,11 +58,7 @@ class Result:
                 f"{folder} is not a result of voxelpose (it has no {SUMMARY} of ours): give the"
                 " folder of a fit"
             )
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        try:
-            settings = tomllib.loads((folder / SETTINGS).read_text(encoding="utf-8"))
-        except (OSError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"{folder / SETTINGS} cannot be read: {error}") from error
+        summary, settings = load_summary(folder / SUMMARY), load_settings(folder / SETTINGS)
         return cls(
             folder, read_motion(folder / MOTION), read_rig(folder / CALIBRATION), summary, settings
         )
@@ -72,7 +68,7 @@ def is_result(folder: Path) -> bool:
     """Whether a folder was written by voxelpose."""
     try:
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return isinstance(summary, dict) and _MARK in summary
 

@@ -4,15 +4,14 @@
 that does not state its unit is refused unless the caller states it.
 """
 
-import json
 import os
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from calib.atomic import replacing, unwritable, write_together
+from calib.atomic import replacing
 from calib.camera import Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
@@ -100,22 +99,11 @@ def write_rig(
     if style not in RIG_FORMATS:
         raise InputError(f"no calibration format {style!r}: choose one of {', '.join(RIG_FORMATS)}")
     options = {"notes": notes} if notes and style == "anipose" else {}
-    if style == "easymocap":
-        _write_easymocap(rig, target)
+    if style == "easymocap":  # a folder, whose files it replaces itself
+        write_easymocap(rig, target)
         return
     with replacing(target) as partial:
         RIG_FORMATS[style].write(rig, partial, **options)
-
-
-def _write_easymocap(rig: Rig, folder: Path) -> None:
-    with tempfile.TemporaryDirectory() as scratch:
-        write_easymocap(rig, Path(scratch) / "rig")
-        files = {file.name: file.read_bytes() for file in (Path(scratch) / "rig").iterdir()}
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
-    write_together({folder / name: content for name, content in files.items()})
 
 
 def _reader(source: Source) -> Callable[[Source], Rig]:
@@ -124,16 +112,9 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_easymocap
     if source.path.is_dir():
         return read_opencv_folder
-    try:
-        text = source.path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise source.error("no such calibration file") from None
-    except OSError as error:
-        raise source.error(f"cannot read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise source.error(
-            "not a text file: expected a calibration as TOML, YAML, XML or JSON"
-        ) from None
+    if not source.path.exists():
+        raise source.error("no such calibration file")
+    text = load_text(source.path, LARGEST_CALIBRATION)
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
         return read_opencv
@@ -141,10 +122,10 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_qualisys
     if start[:1] in ("{", "["):
         try:
-            content = json.loads(text)
-        except ValueError as error:
+            content = parse_json(text, source.path)
+        except InputError:  # TOML begins with a bracket, too
             if start.startswith("{"):
-                raise source.error(f"broken JSON: {error}") from None
+                raise
         else:
             if isinstance(content, list) or "projections" in content:
                 return read_projections

@@ -14,12 +14,13 @@ unknown keys, are ignored. On writing, tables are named after cameras and rotati
 Rodrigues vectors, as aniposelib expects.
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from calib.camera import Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_toml
+from calib.errors import InputError
 from calib.files.fields import Source, camera_values
 from calib.rotation import rodrigues_from_matrix
 
@@ -33,12 +34,11 @@ def read_anipose(source: Source) -> Rig:
     Raises:
         InputError: The file is not TOML, or a camera in it is incomplete or wrong.
     """
+    text = load_text(source.path, LARGEST_CALIBRATION)
     try:
-        content = tomllib.loads(source.path.read_text(encoding="utf-8-sig"))
-    except tomllib.TOMLDecodeError as error:
-        raise source.error(
-            f"not a calibration that is known here (nor valid TOML: {error})"
-        ) from None
+        content = parse_toml(text, source.path)
+    except InputError as error:
+        raise InputError(f"{error} (nor is it another calibration that is known here)") from None
     tables = dict(content)
     nested = tables.pop("cameras", None)
     if isinstance(nested, dict):

@@ -7,14 +7,16 @@ given by the caller.
 """
 
 import re
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
-import cv2
-
+from calib.atomic import replacing, unwritable
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.files import opencv
 from calib.files.fields import Source, five_distortion_numbers
+from calib.files.file_storage import dump_storage, load_storage
+from calib.rotation import rodrigues_from_matrix
 
 _FILES = ("intri.yml", "extri.yml")
 
@@ -40,16 +42,15 @@ def read_easymocap(source: Source) -> Rig:
         raise folder_source.error(
             f"{missing[0]} is missing: EasyMocap's calibration is {' and '.join(_FILES)}"
         )
-    content = {
-        key: value for name in _FILES for key, value in opencv.load(Source(folder / name)).items()
-    }
+    content = {key: value for name in _FILES for key, value in load_storage(folder / name).items()}
     names = content.get("names")
     if not isinstance(names, list) or not names:
         raise folder_source.error("names is missing: a list of the cameras' names")
     metres = folder_source.metres_per_unit(content.get("unit"), "add an entry unit: m to extri.yml")
     cameras = []
     for number_or_name in names:
-        name = str(int(number_or_name) if isinstance(number_or_name, float) else number_or_name)
+        whole = isinstance(number_or_name, float) and number_or_name.is_integer()
+        name = str(int(number_or_name) if whole else number_or_name)
         suffix = f"_{name}"
         own = {key.removesuffix(suffix): content[key] for key in content if key.endswith(suffix)}
         values = {
@@ -64,11 +65,11 @@ def read_easymocap(source: Source) -> Rig:
 
 
 def write_easymocap(rig: Rig, path: Path) -> None:
-    """Writes the folder, in metres.
+    """Writes the folder, in metres; neither file takes its name before both are complete.
 
     Raises:
-        InputError: A camera's lens or name cannot be stored in these files.
-        OSError: The folder cannot be written.
+        InputError: A camera's lens or name cannot be stored in these files, or they cannot be
+            written.
     """
     for camera in rig:
         if not re.fullmatch(r"[A-Za-z0-9_-]+", camera.name):
@@ -77,22 +78,23 @@ def write_easymocap(rig: Rig, path: Path) -> None:
                 " or write TOML"
             )
     distortions = [five_distortion_numbers(camera, "EasyMocap") for camera in rig]
-    path.mkdir()
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    contents: dict[Path, dict[str, Any]] = {}
     for name in _FILES:
-        storage = cv2.FileStorage(str(path / name), cv2.FILE_STORAGE_WRITE)
-        storage.startWriteStruct("names", cv2.FileNode_SEQ)
-        for camera in rig:
-            storage.write("", camera.name)
-        storage.endWriteStruct()
+        content: dict[str, Any] = {"names": list(rig.names)}
         for camera, distortion in zip(rig, distortions, strict=True):
             if name == _FILES[0]:
-                storage.write(f"K_{camera.name}", camera.matrix)
-                storage.write(f"dist_{camera.name}", distortion[None])
-                storage.write(f"H_{camera.name}", camera.size[1])
-                storage.write(f"W_{camera.name}", camera.size[0])
+                content[f"K_{camera.name}"] = camera.matrix
+                content[f"dist_{camera.name}"] = distortion[None]
+                content[f"H_{camera.name}"], content[f"W_{camera.name}"] = camera.size[::-1]
             else:
-                storage.write(f"R_{camera.name}", cv2.Rodrigues(camera.rotation)[0])
-                storage.write(f"Rot_{camera.name}", camera.rotation)
-                storage.write(f"T_{camera.name}", camera.translation.reshape(3, 1))
-        storage.write("unit", "m")
-        storage.release()
+                content[f"R_{camera.name}"] = rodrigues_from_matrix(camera.rotation).reshape(3, 1)
+                content[f"Rot_{camera.name}"] = camera.rotation
+                content[f"T_{camera.name}"] = camera.translation.reshape(3, 1)
+        contents[path / name] = content | {"unit": "m"}
+    with ExitStack() as complete:
+        for file, content in contents.items():
+            dump_storage(content, complete.enter_context(replacing(file)))

@@ -14,6 +14,13 @@ from calib.rotation import matrix_from_rodrigues, nearest_rotation
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _REMEDY = "mend the file or calibrate this camera again"
 _FULL_TURN = 2 * np.pi + 1e-6
+# What no real camera has; within these, sums and products of all values stay finite.
+_LARGEST = {"matrix": 1e7, "distortions": 1e7}
+_SHORTEST_FOCAL_PX = 0.1
+_FARTHEST_M = 1e5
+_LONGEST_SIDE_PX = 30_000
+_LARGEST_IMAGE_PX = 100_000_000
+_LONGEST_NAME = 200
 
 
 @dataclass(frozen=True)
@@ -32,11 +39,8 @@ class Source:
 
     def error(self, message: str, camera: str | None = None) -> InputError:
         """Error with a message of one line that names the file and the camera."""
-        return InputError(
-            f"{self.path}: camera {camera}: {message}"
-            if camera is not None
-            else f"{self.path}: {message}"
-        )
+        whose = "" if camera is None else f"camera {camera[:_LONGEST_NAME]}: "
+        return InputError(" ".join(f"{self.path}: {whose}{message}".split()))
 
     def metres_per_unit(self, stated: object, remedy: str) -> float:
         """Length of the file's unit in metres.
@@ -55,7 +59,7 @@ class Source:
                 " m, FreeMoCap mm)"
             )
         if not isinstance(unit, str) or unit not in METRES:
-            raise self.error(f"unit must be m, cm or mm, not {unit!r}: {remedy}")
+            raise self.error(f"unit must be m, cm or mm, not {_short(unit)}: {remedy}")
         if self.unit is not None and self.unit != unit:
             raise self.error(
                 f"the file says its unit is {unit}, --unit says {self.unit}: leave --unit out or"
@@ -81,7 +85,7 @@ class Source:
             raise self.error(f"{key} is missing: {_REMEDY}", camera)
         try:
             array = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise self.error(
                 f"{key} must be numbers, got {_short(value)}: {_REMEDY}", camera
             ) from None
@@ -92,6 +96,10 @@ class Source:
             raise self.error(f"{key} must have shape {shape}, got {array.shape}: {_REMEDY}", camera)
         if not np.isfinite(array).all():
             raise self.error(f"{key} holds a NaN or infinite number: {_REMEDY}", camera)
+        if array.size and np.abs(array).max() > _LARGEST.get(key, 1e12):
+            raise self.error(
+                f"{key} holds {np.abs(array).max():.3g}, which no camera has: {_REMEDY}", camera
+            )
         return array.reshape(-1 if shape is None else shape)
 
     def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera:
@@ -114,12 +122,25 @@ class Source:
                 f" {_REMEDY}",
                 name,
             )
+        if min(matrix[0, 0], matrix[1, 1]) < _SHORTEST_FOCAL_PX:
+            raise self.error(
+                f"a focal length of {min(matrix[0, 0], matrix[1, 1]):g} px is no camera's:"
+                f" {_REMEDY}",
+                name,
+            )
         fisheye = values.get("fisheye", False)
         if not isinstance(fisheye, bool):
             raise self.error(f"fisheye must be true or false, got {_short(fisheye)}", name)
         distortion = self.numbers(name, "distortions", values.get("distortions"))
         if fisheye and len(distortion) == 5 and distortion[4] == 0:
             distortion = distortion[:4]  # some programs write five terms for fisheyes too
+        translation = self.numbers(name, "translation", values.get("translation"), (3,))
+        if np.abs(translation * metres_per_unit).max() > _FARTHEST_M:
+            raise self.error(
+                f"the camera is {np.abs(translation).max() * metres_per_unit / 1000:.3g} km away:"
+                f" correct translation or the unit",
+                name,
+            )
         try:
             return Camera(
                 name=name,
@@ -127,12 +148,11 @@ class Source:
                 matrix=matrix,
                 distortion=distortion,
                 rotation=self.rotation(name, values.get("rotation")),
-                translation=self.numbers(name, "translation", values.get("translation"), (3,))
-                * metres_per_unit,
+                translation=translation * metres_per_unit,
                 fisheye=fisheye,
             )
         except ValueError as error:
-            raise self.error(f"{error}: {_REMEDY}") from None
+            raise self.error(f"{str(error)[:300]}: {_REMEDY}") from None
 
     def rotation(self, camera: str, value: object) -> FloatArray:
         """Rotation (3, 3) from a Rodrigues vector (3 numbers, rad) or from a rounded matrix."""
@@ -174,6 +194,10 @@ class Source:
             raise self.error(
                 f"size must be width and height in whole pixels, got {_short(value)}", camera
             )
+        if max(width, height) > _LONGEST_SIDE_PX or width * height > _LARGEST_IMAGE_PX:
+            raise self.error(
+                f"an image of {width:.0f} x {height:.0f} px is no camera's: {_REMEDY}", camera
+            )
         return int(width), int(height)
 
     def rig(self, cameras: list[Camera]) -> Rig:
@@ -184,6 +208,9 @@ class Source:
                 " translation"
             )
         names = [camera.name for camera in cameras]
+        for name in names:
+            if not name.strip() or len(name) > _LONGEST_NAME or not name.isprintable():
+                raise self.error(f"{_short(name)} is no camera's name: rename it")
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise self.error(

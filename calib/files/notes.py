@@ -1,10 +1,10 @@
 """Entries under [metadata] of a calibration in TOML, beside the unit."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from calib.checks import FloatArray
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_toml
 from calib.errors import InputError
 from calib.upright import direction_of
 
@@ -12,9 +12,10 @@ from calib.upright import direction_of
 def read_notes(path: Path) -> dict[str, Any]:
     """Entries under [metadata] of a calibration, without the unit; empty if there are none."""
     try:
-        metadata = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("metadata", {})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        content = parse_toml(load_text(path, LARGEST_CALIBRATION), path)
+    except InputError:  # a calibration of another format
         return {}
+    metadata = content.get("metadata", {})
     return (
         {key: value for key, value in metadata.items() if key not in ("unit", "units")}
         if isinstance(metadata, dict)

@@ -19,12 +19,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files.fields import Source
+from calib.files.file_storage import dump_storage, load_storage
 
 _ALIASES = {
     "matrix": ("cameramatrix", "k", "intrinsicmatrix", "intrinsics", "mtx", "matrix"),
@@ -55,9 +55,9 @@ def read_opencv(source: Source) -> Rig:
     """Reads one file.
 
     Raises:
-        InputError: OpenCV cannot read the file, or a camera in it is incomplete or wrong.
+        InputError: The file is no FileStorage, or a camera in it is incomplete or wrong.
     """
-    content = load(source)
+    content = load_storage(source.path)
     maps = {
         key: value
         for key, value in content.items()
@@ -86,11 +86,8 @@ def read_opencv_folder(source: Source) -> Rig:
         files = [entry] if entry.is_file() else sorted(entry.glob("*")) if entry.is_dir() else []
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         inner = [Source(file, source.unit, source.size) for file in files]
-        holding = [
-            (file_source, content)
-            for file_source in inner
-            if _is_storage(file_source.path) and "matrix" in _named(content := load(file_source))
-        ]
+        stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]
+        holding = [(one, content) for one, content in stored if "matrix" in _named(content)]
         if entry.is_dir() and len(holding) > 1:
             raise Source(entry).error(
                 f"{len(holding)} calibrations in one camera's folder: keep"
@@ -115,63 +112,26 @@ def write_opencv(rig: Rig, path: Path) -> None:
                 f"camera {name}: OpenCV's keys are letters, digits, - and _, starting with a"
                 " letter: rename it or write TOML"
             )
-    try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-    except cv2.error:
-        raise OSError(f"OpenCV cannot write {path.name}") from None
-    if not storage.isOpened():
-        raise OSError(f"no such folder or no permission: {path.parent}")
-    storage.write("unit", "m")
+    content: dict[str, Any] = {"unit": "m"}
     for camera in rig:
-        storage.startWriteStruct(camera.name, cv2.FileNode_MAP)
-        storage.write("image_width", camera.size[0])
-        storage.write("image_height", camera.size[1])
-        storage.write("fisheye", int(camera.fisheye))
-        storage.write("camera_matrix", camera.matrix)
-        storage.write(
-            "distortion_coefficients",
-            camera.distortion.reshape(-1, 1) if len(camera.distortion) else np.zeros((4, 1)),
-        )
-        storage.write("rotation", camera.rotation)
-        storage.write("translation", camera.translation.reshape(3, 1))
-        storage.endWriteStruct()
-    storage.release()
-
-
-def load(source: Source) -> dict[str, Any]:
-    """Content of a file as dictionaries, lists, arrays, numbers and strings.
-
-    Raises:
-        InputError: OpenCV cannot parse it.
-    """
-    try:
-        storage = cv2.FileStorage(str(source.path), cv2.FILE_STORAGE_READ)
-        tree = _plain(storage.root()) if storage.isOpened() else None
-        storage.release()
-    except (cv2.error, SystemError) as error:
-        reason = " ".join(str(error).split())
-        raise source.error(f"OpenCV cannot read it: {reason[:160]}") from None
-    if not isinstance(tree, dict):
-        raise source.error("OpenCV cannot read it: not a FileStorage of named entries")
-    return tree
-
-
-def _plain(node: Any) -> Any:
-    """A FileNode as plain values."""
-    if node.isMap():
-        keys = set(node.keys())
-        matrix = node.mat() if {"rows", "cols", "data"} <= keys else None
-        return {key: _plain(node.getNode(key)) for key in node.keys()} if matrix is None else matrix  # noqa: SIM118
-    if node.isSeq():
-        return [_plain(node.at(index)) for index in range(node.size())]
-    if node.isInt() or node.isReal():
-        return node.real()
-    return node.string() if node.isString() else None
+        content[camera.name] = {
+            "image_width": camera.size[0],
+            "image_height": camera.size[1],
+            "fisheye": int(camera.fisheye),
+            "camera_matrix": camera.matrix,
+            "distortion_coefficients": (
+                camera.distortion.reshape(-1, 1) if len(camera.distortion) else np.zeros((4, 1))
+            ),
+            "rotation": camera.rotation,
+            "translation": camera.translation.reshape(3, 1),
+        }
+    dump_storage(content, path)
 
 
 def _is_storage(path: Path) -> bool:
     """Whether a file looks like a FileStorage rather than other YAML, XML or JSON."""
-    start = path.read_bytes()[:1000].lstrip()
+    with path.open("rb") as file:
+        start = file.read(1000).lstrip()
     return (
         start.startswith(b"%YAML")
         or b"<opencv_storage" in start
@@ -191,12 +151,13 @@ def _named(content: dict[str, Any]) -> dict[str, Any]:
 
 def _metres(source: Source, *maps: dict[str, Any]) -> float:
     """Metres per unit, as stated in any of the maps."""
-    stated = {unit for values in maps if (unit := _named(values).get("unit")) is not None}
+    units = [unit for values in maps if (unit := _named(values).get("unit")) is not None]
+    stated = sorted(set(map(str, units)))
     if len(stated) > 1:
         raise source.error(
-            f"cameras in different units ({', '.join(sorted(map(str, stated)))}): write them in one"
+            f"cameras in different units ({', '.join(stated)[:80]}): write them in one"
         )
-    return source.metres_per_unit(stated.pop() if stated else None, _REMEDY)
+    return source.metres_per_unit(units[0] if units else None, _REMEDY)
 
 
 def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera:
@@ -204,5 +165,6 @@ def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -
     values = _named(content)
     if "size" not in values and {"width", "height"} <= values.keys():
         values["size"] = [values["width"], values["height"]]
-    values["fisheye"] = bool(values.get("fisheye", False))
+    fisheye = values.get("fisheye", False)
+    values["fisheye"] = bool(fisheye) if isinstance(fisheye, float) else fisheye
     return source.camera(str(values.get("name", name)), values, metres)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.camera import Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.files.fields import Source, camera_values
 
 
@@ -16,7 +17,8 @@ def read_json(source: Source) -> Rig:
     Raises:
         InputError: A camera is incomplete or wrong.
     """
-    content: dict[str, Any] = json.loads(source.path.read_text(encoding="utf-8-sig"))
+    text = load_text(source.path, LARGEST_CALIBRATION)
+    content: dict[str, Any] = parse_json(text, source.path)
     cameras = content["cameras"]
     named = (
         list(cameras.items())

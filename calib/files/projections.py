@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from calib.camera import Camera, FloatArray, Rig
+from calib.camera import FloatArray, Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.files.fields import Source
 
@@ -59,7 +60,7 @@ def read_projections(source: Source) -> Rig:
     Raises:
         InputError: A matrix is not 3x4, not finite or singular, or sizes or the unit are unknown.
     """
-    content: Any = json.loads(source.path.read_text(encoding="utf-8-sig"))
+    content: Any = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
     content = {"projections": content} if isinstance(content, list) else content
     matrices = content["projections"]
     if not isinstance(matrices, list):
@@ -80,16 +81,14 @@ def read_projections(source: Source) -> Rig:
             raise source.error(
                 f"projection is no camera ({error}): check the matrix", str(name)
             ) from None
-        cameras.append(
-            Camera(
-                str(name),
-                source.image_size(str(name), size),
-                matrix,
-                np.zeros(0),
-                rotation,
-                translation * metres,
-            )
-        )
+        decomposed = {
+            "size": size,
+            "matrix": matrix,
+            "distortions": [],
+            "rotation": rotation,
+            "translation": translation,
+        }
+        cameras.append(source.camera(str(name), decomposed, metres))
     return source.rig(cameras)
 
 

@@ -14,6 +14,7 @@ What QTM writes, and how it is converted:
 Marker cameras are left out where there are video cameras. The unit is always mm.
 """
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
 from calib.files.fields import Source, five_distortion_numbers
 
 _SUBPIXELS = 64
@@ -40,12 +42,7 @@ def read_qualisys(source: Source) -> Rig:
     Raises:
         InputError: The file is no QTM calibration, or a camera in it is incomplete or wrong.
     """
-    try:
-        root = ElementTree.fromstring(
-            source.path.read_text(encoding="utf-8-sig").replace("encoding='ASCII'", "")
-        )
-    except (ElementTree.ParseError, ValueError) as error:
-        raise source.error(f"broken XML: {error}") from None
+    root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
     metres = source.metres_per_unit("mm", "QTM writes mm")
     active = [camera for camera in root.iter("camera") if camera.get("active", "1") != "0"]
     video = [
@@ -108,9 +105,12 @@ def _camera(source: Source, index: int, element: ElementTree.Element, metres: fl
     name = element.get("serial") or f"cam_{index + 1}"
     video = _numbers(source, name, element, "fov_video", ("left", "top", "right", "bottom"))
     left, top, right, bottom = video
-    size = (right - left + 1, bottom - top + 1)
+    size = source.image_size(name, (right - left + 1, bottom - top + 1))
     resolution = element.get("video_resolution", "")
-    if resolution[:-1].isdigit() and not 0.9 < int(resolution[:-1]) / min(size) < 1.1:
+    if (
+        re.fullmatch(r"[0-9]{1,6}.", resolution)
+        and not 0.9 < int(resolution[:-1]) / min(size) < 1.1
+    ):
         raise source.error(
             f"filmed at {resolution} but calibrated at {min(size):.0f} lines: record at full"
             " resolution or write a TOML",

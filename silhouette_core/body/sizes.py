@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.checks import check_array
 from calib.errors import InputError
 
 
@@ -84,3 +85,18 @@ SHAPE_AXES = (
     ShapeAxis("foot_girth", ("foot", "toes"), "x", 0.10, joints=False),
 )
 SHAPE_SIGMA = np.array([axis.sigma for axis in SHAPE_AXES])
+
+
+def check_shape(shape: np.ndarray) -> None:
+    """Checks deviations along the shape axes that were read from a file.
+
+    Args:
+        shape: (20,) float64, relative, see `BodyModel.reshaped`.
+
+    Raises:
+        TypeError: it is not float64.
+        ValueError: it has another shape, or deviations that no body has.
+    """
+    check_array("body_shape", shape, (len(SHAPE_AXES),), np.float64, finite=True)
+    if not (shape.min() >= -0.9 and shape.max() <= 10):
+        raise ValueError(f"body_shape holds {shape.min():g} to {shape.max():g}, as no body has")

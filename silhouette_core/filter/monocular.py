@@ -138,7 +138,7 @@ class MonocularEstimator:
 
 def _check_silhouettes(source: FrameSource, silhouettes: Silhouettes) -> None:
     """Raises InputError if they cannot be those of a person."""
-    steps = even_moments(source.frame_count, MOMENTS)
+    steps = even_moments(source.frame_count, MOMENTS).tolist()
     masks = [silhouettes.of(frames) for frames in source.at(steps)]
     check_plausible({name: [mask[name] for mask in masks] for name in source.rig.names}, least=1)
 

@@ -23,8 +23,9 @@ from safetensors.numpy import save_file
 from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import BodySizes
+from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.image.spans import Rectangle, Spans
+from silhouette_core.library.library_check import check_library, check_library_settings
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.proposal.pose_proposal import PoseProposal
 
@@ -58,6 +59,7 @@ _PLAIN = (
     "sigma_rad",
 )
 _LARGEST_HEADER = 10_000_000
+_AGAIN = "build the library again (voxelpose library build)"
 _MARKED = 100_000  # the format's name stands within so many bytes
 
 
@@ -137,9 +139,12 @@ def read_library(path: Path) -> PoseLibrary:
     arrays, about = _read(path)
     try:
         library = _library(arrays, about)
-    except (KeyError, TypeError, ValueError, InputError) as error:
-        raise InputError(f"{path} is damaged ({error}): build the library again") from error
-    if not len(library) or not library.levels:
+        empty = not len(library) or not library.levels
+        if not empty:
+            check_library(library)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, InputError) as error:
+        raise InputError(f"{path} is damaged ({_reason(error)}): {_AGAIN}") from error
+    if empty:
         raise InputError(f"{path} holds no poses: build the library again from more motion")
     return library
 
@@ -151,7 +156,9 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
     }
-    model = BodyModel.from_sizes(BodySizes(**about["sizes"])).reshaped(arrays["body_shape"])
+    body = BodyModel.from_sizes(BodySizes(**about["sizes"]))
+    check_shape(arrays["body_shape"])
+    model = body.reshaped(arrays["body_shape"])
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
         raise ValueError("made with a body that has other joints")
     levels = []
@@ -170,18 +177,37 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         levels.append(
             Level(representative, parent, spans, tuple(facts["size_px"]), facts["threshold"])
         )
+    if not all(isinstance(clip, str) for clip in about["clips"]):
+        raise ValueError("its clips are no names")
+    made_with = LibrarySettings(**settings)
+    check_library_settings(made_with)
     learned = _group(arrays, "proposal.")
     return PoseLibrary(
         model=model,
-        settings=LibrarySettings(**settings),
+        settings=made_with,
         clips=tuple(about["clips"]),
         levels=tuple(levels),
-        root_sigma_rad=about["root_sigma_rad"],
+        root_sigma_rad=float(about["root_sigma_rad"]),
         bounds_px=_bounds(about, levels),
         neighbours=_group(arrays, "neighbours."),
         proposal=PoseProposal.from_arrays(learned) if learned else None,
         **{name: arrays[name] for name in _PLAIN},
     )
+
+
+def _loaded(text: str | bytes) -> Any:
+    """Content of JSON."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("its description is nested too deeply") from None
+
+
+def _reason(error: Exception) -> str:
+    """What an error says, in a few words."""
+    text = " ".join(str(error).split())
+    text = f"no entry {text}" if isinstance(error, KeyError) else text
+    return text if len(text) <= 300 else f"{text[:300]}..."
 
 
 def _group(arrays: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
@@ -203,7 +229,6 @@ def _bounds(about: dict, levels: list[Level]) -> Rectangle:
 
 def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
     """Arrays of a file, memory-mapped, and its description; both are checked completely."""
-    again = "build the library again"
     try:
         with path.open("rb") as file:
             content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
@@ -218,23 +243,22 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
     try:
         if not 2 <= length <= min(_LARGEST_HEADER, len(content) - 8):
             raise ValueError("no header")
-        header = json.loads(bytes(content[8 : 8 + length]))
+        header = _loaded(bytes(content[8 : 8 + length]))
         metadata = header.pop("__metadata__")
         if metadata["format"] != _FORMAT:
             raise ValueError("another format")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path} is not a pose library, or is damaged: {again} (voxelpose library build)"
-        ) from error
+        raise InputError(f"{path} is not a pose library, or is damaged: {_AGAIN}") from error
     if metadata.get("version") != str(VERSION):
+        stated = " ".join(str(metadata.get("version"))[:20].split())
         raise InputError(
-            f"{path} is a library of version {metadata.get('version')}, and this program reads"
-            f" version {VERSION}: {again}"
+            f"{path} is a library of version {stated}, and this program reads version {VERSION}:"
+            f" {_AGAIN}"
         )
     try:
         if str(zlib.crc32(metadata["about"].encode())) != metadata["about_checksum"]:
             raise ValueError("its description changed")
-        about = json.loads(metadata["about"])
+        about = _loaded(metadata["about"])
         body, arrays = content[8 + length :], {}
         for name, entry in header.items():
             first, last = entry["data_offsets"]
@@ -242,11 +266,13 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
                 raise ValueError("it is truncated")
             if zlib.crc32(body[first:last]) != about["checksums"][name]:
                 raise ValueError(f"its array {name} changed")
-            arrays[name] = np.frombuffer(body[first:last], _TYPES[entry["dtype"]]).reshape(
-                entry["shape"]
-            )
+            shape = entry["shape"]
+            if not all(type(count) is int and count >= 0 for count in shape):
+                raise ValueError(f"its array {name} has the shape {shape}")
+            dtype = _TYPES[entry["dtype"]]
+            arrays[name] = np.frombuffer(body[first:last], dtype).reshape(shape)
         if arrays.keys() != about["checksums"].keys():
             raise ValueError("an array is missing")
-    except (ValueError, KeyError, TypeError, SafetensorError) as error:
-        raise InputError(f"{path} is damaged ({error}): {again}") from error
+    except (ValueError, KeyError, TypeError, AttributeError, SafetensorError) as error:
+        raise InputError(f"{path} is damaged ({_reason(error)}): {_AGAIN}") from error
     return arrays, about

@@ -3,21 +3,48 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from calib.errors import InputError
 from calib.upright import Z_UP
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import BodySizes
+from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.motion.motion import Motion
 
 MOTION = "motion.safetensors"
 _FORMAT = "voxelpose motion 1"
 _QUALITY = "quality."
+_TYPES = {
+    "root_m": "F64",
+    "root_quaternion": "F64",
+    "angles_rad": "F64",
+    "frames": "I64",
+    "time_s": "F64",
+    "body_shape": "F64",
+    "up": "F64",
+}
+_QUALITY_TYPES = ("F64", "F32", "BOOL", "I64", "I32", "U8")
+_FLAT = ("unexplained", "outside", "outline_agreement", "right_probability")
+_UNFIT = (KeyError, TypeError, ValueError, OverflowError, IndexError, RecursionError)
+# Half a day at 60 frames a second; a pose takes some 900 bytes.
+_MOST_POSES = 12 * 3600 * 60
+_LARGEST = 1000 * _MOST_POSES
+_WIDEST = 256  # columns
+_FARTHEST_M = 1e5
+_LARGEST_RAD = 50.0
+_LATEST_S = 1e10
+_LARGEST_QUALITY = 1e9
+_SLOWEST_FPS, _FASTEST_FPS = 1e-3, 1e5
+_UNIT_TOLERANCE = 0.01
+_GAP_FRAMES, _GAP_RATE = 1000, 4.0
 
 
 def write_motion(motion: Motion, path: Path) -> None:
@@ -81,24 +108,71 @@ def read_motion(path: Path) -> Motion:
         InputError: the file is missing, damaged, or of another kind.
     """
     try:
+        size = path.stat().st_size
+        if size > _LARGEST:
+            raise InputError(
+                f"{path} has {size / 1e9:.1f} GB, more than the motion of half a day: fit again, in"
+                " several recordings"
+            )
         with safe_open(str(path), framework="numpy") as file:
             about = file.metadata() or {}
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+            if about.get("format") != _FORMAT:
+                raise InputError(
+                    f"{path} is no motion of this version (format"
+                    f" {str(about.get('format'))[:40]!r}, wanted {_FORMAT!r}): fit again"
+                )
+            arrays = _arrays(file)
     except (OSError, SafetensorError) as error:
-        raise InputError(f"{path} cannot be read as a motion: {error}") from error
-    if about.get("format") != _FORMAT:
-        raise InputError(
-            f"{path} is no motion of this version (format {about.get('format')!r}, wanted"
-            f" {_FORMAT!r}): fit again"
-        )
+        reason = " ".join(str(error).split())[:300]
+        raise InputError(f"{path} cannot be read as a motion: {reason}; fit again") from error
+    except _UNFIT as error:
+        raise _damaged(path, error) from error
+    try:
+        motion = _motion(about, arrays)
+        _check_values(motion)
+    except (*_UNFIT, InputError) as error:
+        raise _damaged(path, error) from error
+    if json.loads(about["angles"]) != list(motion.model.dof_names):
+        raise InputError(f"{path} was made with a body that has other joint angles: fit again")
+    return motion
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    reason = f"no entry {error}" if isinstance(error, KeyError) else str(error)
+    return InputError(f"{path} is damaged ({' '.join(reason.split())[:300]}): fit again")
+
+
+def _arrays(file: Any) -> dict[str, NDArray[Any]]:
+    """Arrays of an open file that belong to a motion, whose shapes and dtypes are checked before
+    anything is read.
+    """
+    names = [name for name in file.keys() if name in _TYPES or name.startswith(_QUALITY)]  # noqa: SIM118 (not a dict)
+    shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
+    count = shapes["root_m"][0] if shapes["root_m"] else 0
+    if count > _MOST_POSES:
+        raise ValueError(f"it holds {count:,} poses, more than the {_MOST_POSES:,} of half a day")
+    for name in names:
+        shape, kind = shapes[name], file.get_slice(name).get_dtype()
+        if name.startswith(_QUALITY):
+            if shape[:1] != (count,) or len(shape) > 2 or max(shape[1:], default=0) > _WIDEST:
+                raise ValueError(f"{name} has the shape {shape} for {count} poses")
+            if kind not in _QUALITY_TYPES:
+                raise ValueError(f"{name} has the type {kind}")
+        elif kind != _TYPES[name] or shape[1:] > (_WIDEST,):
+            raise ValueError(f"{name} has the shape {shape} and type {kind}, not {_TYPES[name]}")
+    return {name: file.get_tensor(name) for name in names}
+
+
+def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Motion:
+    """Motion of the metadata and arrays of a file."""
     chest = about["chest_girth_m"]
     sizes = BodySizes(float(about["stature_m"]), float(chest) if chest else None, about["sex"])
-    model = BodyModel.from_sizes(sizes).reshaped(arrays["body_shape"])
-    if json.loads(about["angles"]) != list(model.dof_names):
-        raise InputError(f"{path} was made with a body that has other joint angles: fit again")
+    if not isinstance(json.loads(about["angles"]), list):
+        raise ValueError("its angles are no list of names")
+    check_shape(arrays["body_shape"])
     return Motion(
         fps=float(about["fps"]),
-        model=model,
+        model=BodyModel.from_sizes(sizes).reshaped(arrays["body_shape"]),
         root_m=arrays["root_m"],
         root_quaternion=arrays["root_quaternion"],
         angles_rad=arrays["angles_rad"],
@@ -112,6 +186,50 @@ def read_motion(path: Path) -> Motion:
         up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
     )
+
+
+def _check_values(motion: Motion) -> None:
+    """Checks that numbers are such as a person and a recording have.
+
+    Raises:
+        ValueError: one, which the message names, is not.
+    """
+    columns = {"part_overlap": len(motion.model.names), "part_unsupported": len(motion.model.names)}
+    for name, array in motion.quality.items():
+        joints = name.startswith(("joint_", "landmark_"))
+        wanted = columns.get(name, len(LANDMARK_NAMES) if joints else None)
+        flat = name in _FLAT
+        if (wanted and array.shape[1:] != (wanted,)) or (flat and array.ndim != 1):
+            raise ValueError(f"quality.{name} has the shape {array.shape}")
+        if array.dtype.kind == "f" and (np.abs(array) > _LARGEST_QUALITY).any():
+            raise ValueError(f"quality.{name} holds numbers beyond {_LARGEST_QUALITY:g}")
+    if not _SLOWEST_FPS <= motion.fps <= _FASTEST_FPS:
+        raise ValueError(f"fps is {motion.fps:g}")
+    if not abs(motion.floor_m) <= _FARTHEST_M:
+        raise ValueError(f"floor_m is {motion.floor_m:g}")
+    if not (np.abs(motion.up) < 2).all() or abs(np.linalg.norm(motion.up) - 1) > _UNIT_TOLERANCE:
+        raise ValueError("up has not the length 1")
+    if not len(motion):
+        return
+    lengths = np.linalg.norm(np.clip(motion.root_quaternion, -2, 2), axis=1)
+    if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any():
+        raise ValueError("root_quaternion has not the length 1")
+    largest = {
+        "root_m": _FARTHEST_M,
+        "angles_rad": _LARGEST_RAD,
+        "time_s": _LATEST_S,
+        "frames": _MOST_POSES * 10,
+    }
+    for name, most in largest.items():
+        array = getattr(motion, name)
+        if array.min() < -most or array.max() > most:
+            raise ValueError(f"{name} holds numbers beyond {most:g}")
+    if motion.frames[0] < 0 or (np.diff(motion.time_s) < 0).any():
+        raise ValueError("frames and time_s must increase from 0")
+    # Frames between the poses are filled in by some formats: a wrong number would fill memory.
+    frames = int(motion.frames[-1] - motion.frames[0])
+    if frames > _GAP_FRAMES + _GAP_RATE * max(len(motion), np.ptp(motion.time_s) * motion.fps):
+        raise ValueError(f"frames are {frames:,} apart, time_s {np.ptp(motion.time_s):g} s")
 
 
 def body_of_motion(path: Path) -> BodyModel:

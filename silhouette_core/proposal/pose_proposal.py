@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import check_array
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.silhouette_features import (
+    FEET_GRID,
+    GRID,
     FrameFeatures,
     SilhouetteBasis,
     SilhouetteCodes,
     coverage_grid,
     feet_grid,
+    input_count,
     nearby_frames,
     network_inputs,
 )
+
+_MOST_MODES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,29 +157,40 @@ class PoseProposal:
 
         Raises:
             KeyError: an array is missing.
-            ValueError: the arrays do not fit together, or are those of an earlier version.
+            TypeError: an array is not float32.
+            ValueError: the arrays do not fit together, hold NaN, or are those of an earlier
+                version.
         """
         if "mean_skin" not in arrays:
             raise ValueError("its proposal was learned by an earlier version")
-        bases = {
-            name: SilhouetteBasis(arrays[f"mean_{name}"], arrays[f"{name}_basis"])
-            for name in ("coverage", "feet", "skin")
-        }
+        cells = {"coverage": GRID, "feet": FEET_GRID, "skin": GRID}
+        bases = {}
+        for name, (rows, columns) in cells.items():
+            mean, basis = arrays[f"mean_{name}"], arrays[f"{name}_basis"]
+            check_array(f"proposal.mean_{name}", mean, (rows * columns,), np.float32, finite=True)
+            shape = (rows * columns, "K")
+            check_array(f"proposal.{name}_basis", basis, shape, np.float32, finite=True)
+            bases[name] = SilhouetteBasis(mean, basis)
+        check_array("proposal.modes", arrays["modes"], (1,), np.int32)
+        joints = arrays["mean_joints"]
+        shape = (len(LANDMARK_NAMES) - 1, 3)
+        check_array("proposal.mean_joints", joints, shape, np.float32, finite=True)
         layers = range(sum(name.startswith("weight") for name in arrays))
         network = MixtureNetwork(
             tuple(arrays[f"weight{number}"] for number in layers),
             tuple(arrays[f"bias{number}"] for number in layers),
-            arrays["mean_joints"],
+            joints,
             int(arrays["modes"][0]),
         )
-        sizes = [weight.shape for weight in network.weights]
+        counts = [basis.components.shape[1] for basis in bases.values()]
+        inputs = input_count(*counts)
+        if not 1 <= network.modes <= _MOST_MODES or not layers:
+            raise ValueError(f"proposal.modes is {network.modes}, and it has {len(layers)} layers")
         ends = network.modes * (5 * len(network.mean_joints) + 1) + 6
-        if (
-            not sizes
-            or any(a[1] != b[0] for a, b in pairwise(sizes))
-            or any(bias.shape != size[1:] for bias, size in zip(network.biases, sizes, strict=True))
-            or sizes[-1][1] != ends
-            or any(len(basis.mean) != len(basis.components) for basis in bases.values())
-        ):
-            raise ValueError("the arrays of the proposal do not fit together")
+        for number, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+            outputs = ends if number == layers[-1] else weight.shape[-1] if weight.ndim else 0
+            name = f"proposal.weight{number}"
+            check_array(name, weight, (inputs, outputs), np.float32, finite=True)
+            check_array(f"proposal.bias{number}", bias, (outputs,), np.float32, finite=True)
+            inputs = outputs
         return cls(**bases, network=network)

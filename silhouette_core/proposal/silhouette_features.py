@@ -241,6 +241,13 @@ def network_inputs(
     )
 
 
+def input_count(coverage: int, feet: int, skin: int) -> int:
+    """Number I of the inputs of `network_inputs` from the numbers of components of the codes."""
+    instants = len(OFFSETS_S)
+    beside = min(coverage, _COMPONENTS_BESIDE) + min(skin, _SKIN_BESIDE) + 3
+    return coverage + feet + skin + instants * beside + 4
+
+
 def fit_basis(
     grids: NDArray[np.uint8], components: int, rng: np.random.Generator
 ) -> SilhouetteBasis:

@@ -1,5 +1,6 @@
 """Calibration formats: round trips, dialects, and messages of one line."""
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from rigs import BENT, FISHEYE, PINHOLE, PRISM, RATIONAL, assert_same_rig, some_
 
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
+from calib.files.notes import read_up
 from calib.files.projections import decompose
 from calib.rotation import matrix_from_rodrigues
 
@@ -214,7 +216,7 @@ def test_a_rounded_rotation_matrix_is_made_a_rotation_again(tmp_path):
             "camera left: matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]]",
         ),
         ("[cam_1]", "[cam_1]\nfisheye = 3", "camera left: fisheye must be true or false, got 3"),
-        ("[cam_1]", "[cam_1", "not a calibration that is known here (nor valid TOML"),
+        ("[cam_1]", "[cam_1", "nor is it another calibration that is known here"),
     ],
 )
 def test_each_mistake_is_named_with_its_camera(tmp_path, old, new, message):
@@ -286,7 +288,7 @@ def test_opencv_mistakes_are_named(tmp_path):
     assert "OpenCV cannot read it" in refusal(
         write(tmp_path, "%YAML:1.0\n---\na: [1, 2\nb: }\n", "broken.yml")
     )
-    assert "OpenCV cannot read it" in refusal(
+    assert "broken XML" in refusal(
         write(tmp_path, '<?xml version="1.0"?>\n<opencv_storage><a></opencv_storage>', "broken.xml")
     )
     assert "broken JSON" in refusal(write(tmp_path, '{"projections": [', "broken.json"))
@@ -392,3 +394,47 @@ def test_json_takes_a_map_of_cameras_too(tmp_path):
     assert "cameras must be a list of objects" in refusal(
         write(tmp_path, json.dumps({"unit": "m", "cameras": [1]}), "a.json")
     )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[[600.0", "[[1e300", "matrix holds 1e+300, which no camera has"),
+        ("[[600.0", "[[1e-3", "a focal length of 0.001 px is no camera's"),
+        ("[0.0, 0.0, 0.0, 0.0, 0.0]", "[1e308, 0.0, 0.0, 0.0, 0.0]", "distortions holds 1e+308"),
+        ("4000.0", "1e300", "translation holds 1e+300"),
+        ("4000.0", "4e11", "the camera is 4e+05 km away"),
+        ("4000.0", "9" * 400, "translation must be numbers"),
+        ("4000.0", "9" * 5000, "no valid TOML"),
+        ("[640, 480]", "[640000, 480]", "an image of 640000 x 480 px is no camera's"),
+        ("[640, 480]", "[20000, 20000]", "an image of 20000 x 20000 px is no camera's"),
+        ('"left"', '"' + "x" * 5000 + '"', "is no camera's name"),
+        ('"left"', '" "', "is no camera's name"),
+        ("[0.1, 0.2, 0.3]", "[" * 3000 + "]" * 3000, "nested more than 50 levels"),
+    ],
+)
+def test_what_no_camera_has_is_refused(tmp_path, old, new, message):
+    assert old in CAMERA
+    assert message in refusal(write(tmp_path, CAMERA.replace(old, new, 1) + MM))
+
+
+def test_entries_of_wrong_types_are_no_tracebacks(tmp_path):
+    entries = "unit: [m, cm]\n", "unit: {a: 1}\n", "fisheye: [1, 2]\n", "name: [1, 2]\n"
+    storage(tmp_path / "a.yml", **OWN)
+    good = (tmp_path / "a.yml").read_text()
+    for entry in entries:
+        refusal(write(tmp_path, good + entry, "b.yml"))
+    folder = tmp_path / "easymocap"
+    write_rig(some_rig(PINHOLE), folder)
+    text = (folder / "extri.yml").read_text()
+    for names in ("names: [.Nan]", "names: [{a: 1}]", "names: [1e308]"):
+        (folder / "extri.yml").write_text(text.replace('names:\n   - "cam_1"', names))
+        with pytest.raises(InputError, match="easymocap"):
+            read_rig(folder)
+
+
+def test_metadata_of_any_content_is_read(tmp_path):
+    for up in ("[1e308, 1e308, 0]", "[" * 300 + "]" * 300, "9" * 5000, '"nan,0,1"', "[0, 0, 0]"):
+        path = write(tmp_path, CAMERA + MM + f"up = {up}\n")
+        with contextlib.suppress(InputError):
+            read_up(path)

@@ -13,7 +13,9 @@ import jinja2
 import numpy as np
 
 from calib.atomic import replacing
+from calib.errors import InputError
 from voxelpose.batch.run import Outcome
+from voxelpose.recording.frame_reader import read_still
 from voxelpose.reliability import Verdict, verdict_of
 from voxelpose.report.page import REPORT
 from voxelpose.report.preview import data_uri
@@ -125,8 +127,9 @@ def _page(rows: Sequence[tuple[Outcome, Verdict]], folder: Path) -> str:
 def _thumbnail(folder: Path) -> str:
     """The middle picture of a contact sheet as a data URI; empty where there is none."""
     path = folder / "contact_sheet.png"
-    image = cv2.imread(str(path)) if path.is_file() else None
-    if image is None:
+    try:
+        image = read_still(path)
+    except InputError:
         return ""
     scale = _THUMBNAIL_PX / image.shape[1]
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

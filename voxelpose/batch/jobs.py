@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
@@ -19,6 +20,7 @@ from voxelpose.recording.folder import Recording, frame_range, is_recording
 Command = Literal["fit", "track"]
 
 # Setting of a job: the type that it has in TOML, and the field of Settings where it is one.
+_LARGEST_LIST = 10_000_000  # bytes
 _SETTINGS = {
     "stature": (float, "stature_m"),
     "chest": (float, "chest_m"),
@@ -170,7 +172,7 @@ def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
             raise InputError(f"--set {word} is not understood: give NAME=VALUE, as in stature=1.75")
         try:
             settings[name.strip()] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             settings[name.strip()] = value.strip()
     return settings
 
@@ -178,10 +180,7 @@ def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
 def _listed(
     path: Path, command: Command, common: Mapping[str, Any]
 ) -> list[tuple[Path, str | None, Command, Mapping[str, Any]]]:
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path} cannot be read as TOML: {error}") from None
+    document = parse_toml(load_text(path, _LARGEST_LIST), path)
     tables, unknown = document.get("recording"), sorted(set(document) - {"recording", "settings"})
     shared = document.get("settings", {})
     if unknown or not isinstance(tables, list) or not tables or not isinstance(shared, dict):
@@ -193,6 +192,8 @@ def _listed(
     for number, table in enumerate(tables, 1):
         if not isinstance(table, dict) or not isinstance(table.get("folder"), str):
             raise InputError(f'{path}: recording {number} has no folder = "..."')
+        if any(len(part.encode()) > 255 for part in Path(table["folder"]).parts):
+            raise InputError(f"{path}: recording {number}: folder is no folder's name: correct it")
         own = {**common, **shared, **table}
         folder = path.parent / own.pop("folder")
         name, what = own.pop("name", None), own.pop("command", command)
@@ -202,6 +203,7 @@ def _listed(
             )
         if not is_recording(folder):
             raise InputError(f"{path}: recording {number}: {folder} is no recording")
+        _check(own, what, f"{path}: recording {number}")
         listed.append((folder, name, what, own))
     return listed
 
@@ -211,17 +213,21 @@ def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
     for name, value in settings.items():
         if name not in known:
             raise InputError(
-                f"{where}: {command} has no setting {name!r}: it has {', '.join(sorted(known))}"
+                f"{where}: {command} has no setting {name[:40]!r}: it has"
+                f" {', '.join(sorted(known))}"
             )
         kind = known[name][0]
         fits = isinstance(value, int | float) if kind is float else isinstance(value, kind)
         if not fits or (isinstance(value, bool) and kind is not bool):
             words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
-            raise InputError(f"{where}: {name} = {value!r} must be {words[kind]}")
-    if "frames" in settings:
-        _frames(str(settings["frames"]))
-    if "up" in settings:
-        _up(str(settings["up"]))
+            raise InputError(f"{where}: {name} = {str(value)[:60]!r} must be {words[kind]}")
+    try:
+        if "frames" in settings:
+            _frames(str(settings["frames"]))
+        if "up" in settings:
+            _up(str(settings["up"]))
+    except InputError as error:
+        raise InputError(f"{where}: {str(error)[:300]}") from None
 
 
 def _names(found: Sequence[tuple[Path, str | None]]) -> list[str]:

@@ -242,7 +242,7 @@ def _identity(job: Job) -> dict[str, object]:
 def _is_done(job: Job, folder: Path) -> bool:
     try:
         made = json.loads((folder / JOB).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return is_result(folder) and made == json.loads(as_json(_identity(job)))
 

@@ -1,13 +1,16 @@
 """Scene points as CSV: camera,point,x_px,y_px and, for measured points, x_m,y_m,z_m."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
+from calib.documents import csv_rows
 from calib.errors import InputError
 from calib.points import ScenePoints
 
+_LARGEST_BYTES = 50_000_000
+_FARTHEST_M, _FARTHEST_PX = 1e5, 1e6
+_LONGEST_NAME = 200
 _PIXELS = ("x_px", "y_px")
 _METRES = ("x_m", "y_m", "z_m")
 
@@ -20,27 +23,19 @@ def read_points(path: Path) -> ScenePoints:
     Raises:
         InputError: The file is missing, a column is, or a row is wrong; the row is named.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} cannot be read as CSV: {error}") from None
-    header = rows[0].keys() if rows else ()
-    if missing := [name for name in ("camera", "point", *_PIXELS) if name not in header]:
-        raise InputError(
-            f"{path}: no column {', '.join(missing)}: the first line must be"
-            " camera,point,x_px,y_px,x_m,y_m,z_m"
-        )
+    rows = csv_rows(path, ("camera", "point", *_PIXELS), _LARGEST_BYTES, optional=_METRES)
     pixels: dict[str, dict[str, np.ndarray]] = {}
     known: dict[str, np.ndarray] = {}
     for number, row in enumerate(rows, start=2):
         location = f"{path} line {number}"
-        camera, point = ((row[key] or "").strip() for key in ("camera", "point"))
+        camera, point = (row.get(key, "").strip() for key in ("camera", "point"))
         seen = pixels.setdefault(point, {})
+        if max(len(camera), len(point)) > _LONGEST_NAME:
+            raise InputError(f"{location}: no name has {max(len(camera), len(point))} letters")
         if camera in seen:
             raise InputError(f"{location}: point {point} is listed twice for camera {camera}")
         seen[camera] = _numbers(row, _PIXELS, location)
-        stated = [key for key in _METRES if (row.get(key) or "").strip()]
+        stated = [key for key in _METRES if row.get(key, "").strip()]
         if not stated:
             continue
         position = _numbers(row, _METRES, location)
@@ -52,9 +47,15 @@ def read_points(path: Path) -> ScenePoints:
 
 def _numbers(row: dict[str, str], keys: tuple[str, ...], location: str) -> np.ndarray:
     try:
-        numbers = np.array([float(row[key] or "") for key in keys])
-    except (KeyError, ValueError):
+        numbers = np.array([float(row.get(key, "")) for key in keys])
+    except ValueError:
         numbers = np.array([np.nan])
     if not np.isfinite(numbers).all():
-        raise InputError(f"{location}: {', '.join(keys)} must be numbers")
+        raise InputError(f"{location}: {', '.join(keys)} must be numbers: correct the row")
+    most = _FARTHEST_PX if keys == _PIXELS else _FARTHEST_M
+    if np.abs(numbers).max() > most:
+        raise InputError(
+            f"{location}: {', '.join(keys)} hold {np.abs(numbers).max():.3g}, beyond {most:g}:"
+            " correct the row"
+        )
     return numbers

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from calib.atomic_folder import FolderWriter
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.demo.filming import make_recording
 from voxelpose.demo.measurements import Measurements
 
+_LARGEST_BYTES = 10_000_000
 _STAMP = "recipe.txt"
 
 
@@ -76,8 +77,10 @@ def read_recipes(path: Path) -> dict[str, Recipe]:
     Raises:
         InputError: the file cannot be read, or a recipe is not complete.
     """
+    tables = parse_toml(load_text(path, _LARGEST_BYTES), path)
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
         return {name: Recipe.from_table(table) for name, table in tables.items()}
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{path} cannot be read as recipes of recordings: {error}") from error
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(
+            f"{path} cannot be read as recipes of recordings: {str(error)[:200]}"
+        ) from error

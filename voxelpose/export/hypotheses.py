@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,10 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.documents import csv_rows
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 
 HYPOTHESES = "hypotheses.csv"
+_COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
+_LARGEST_BYTES = 1_000_000_000
+_FARTHEST_M = 1e5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +70,18 @@ def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
         lambda: np.full((len(LANDMARK_NAMES), 3), np.nan)
     )
     probability: dict[tuple[int, int], float] = {}
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                key = int(row["frame"]), int(row["rank"])
-                probability[key] = float(row["probability"])
-                joints[key][LANDMARK_NAMES.index(row["joint"])] = [
-                    float(row[axis]) for axis in ("x_m", "y_m", "z_m")
-                ]
-    except (KeyError, TypeError, ValueError, OSError) as error:
-        raise InputError(f"{path} is damaged ({error}): fit again, or remove it") from None
+    for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
+        try:
+            key = int(row["frame"]), int(row["rank"])
+            position = np.array([float(row[axis]) for axis in ("x_m", "y_m", "z_m")])
+            probability[key] = float(row["probability"])
+            joints[key][LANDMARK_NAMES.index(row["joint"])] = position
+            if not (0 <= probability[key] <= 1 and (np.abs(position) <= _FARTHEST_M).all()):
+                raise ValueError("no probability or position")
+        except (KeyError, ValueError) as error:
+            raise InputError(
+                f"{path} line {line} is damaged ({str(error)[:100]}): fit again, or remove it"
+            ) from None
     hypotheses: dict[int, tuple[Hypothesis, ...]] = {}
     for frame, rank in sorted(joints):
         hypothesis = Hypothesis(rank, probability[frame, rank], joints[frame, rank])

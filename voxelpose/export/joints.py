@@ -1,16 +1,19 @@
 """joints.csv: the 15 joints of the HumanEva protocol, one row per frame and joint."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.documents import csv_rows
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
 
 JOINTS = "joints.csv"
+_COLUMNS = ("frame", "joint", "x_m", "y_m", "z_m")
+_LARGEST_BYTES = 3_000_000_000  # half a day; read row by row
+_FARTHEST_M = 1e5
 _HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
 
 
@@ -48,15 +51,19 @@ def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:
     """
     number = {name: index for index, name in enumerate(LANDMARK_NAMES)}
     joints_m = np.full((count, len(number), 3), np.nan)
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            for row in csv.DictReader(file):
-                frame = int(row["frame"]) + offset
-                if row["joint"] in number and 0 <= frame < count:
-                    position = [float(row[axis]) for axis in ("x_m", "y_m", "z_m")]
-                    joints_m[frame, number[row["joint"]]] = position
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
+        try:
+            frame = int(row["frame"]) + offset
+            if row["joint"] in number and 0 <= frame < count:
+                position = [float(row[axis]) for axis in _COLUMNS[2:]]
+                joints_m[frame, number[row["joint"]]] = position
+        except (ValueError, KeyError) as error:
+            raise InputError(
+                f"{path} line {line} cannot be read as {','.join(_COLUMNS)}:"
+                f" {str(error)[:100]}: correct the row or fit again"
+            ) from error
+    if (np.abs(joints_m) > _FARTHEST_M).any():
         raise InputError(
-            f"{path} cannot be read as joints.csv (frame,joint,x_m,y_m,z_m): {error}"
-        ) from error
+            f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: are they in metres?"
+        )
     return joints_m

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.documents import load_text
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD
@@ -24,6 +25,10 @@ POSE2SIM_AXES = "yzx"
 """World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "meters": 1.0, "millimeters": 0.001}
+_LARGEST_BYTES = 300_000_000
+_MOST_MARKERS = 1000
+_FARTHEST_M = 1e5
+_GAP_FRAMES, _GAP_RATE = 100_000, 10
 _CENTRE = {"pelvis": ("midhip", "hip", "chip"), "neck": (), "head_top": ("head", "vertex")}
 
 
@@ -107,7 +112,7 @@ def read_trc(
     if missing:
         raise InputError(
             f"{path} has no marker for {', '.join(missing)}: say which with --markers"
-            f" {missing[0]}=NAME; it has {', '.join(names)}"
+            f" {missing[0]}=NAME; it has {_listed(names)}"
         )
     joints_m = np.full((frames[-1] + 1, len(LANDMARK_NAMES), 3), np.nan)
     selected = points[:, [columns[joint] for joint in LANDMARK_NAMES]]
@@ -117,30 +122,41 @@ def read_trc(
 
 def _read_points(path: Path) -> tuple[list[str], NDArray[np.int64], NDArray[np.float64]]:
     """Returns marker names, frame numbers from 0, and positions (F, K, 3), file's axes, metres."""
+    lines = load_text(path, _LARGEST_BYTES).splitlines()
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
         header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
         head = next(row for row, line in enumerate(lines) if line.startswith("Frame#"))
         names = [name.strip() for name in lines[head].split("\t")[2:] if name.strip()]
-        unit = header["Units"].strip()
-        rows = [line.split("\t") for line in lines[head + 2 :] if line.strip()]
+        unit = header["Units"].strip().lower()
+        rows = [line for line in lines[head + 2 :] if line.strip()]
+        if len(names) > _MOST_MARKERS:
+            raise ValueError(f"it names {len(names)} markers")
         width = 2 + 3 * len(names)
-        cells = np.array(
-            [
-                [float(cell) if cell.strip() else np.nan for cell in (row + [""] * width)[:width]]
-                for row in rows
-            ]
-        )
-        frames = cells[:, 0].astype(np.int64) - 1
-        if unit.lower() not in _METRES:
-            raise InputError(f"{path} says the unit {unit!r}: make it m, cm or mm")
-        if (np.diff(frames, prepend=-1) <= 0).any():
-            raise InputError(f"{path} must number its frames upward from 1")
-    except (OSError, ValueError, IndexError, KeyError, StopIteration) as error:
+        cells = np.full((len(rows), width), np.nan)
+        for row, line in enumerate(rows):
+            numbers = [float(cell) if cell.strip() else np.nan for cell in line.split("\t")[:width]]
+            cells[row, : len(numbers)] = numbers
+    except (ValueError, IndexError, KeyError, StopIteration) as error:
+        reason = " ".join(str(error).split())[:200] or "no line begins with Frame#"
+        raise InputError(f"{path} cannot be read as TRC: {reason}; export it again") from error
+    if unit not in _METRES:
+        raise InputError(f"{path} says the unit {unit[:20]!r}: make it m, cm or mm")
+    if not len(rows) or not names:
+        raise InputError(f"{path} holds no frames or no markers: export it again")
+    numbers = cells[:, 0]
+    if not (numbers >= 1).all() or (np.diff(numbers, prepend=0) < 1).any():
+        raise InputError(f"{path} must number its frames upward from 1")
+    # The frames that it leaves out are filled in: a wrong number would fill memory.
+    if numbers[-1] > _GAP_FRAMES + _GAP_RATE * len(rows):
         raise InputError(
-            f"{path} cannot be read as TRC: {error or 'no line begins with Frame#'}"
-        ) from error
-    return names, frames, _METRES[unit.lower()] * cells[:, 2:].reshape(len(cells), len(names), 3)
+            f"{path} has {len(rows)} frames, the last with the number {numbers[-1]:g}: correct it"
+        )
+    points = _METRES[unit] * cells[:, 2:].reshape(len(cells), len(names), 3)
+    if (np.abs(points) > _FARTHEST_M).any():
+        raise InputError(
+            f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: correct them or the unit"
+        )
+    return names, numbers.astype(np.int64) - 1, points
 
 
 def _marker_column(
@@ -149,7 +165,7 @@ def _marker_column(
     """Returns the index of the marker of a joint; None where no name is recognised."""
     if joint in markers:
         if markers[joint] not in names:
-            raise InputError(f"{path} has no marker {markers[joint]!r}: it has {', '.join(names)}")
+            raise InputError(f"{path} has no marker {markers[joint]!r}: it has {_listed(names)}")
         return names.index(markers[joint])
     plain = {
         re.sub(r"[^a-z0-9]", "", name.lower()): number
@@ -162,6 +178,12 @@ def _marker_column(
         if name in plain:
             return plain[name]
     return None
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names for a message, as many as a line can hold."""
+    more = ", ..." if len(names) > 40 else ""
+    return ", ".join(name[:20] for name in names[:40]) + more
 
 
 def _world_from_file(axes: str) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from calib.components import MaskComponents, label_components
+from calib.errors import InputError
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.carving.carver import CarveRule, carve
@@ -92,8 +93,17 @@ def body_rule(cameras: int, tolerance: int) -> CarveRule:
     """Rule by which a voxel may belong to a body.
 
     A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
+
+    Raises:
+        InputError: so many cameras may be wrong that none need agree.
     """
-    return CarveRule(tolerance, least_agreeing=max(2, 3 * cameras // 4) - tolerance)
+    most = max(2, 3 * cameras // 4)
+    if not 0 <= tolerance <= most:
+        raise InputError(
+            f"a tolerance of {tolerance} of {cameras} cameras leaves none to agree: give at most"
+            f" {most}"
+        )
+    return CarveRule(tolerance, least_agreeing=most - tolerance)
 
 
 class HullObserver:

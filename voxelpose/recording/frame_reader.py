@@ -2,10 +2,14 @@
 
 import queue
 import re
+import struct
 import threading
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -35,6 +39,9 @@ VIDEOS = frozenset(
         ".ogv",
     }
 )
+_MOST_PX = 100_000_000
+_PNG = b"\x89PNG\r\n\x1a\n"
+_LARGEST_BYTES = 8 * _MOST_PX
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -255,13 +262,66 @@ def read_still(file: Path) -> Frame:
         InputError: the file is missing or is not an image.
     """
     try:
+        if file.stat().st_size > _LARGEST_BYTES:
+            raise InputError(f"{file} is larger than any camera's image: convert it to PNG")
         # Not imread: it cannot open names with letters outside the code page on Windows.
-        image = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_COLOR)
+        data = np.fromfile(file, np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if _is_decodable(data, file) else None
     except (OSError, cv2.error):
         image = None
     if image is None:
         raise InputError(f"{file} cannot be read as an image: convert it to PNG")
     return _three_channels(image)
+
+
+def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
+    """Whether an image says that it is of a size that a camera's may have, before it is decoded:
+    few bytes may decode to gigabytes.
+
+    Raises:
+        InputError: it is too large.
+    """
+    pillow = _pillow()
+    try:
+        with pillow.open(file) as image:
+            size = image.size
+    except pillow.DecompressionBombError:
+        size = None
+    except (OSError, ValueError, SyntaxError, EOFError, struct.error):
+        # Pillow does not know all TIFF files that OpenCV decodes.
+        return file.suffix.lower() in (".tif", ".tiff")
+    if size is None or size[0] * size[1] > _MOST_PX:
+        raise InputError(
+            f"{file} says that it has {'very many' if size is None else size_text(size)} pixels:"
+            f" give an image of at most {_MOST_PX / 1e6:.0f} megapixels"
+        )
+    return _has_its_chunks(data)
+
+
+@cache
+def _pillow() -> Any:
+    """Pillow, which is loaded when there is an image, without its warnings: what matters of them is
+    reported here, from any thread.
+    """
+    from PIL import Image
+
+    warnings.filterwarnings("ignore", module=r"PIL\.")
+    return Image
+
+
+def _has_its_chunks(data: NDArray[np.uint8]) -> bool:
+    """Whether the chunks of a PNG are in the file; OpenCV makes room for them before it looks.
+    Other formats have none.
+    """
+    position = len(_PNG)
+    if data[:position].tobytes() != _PNG:
+        return True
+    while position + 8 <= len(data):
+        header = data[position : position + 8].tobytes()
+        position += 12 + int.from_bytes(header[:4], "big")
+        if header[4:] == b"IEND":
+            return True
+    return position <= len(data)
 
 
 def _three_channels(image: np.ndarray) -> Frame:

@@ -1,10 +1,13 @@
 """The person that was filmed: subject.toml of a recording folder."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+
+_LARGEST_BYTES = 1_000_000
+_SIZES_M = {"stature": (0.5, 2.6), "chest_girth": (0.4, 1.8)}  # as of BodySizes
 
 
 @dataclass(frozen=True)
@@ -35,27 +38,32 @@ def read_subject(path: Path) -> Subject:
     """
     if not path.exists():
         return Subject()
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path} cannot be read as TOML: {error}") from None
+    table = parse_toml(load_text(path, _LARGEST_BYTES), path)
     for key in table:
         if key not in ("stature", "chest_girth", "sex", "body"):
             raise InputError(
-                f"{path}: {key} is not known: use stature, chest_girth (metres), sex, body"
+                f"{path}: {key[:40]} is not known: use stature, chest_girth (metres), sex, body"
             )
-    for key in ("stature", "chest_girth"):
+    for key, (least, most) in _SIZES_M.items():
         value = table.get(key)
         if value is not None and (
-            isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 3
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not least <= value <= most
         ):
             raise InputError(
-                f"{path}: {key} = {value!r} is impossible: give metres, for example {key} = 1.02"
+                f"{path}: {key} = {str(value)[:40]} is impossible: give metres between {least:g}"
+                f" and {most:g}, for example {key} = {1.75 if key == 'stature' else 1.02}"
             )
     sex = table.get("sex", "unknown")
     if sex not in ("male", "female", "unknown"):
-        raise InputError(f'{path}: sex = {sex!r} is not known: use "male", "female" or "unknown"')
-    body = None if table.get("body") is None else path.parent / str(table["body"])
+        raise InputError(
+            f'{path}: sex = {str(sex)[:40]!r} is not known: use "male", "female" or "unknown"'
+        )
+    name = table.get("body")
+    if name is not None and not (isinstance(name, str) and 0 < len(name) < 200):
+        raise InputError(f"{path}: body must be the name of a file: correct it or remove the line")
+    body = None if name is None else path.parent / name
     if body is not None and not body.exists():
         raise InputError(
             f"{path}: body file {body} is missing: correct the path or remove the line"

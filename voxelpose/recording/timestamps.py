@@ -1,6 +1,7 @@
 """Times of every camera's frames (timestamps.csv), and the frames that match in time."""
 
 import csv
+from array import array
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -8,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.atomic import replacing
+from calib.documents import csv_rows
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import FrameReader
 
 TIMESTAMPS = "timestamps.csv"
+_LARGEST_BYTES = 500_000_000
+_LATEST_S = 1e11  # of any clock that counts seconds
 Times = NDArray[np.float64]
 """(frames,) float64, s."""
 
@@ -29,24 +33,32 @@ def read_timestamps(path: Path, readers: Mapping[str, FrameReader]) -> dict[str,
     Raises:
         InputError: the file is not such a table, or does not fit the videos.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [
-                (row["cam_id"].strip(), float(row["frame_time"])) for row in csv.DictReader(file)
-            ]
-    except (KeyError, AttributeError, TypeError, ValueError, OSError) as error:
-        raise InputError(
-            f"{path} is not a table of cam_id,frame_time (seconds): {error}; correct or remove it"
-        ) from None
+    listed: dict[str, array[float]] = {}
+    for number, row in enumerate(csv_rows(path, ("cam_id", "frame_time"), _LARGEST_BYTES), 2):
+        try:
+            camera, time = row["cam_id"].strip(), float(row["frame_time"])
+        except (KeyError, ValueError):
+            raise InputError(
+                f"{path} line {number} is not cam_id,frame_time (seconds): correct the row, or"
+                " remove the file"
+            ) from None
+        if camera in readers or f"cam_{camera}" in readers:
+            listed.setdefault(camera, array("d")).append(time)
     times: dict[str, Times] = {}
     for name, reader in readers.items():
-        times[name] = np.array([time for camera, time in rows if name in (camera, f"cam_{camera}")])
+        own = [taken for camera, taken in listed.items() if name in (camera, f"cam_{camera}")]
+        times[name] = np.concatenate([np.zeros(0), *own])
         if len(times[name]) != reader.frame_count:
             raise InputError(
                 f"{path} has {len(times[name])} times for camera {name}, its video"
                 f" {reader.frame_count} frames: correct or remove it"
             )
-        if not np.isfinite(times[name]).all() or (np.diff(times[name]) <= 0).any():
+        if len(times[name]) and not np.abs(times[name]).max() < _LATEST_S:
+            raise InputError(
+                f"{path}: the times of camera {name} are not all numbers of seconds: correct or"
+                " remove it"
+            )
+        if (np.diff(times[name]) <= 0).any():
             raise InputError(
                 f"{path}: the times of camera {name} do not increase: correct or remove it"
             )

@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.export.trc import POSE2SIM_AXES, read_trc
 
 TRUTH = "truth.json"
+_LARGEST_BYTES = 300_000_000  # some hours
+_FARTHEST_M = 1e5
 
 
 def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m: float) -> None:
@@ -46,19 +49,26 @@ def read_truth(
     """
     truth = read_trc(path, axes, markers) if path.suffix.lower() == ".trc" else _read_json(path)
     if truth.ndim != 3 or truth.shape[2] != 3 or not np.isfinite(truth).all(axis=(1, 2)).any():
-        raise InputError(f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints")
+        raise InputError(
+            f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints: give another file"
+        )
+    if (np.abs(truth) > _FARTHEST_M).any():
+        raise InputError(
+            f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: correct them or the unit"
+        )
     return truth
 
 
 def _read_json(path: Path) -> NDArray[np.float64]:
+    document = parse_json(load_text(path, _LARGEST_BYTES), path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
         if document.get("unit", "m") != "m":
-            raise InputError(f"{path} is in {document['unit']}: convert it to metres")
+            raise InputError(f"{path} is in {str(document['unit'])[:20]!r}: convert it to metres")
         return np.stack(
             [np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1
         )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise InputError(
-            f"{path} cannot be read as a truth file (joints by name, positions in metres): {error}"
+            f"{path} cannot be read as a truth file (joints by name, positions in metres):"
+            f" {str(error)[:200]}; give another file"
         ) from error

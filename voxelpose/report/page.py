@@ -9,7 +9,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import cv2
 import jinja2
 import numpy as np
 
@@ -17,6 +16,7 @@ from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.recording.frame_reader import read_still
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
@@ -246,10 +246,11 @@ def _camera(camera: Any) -> dict[str, object]:
 def _sheet(folder: Path) -> str | None:
     """The contact sheet, reduced, as a data URI; None where there is none."""
     path = folder / "contact_sheet.png"
-    image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR) if path.exists() else None
-    if image is None:
+    try:
+        image = read_still(path)
+    except InputError:
         return None
-    return data_uri(reduced(np.asarray(image, np.uint8), _SHEET_PX / image.shape[1]), ".jpg", 82)
+    return data_uri(reduced(image, _SHEET_PX / image.shape[1]), ".jpg", 82)
 
 
 def _render(contents: Mapping[str, object]) -> str:

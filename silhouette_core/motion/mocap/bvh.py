@@ -16,8 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.documents import load_text
 from calib.errors import InputError
 
+LARGEST_CLIP = 300_000_000
+"""Bytes of a clip of any format; an hour takes a tenth of it."""
+MOST_JOINTS = 1000
+"""Joints of a recorded skeleton; those with all fingers and helpers have some two hundred."""
+LARGEST_VALUE = 1e7
+"""Below which every angle, in degrees, and position, in any unit, stays."""
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 
 
@@ -52,10 +59,7 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
         InputError: the file is missing, truncated, no BVH, has another number of frames than
             stated, or values that are no numbers.
     """
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    text = load_text(path, LARGEST_CLIP, errors="replace")
     head, mark, tail = text.partition("MOTION")
     if not mark or "HIERARCHY" not in head:
         raise InputError(
@@ -66,9 +70,10 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
         joints = _hierarchy(iter(re.sub(r"([{}])", r"\n\1\n", head).splitlines()))
     except (ValueError, IndexError, StopIteration) as error:
         raise InputError(
-            f"{path} has a damaged hierarchy: {str(error) or 'it ends too early'}"
+            f"{path} has a damaged hierarchy: {str(error)[:200] or 'it ends too early'}: export it"
+            " again"
         ) from error
-    stated = re.match(r"\s*Frames:\s*(\d+)\s+Frame Time:\s*(\S+)", tail)
+    stated = re.match(r"\s*Frames:\s*([0-9]{1,9})\s+Frame Time:\s*(\S+)", tail)
     if stated is None:
         raise InputError(f"{path} does not say 'Frames:' and 'Frame Time:' after MOTION")
     numbers = _numbers(path, tail[stated.end() :])
@@ -119,7 +124,7 @@ def local_transforms(
                 local[:, w] = Rotation.from_euler(order, own[:, turns], degrees=True).as_matrix()
             except ValueError as error:
                 raise InputError(
-                    f"{path}: joint {joint.name} turns in the order {order}, which cannot be:"
+                    f"{path}: joint {joint.name[:60]} turns in the order {order}, which cannot be:"
                     f" {error}"
                 ) from error
         for k, (axis, kind) in enumerate(joint.channels):
@@ -137,7 +142,7 @@ def _hierarchy(lines: Iterator[str]) -> list[BvhJoint]:
     for line in lines:
         word, _, rest = line.strip().partition(" ")
         match word.upper():
-            case "ROOT" | "JOINT":
+            case "ROOT" | "JOINT" if -2 not in open_joints[-1:]:
                 joints.append(BvhJoint(rest.strip(), open_joints[-1] if open_joints else -1))
                 upcoming = len(joints) - 1
             case "END":
@@ -148,12 +153,16 @@ def _hierarchy(lines: Iterator[str]) -> list[BvhJoint]:
                 open_joints.pop()
             case "OFFSET" if open_joints[-1] >= 0:
                 joints[open_joints[-1]].offset = [float(x) for x in rest.split()]
+                if not all(abs(x) < LARGEST_VALUE for x in joints[open_joints[-1]].offset):
+                    raise ValueError(f"the OFFSET {rest.strip()[:60]} is no bone's")
                 if len(rest.split()) != 3:
                     raise ValueError(
                         f"the OFFSET of {joints[open_joints[-1]].name} has not three numbers"
                     )
-            case "CHANNELS":
+            case "CHANNELS" if open_joints[-1] >= 0:
                 joints[open_joints[-1]].channels = _channels(rest.split())
+        if len(joints) > MOST_JOINTS:
+            raise ValueError(f"it has more than {MOST_JOINTS} joints")
     if open_joints or not joints:
         raise ValueError("it ends too early" if joints else "it has no ROOT")
     return joints
@@ -168,13 +177,19 @@ def _channels(words: list[str]) -> list[tuple[str, str]]:
 
 def _numbers(path: Path, text: str) -> NDArray[np.float64]:
     try:
-        numbers = np.array(text.split(), float)
+        parts = [np.array(line.split(), float) for line in text.splitlines()]
+        numbers = np.concatenate([np.zeros(0), *parts])
     except ValueError as error:
         raise InputError(
-            f"{path} has something in its frames that is no number: {error}"
+            f"{path} has something in its frames that is no number: {str(error)[:100]}; mend it"
         ) from error
     if not np.isfinite(numbers).all():
         raise InputError(f"{path} has frames with NaN or infinity: leave them out")
+    if len(numbers) and np.abs(numbers).max() >= LARGEST_VALUE:
+        raise InputError(
+            f"{path} has frames with {np.abs(numbers).max():.3g}, which is no angle or position:"
+            " leave them out"
+        )
     return numbers
 
 
@@ -183,8 +198,8 @@ def _rate(path: Path, frame_time: str) -> float:
         seconds = float(frame_time)
     except ValueError:
         seconds = 0.0
-    if not 0 < seconds < 10:
+    if not 1e-5 < seconds < 10:
         raise InputError(
-            f"{path} says 'Frame Time: {frame_time}', which is no time between frames in seconds"
+            f"{path} says 'Frame Time: {frame_time[:40]}', which is no time between frames in s"
         )
     return 1.0 / seconds

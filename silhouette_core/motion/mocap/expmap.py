@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from pathlib import Path
 
@@ -10,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from silhouette_core.motion.mocap.bvh import LARGEST_CLIP, LARGEST_VALUE, MOST_JOINTS
 
 # The CMU skeleton of the motion-prediction literature, for a skeleton.json without "names".
 _CMU = tuple(
@@ -20,6 +21,7 @@ _CMU = tuple(
     " LeftThumbEnd RightShoulder RightArm RightForeArm RightHand RightFingers RightIndex"
     " RightIndexEnd RightThumb RightThumbEnd".split()
 )
+_LARGEST_SKELETON = 10_000_000
 _CMU_ROOT_SCALE = 2.54 / 0.45  # the database's unit of length, in centimetres
 
 
@@ -44,25 +46,31 @@ def read_expmap(
         InputError: skeleton.json is missing or does not fit, or values are no numbers.
     """
     beside = path.with_name("skeleton.json")
+    if not beside.exists():
+        raise InputError(
+            f"{path} needs skeleton.json beside it: parent, offset and fps of its joints"
+        )
+    skeleton = parse_json(load_text(beside, _LARGEST_SKELETON), beside)
     try:
-        skeleton = json.loads(beside.read_text(encoding="utf-8"))
         parents = np.array(skeleton["parent"], np.int64)
         offsets = np.array(skeleton["offset"], float).reshape(len(parents), 3)
         fps = float(skeleton["fps"])
         names = tuple(skeleton.get("names", _CMU))
         scale = float(skeleton.get("root_scale", _CMU_ROOT_SCALE))
-    except FileNotFoundError:
+        if not all(isinstance(name, str) for name in names) or parents.ndim != 1:
+            raise ValueError("names or parent is no list of such")
+        if len(parents) > MOST_JOINTS or not 0.1 <= fps <= 1e5:
+            raise ValueError(f"{len(parents)} joints and fps {fps:g} are no recording's")
+        if not (np.abs([*offsets.ravel(), scale]) < LARGEST_VALUE).all():
+            raise ValueError("offset or root_scale is no bone's")
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise InputError(
-            f"{path} needs skeleton.json beside it: parent, offset and fps of its joints"
-        ) from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{beside} is no skeleton with parent, offset and fps: {error!r}"
+            f"{beside} is no skeleton with parent, offset and fps: {repr(error)[:200]}"
         ) from error
-    if len(names) != len(parents) or (parents >= np.arange(len(parents))).any() or fps <= 0:
+    places = np.arange(len(parents))
+    if len(names) != len(parents) or (parents >= places).any() or (parents < -1).any():
         raise InputError(
-            f"{beside} has {len(parents)} joints: it must name as many, parents before children, at"
-            " more than 0 frames a second"
+            f"{beside} has {len(parents)} joints: it must name as many, parents before children"
         )
     rows = _rows(path, 3 + 3 * len(parents))
     turns = -rows[:, 3:].reshape(len(rows), len(parents), 3)
@@ -74,11 +82,13 @@ def read_expmap(
 
 def _rows(path: Path, columns: int) -> NDArray[np.float64]:
     try:
+        if path.stat().st_size > LARGEST_CLIP:
+            raise ValueError(f"larger than {LARGEST_CLIP / 1e6:.0f} MB")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # an empty file is reported below
             rows = np.loadtxt(path, delimiter=",", ndmin=2)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read as rows of numbers: {error}") from error
+        raise InputError(f"{path} cannot be read as rows of numbers: {str(error)[:200]}") from error
     if not len(rows) or rows.shape[1] != columns:
         raise InputError(
             f"{path} has {rows.shape[1] if len(rows) else 0} numbers a row, its skeleton.json wants"
@@ -86,4 +96,9 @@ def _rows(path: Path, columns: int) -> NDArray[np.float64]:
         )
     if not np.isfinite(rows).all():
         raise InputError(f"{path} has frames with NaN or infinity: leave them out")
+    if np.abs(rows).max() >= LARGEST_VALUE:
+        raise InputError(
+            f"{path} has frames with {np.abs(rows).max():.3g}, which is no angle or position: leave"
+            " them out"
+        )
     return rows

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 
 _SIDES = ("left", "right")
@@ -20,6 +21,7 @@ ROLES = _MIDDLE + tuple(f"{side}_{limb}" for side in _SIDES for limb in _LIMBS)
 NEEDED = tuple(
     role for role in ROLES if role.removeprefix("left_").removeprefix("right_") not in _OPTIONAL
 )
+_LARGEST_MAP = 1_000_000  # bytes
 _SHIPPED = ("cmu", "cc_base", "mixamo", "plain")
 _SIDE_WORD = re.compile(r"\{(Left|left|L|l)\}")
 _RIGHT = {"Left": "Right", "left": "right", "L": "R", "l": "r"}
@@ -51,12 +53,8 @@ class NameMap:
         Raises:
             InputError: it is missing, no TOML, or has a line that is no role.
         """
-        try:
-            return cls._from_toml(path.name, tomllib.loads(path.read_text(encoding="utf-8")))
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path} cannot be read as a joint-name map: {error}") from error
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"{path} is no TOML: {error}") from error
+        text = load_text(path, _LARGEST_MAP)
+        return cls._from_toml(path.name, parse_toml(text, path))
 
     @classmethod
     def shipped(cls) -> list[NameMap]:
@@ -77,7 +75,9 @@ class NameMap:
             if not isinstance(spellings, list) or not all(
                 isinstance(spelling, str) for spelling in spellings
             ):
-                raise InputError(f"joint-name map {title}: {key} must be a name or a list of names")
+                raise InputError(
+                    f"joint-name map {title}: {key[:40]} must be a name or a list of names"
+                )
             if key in ROLES:
                 names[key] = tuple(spellings)
             elif key in _LIMBS:
@@ -88,7 +88,7 @@ class NameMap:
                     )
             else:
                 raise InputError(
-                    f"joint-name map {title}: {key!r} is no joint of ours: use"
+                    f"joint-name map {title}: {key[:40]!r} is no joint of ours: use"
                     f" {', '.join(_MIDDLE + _LIMBS)}"
                 )
         return cls(title, names)
@@ -127,7 +127,7 @@ def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[st
     if not missing[best]:
         return found[best]
     lacking = ", ".join(missing[best][:6]) + (", …" if len(missing[best]) > 6 else "")
-    seen = ", ".join(joints[:8]) + (", …" if len(joints) > 8 else "")
+    seen = ", ".join(joint[:40] for joint in joints[:8]) + (", …" if len(joints) > 8 else "")
     if path is not None:
         raise InputError(
             f"{source}: the map {path} finds no joint for {lacking} (the skeleton has {seen})"

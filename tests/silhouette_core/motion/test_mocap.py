@@ -154,7 +154,7 @@ def test_own_names_by_a_map(bvh, tmp_path):
     with pytest.raises(InputError, match="'tail' is no joint of ours"):
         read_clip(strange, own)
     own.write_text("pelvis = [\n")
-    with pytest.raises(InputError, match="no TOML"):
+    with pytest.raises(InputError, match="no valid TOML"):
         read_clip(strange, own)
 
 
@@ -200,6 +200,15 @@ def rows_changed(change):
         (lambda text: re.sub("Frame Time:.*", "Frame Time: 0", text), "no time between frames"),
         (lambda text: re.sub("Frames:.*", "", text), "does not say 'Frames:'"),
         (lambda text: "solid stl", "no BVH"),
+        (lambda text: re.sub("Frames:.*", "Frames: 999999999", text), "999999999 frames, but"),
+        (lambda text: re.sub("Frames:.*", "Frames: " + "9" * 5000, text), "does not say"),
+        (lambda text: re.sub("Frame Time:.*", "Frame Time: 1e-300", text), "no time between"),
+        (lambda text: re.sub("OFFSET .*", "OFFSET 1e300 0 0", text, count=1), "is no bone's"),
+        (lambda text: "HIERARCHY\n" + "ROOT a\n{\n" * 2000 + "MOTION", "more than 1000 joints"),
+        (
+            rows_changed(lambda lines: [*lines[:-1], "1e300 " + lines[-1].partition(" ")[2]]),
+            "1e\\+300, which is no angle or position",
+        ),
     ],
 )
 def test_damaged_files_are_refused_in_words(bvh, damage, message):
@@ -289,3 +298,23 @@ def test_files_and_folders(bvh, tmp_path):
     (tmp_path / "walk.fbx").write_text("")
     with pytest.raises(InputError, match=r"walk\.fbx is no motion that is read here"):
         load_motions([tmp_path / "walk.fbx"], model)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("fps", 1e308),
+        ("fps", 10**400),
+        ("parent", [-5] * 14),
+        ("parent", "x"),
+        ("names", [1] * 14),
+        ("offset", [[1e300] * 3] * 14),
+        ("root_scale", float("nan")),
+    ],
+)
+def test_a_damaged_skeleton_is_named(expmap, key, value):
+    beside = expmap.with_name("skeleton.json")
+    beside.write_text(json.dumps(json.loads(beside.read_text()) | {key: value}))
+    with pytest.raises(InputError, match=r"skeleton\.json") as raised:
+        read_clip(expmap)
+    assert len(str(raised.value)) < 500

@@ -70,7 +70,7 @@ def test_settings_are_read_as_in_toml_or_as_text():
         ('[[recording]]\nfolder = "anna/walk"\nframes = "all"', "frames = 'all' is not underst"),
         ('[[recording]]\nfolder = "anna/walk"\nup = "sky"', "up = 'sky' is no direction"),
         ('[[recording]]\nfolder = "anna/walk"\ncommand = "guess"', 'command "fit" or "track"'),
-        ("[[recording", "cannot be read as TOML"),
+        ("[[recording", "no valid TOML"),
     ],
 )
 def test_a_list_that_makes_no_sense_is_refused_before_any_work(studio, content, words):
@@ -85,3 +85,25 @@ def test_what_is_not_there_is_named(studio):
         jobs_of([studio / "nobody"], "fit", {})
     with pytest.raises(InputError, match="empty is no recording and holds none"):
         jobs_of([studio / "empty"], "fit", {})
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ('frames = "0:x"', "recording 1: frames = '0:x' is not understood"),
+        ('up = "w"', "recording 1: "),
+        ("stature = []", "recording 1: stature = '[]' must be a number"),
+        ("x = 1", "recording 1: fit has no setting 'x'"),
+        ("x = " + "[" * 3000 + "]" * 3000, "nested more than"),
+        ("stature = " + "9" * 5000, "no valid TOML"),
+    ],
+)
+def test_a_wrong_setting_names_the_list(studio, entries, words):
+    path = studio / "list.toml"
+    path.write_text(f'[[recording]]\nfolder = "anna/walk"\n{entries}\n')
+    with pytest.raises(InputError) as caught:
+        jobs_of([path], "fit", {})
+    assert words in str(caught.value) and "list.toml" in str(caught.value)
+    path.write_text(f'[[recording]]\nfolder = "{"x" * 300}"\n')
+    with pytest.raises(InputError, match="folder is no folder's name"):
+        jobs_of([path], "fit", {})

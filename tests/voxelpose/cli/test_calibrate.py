@@ -27,7 +27,7 @@ from calib.files import read_rig, write_rig
 from calib.files.notes import read_up
 from calib.upright import UprightFrame
 from silhouette_core.motion.motion_file import write_motion
-from tests.clips import waving
+from tests.clips import FIRST_SUMMARY, waving
 from tests.sources import ring
 from voxelpose.cli import run
 
@@ -372,7 +372,7 @@ def test_a_world_with_z_into_the_floor_is_put_right(tmp_path, capsys):
     write_motion(waving(2).in_world(frame), result / "motion.safetensors")
     write_rig(wrong, result / "calibration.toml")
     (result / "settings.toml").write_text("")
-    (result / "summary.json").write_text('{"voxelpose": "0"}')
+    (result / "summary.json").write_text(json.dumps(FIRST_SUMMARY))
     for number, words in enumerate((["cameras"], ["-z"], ["person", "--result", str(result)])):
         out = tmp_path / f"{number}.toml"
         option = [f"--up={words[0]}", *words[1:]]

@@ -125,7 +125,7 @@ def test_axes_that_make_no_world(tmp_path, take, axes):
 )
 def test_what_is_no_trc(tmp_path, content):
     (tmp_path / "x.trc").write_bytes(content)
-    with pytest.raises(InputError, match=r"x\.trc cannot be read"):
+    with pytest.raises(InputError, match=r"x\.trc (cannot be read|is not a text file)"):
         read_trc(tmp_path / "x.trc")
 
 
@@ -134,3 +134,22 @@ def test_real_trc_is_the_truth_made_from_it(shared):
     np.testing.assert_allclose(
         read_truth(folder / "reference.trc"), read_truth(folder / "truth.json"), atol=1e-5
     )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("\n3\t", "\n30000000\t", "the last with the number 3e\\+07"),
+        ("\n3\t", "\nnan\t", "must number its frames upward"),
+        ("\n3\t", "\n1e300\t", "the last with the number"),
+        ("\n3\t", "\n2\t", "must number its frames upward"),
+        ("Frame#\tTime\t", "Frame#\tTime\t" + "x\t" * 5000, "it names 50.. markers"),
+    ],
+)
+def test_frames_that_would_fill_memory_are_refused(tmp_path, old, new, words):
+    write_trc(waving(3), tmp_path / "x.trc")
+    text = (tmp_path / "x.trc").read_text()
+    assert old in text
+    (tmp_path / "x.trc").write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=words):
+        read_trc(tmp_path / "x.trc")

@@ -228,7 +228,10 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda f: (f / "timestamps.csv").write_text("cam_id,frame_time\n1,0\n"),
         "1 times for camera cam_1",
     ),
-    "no table of times": (lambda f: (f / "timestamps.csv").write_text("a,b\n1,0\n"), "not a table"),
+    "no table of times": (
+        lambda f: (f / "timestamps.csv").write_text("a,b\n1,0\n"),
+        "no column cam_id",
+    ),
     "subject misspelt": (
         lambda f: (f / "subject.toml").write_text("statue = 1.7"),
         "statue is not known",
@@ -239,7 +242,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "subject no toml": (
         lambda f: (f / "subject.toml").write_text("stature: 1.7"),
-        "cannot be read as TOML",
+        "no valid TOML",
     ),
 }
 

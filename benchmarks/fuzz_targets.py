@@ -1,0 +1,538 @@
+"""Files of every format that the project reads, small and valid, and what is done with each.
+
+A target makes its files in an empty folder with the project's own writers, and is then run on that
+folder after one of the files was mutated: it reads the file and works with what was read, as the
+commands do. Thorough runs, one in a hundred, are the commands themselves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.mutations import (
+    Mutation,
+    any_arrays,
+    any_bytes,
+    any_json,
+    any_library,
+    any_table,
+    any_text,
+)
+from benchmarks.scene import ring, silhouettes
+from calib.camera import Camera, Rig
+from calib.errors import InputError
+from calib.files import read_rig, write_rig
+from calib.files.notes import read_up
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Estimate, Settings
+from silhouette_core.motion.keyposes.notation import movements
+from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.motion.motion import Motion
+
+_FRAMES = 12
+
+
+@dataclass(frozen=True)
+class FuzzTarget:
+    """A reader and what stands behind it.
+
+    Attributes:
+        make: writes the files into an empty folder.
+        mutations: how each mutated file is mutated, by its path in the folder.
+        run: reads the folder and works with it; whether thoroughly.
+    """
+
+    make: Callable[[Path], None]
+    mutations: dict[str, Mutation]
+    run: Callable[[Path, bool], None]
+
+
+def command(*words: str | Path) -> None:
+    """Runs a command in this process.
+
+    Raises:
+        InputError: it ended with exit code 2; what it printed.
+        RuntimeError: it ended with another code than 0.
+    """
+    from voxelpose.cli import run
+
+    with (
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()) as said,
+    ):
+        try:
+            code = run([str(word) for word in words])
+        except SystemExit as ended:
+            code = ended.code
+    if code == 2:
+        raise InputError(said.getvalue().strip())
+    if code not in (0, None):
+        raise RuntimeError(f"exit code {code}: {said.getvalue()}")
+
+
+@cache
+def _rig() -> Rig:
+    lenses = [(0.1, -0.05, 0.001, -0.002, 0.01), ()]
+    return Rig(
+        tuple(
+            replace(camera, distortion=np.array(lens))
+            for camera, lens in zip(ring(2, (320, 240)), lenses, strict=True)
+        )
+    )
+
+
+@cache
+def _motion() -> Motion:
+    model = BodyModel.from_sizes(BodySizes(1.75))
+    motion = perform(movements()["wave"], model).select(slice(0, 2 * _FRAMES, 2))
+    frames = np.arange(_FRAMES)
+    quality = {
+        "part_overlap": np.full((_FRAMES, len(model.names)), 0.9),
+        "part_unsupported": np.zeros((_FRAMES, len(model.names)), bool),
+        "outline_agreement": np.full(_FRAMES, 0.85),
+        "camera_agreement": np.full((_FRAMES, 2), 0.85),
+        "joint_error_mm": np.full((_FRAMES, len(LANDMARK_NAMES)), 30.0),
+        "landmark_confidence": np.full((_FRAMES, len(LANDMARK_NAMES)), 0.8),
+        "right_probability": np.full(_FRAMES, 0.9),
+        "unexplained": np.full(_FRAMES, 0.1),
+    }
+    return replace(motion, fps=25.0, frames=frames, time_s=frames / 25, quality=quality)
+
+
+def _make_rig(folder: Path, name: str, style: str | None = None, pinhole: bool = False) -> None:
+    rig = Rig(tuple(camera.pinhole() for camera in _rig())) if pinhole else _rig()
+    notes = {"up": "z", "about": "a note"} if name.endswith("toml") else None
+    write_rig(rig, folder / name, style, notes)
+
+
+def _use_rig(folder: Path, thorough: bool, name: str) -> None:
+    if thorough:
+        out, picture = folder / "out.toml", folder / "rig.png"
+        command("calibrate", "convert", folder / name, out, "--overwrite", "--picture", picture)
+        return
+    rig = read_rig(folder / name)
+    read_up(folder / name)
+    _use_cameras(rig)
+    write_rig(rig, folder / "out.toml")
+
+
+def _use_cameras(rig: Rig) -> None:
+    for camera in rig:
+        camera.project(np.array([[0, 0, 1.0], [0.5, 0.2, 1.7]]))
+        camera.rays(np.array([[0.0, 0.0], [100.0, 50.0]]))
+
+
+def _rig_target(name: str, mutation: Mutation, **options) -> FuzzTarget:
+    make = partial(_make_rig, name=name, **options)
+    return FuzzTarget(make, {name: mutation}, partial(_use_rig, name=name))
+
+
+def _make_folder(folder: Path) -> None:
+    (folder / "cameras").mkdir()
+    for camera in _rig():
+        write_rig(Rig((camera,)), folder / "all.yml")
+        text = (folder / "all.yml").read_text().replace(f"{camera.name}:\n", "")
+        (folder / "cameras" / f"{camera.name}.yml").write_text(text.replace("\n   ", "\n"))
+
+
+def _make_points(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    lines = ["camera,point,x_px,y_px,x_m,y_m,z_m"]
+    for number, place in enumerate(rng.uniform(-0.5, 0.5, (12, 3))):
+        for camera in _rig():
+            x, y = camera.project(place[None])[0][0]
+            metres = ",".join(f"{value:.4f}" for value in place) if number < 6 else ",,"
+            lines.append(f"{camera.name},p{number},{x:.2f},{y:.2f},{metres}")
+    (folder / "points.csv").write_text("\n".join(lines) + "\n")
+
+
+def _use_points(folder: Path, thorough: bool) -> None:
+    from voxelpose.calibration.points_file import read_points
+
+    read_points(folder / "points.csv")
+
+
+def _make_bvh(folder: Path) -> None:
+    from voxelpose.export.bvh import write_bvh
+
+    write_bvh(_motion(), folder / "clip.bvh")
+
+
+def _make_expmap(folder: Path) -> None:
+    motion, model = _motion(), _motion().model
+    parents = model.parents.tolist()
+    joints = model.joints_m * 100
+    offsets = [joints[k] - (joints[p] if p >= 0 else 0) for k, p in enumerate(parents)]
+    skeleton = {
+        "parent": parents,
+        "offset": np.array(offsets).round(3).tolist(),
+        "fps": 25.0,
+        "names": list(model.names),
+        "root_scale": 1.0,
+    }
+    (folder / "skeleton.json").write_text(json.dumps(skeleton))
+    turns = np.random.default_rng(0).normal(0, 0.1, (len(motion), 3 * len(parents)))
+    rows = np.column_stack([motion.root_m * 100, turns])
+    np.savetxt(folder / "clip.csv", rows, "%.5f", ",")
+
+
+def _use_clip(folder: Path, thorough: bool, name: str) -> None:
+    from silhouette_core.motion.mocap.load import load_motions
+
+    for motion in load_motions([folder / name], _motion().model):
+        motion.landmarks()
+
+
+def _make_estimate(folder: Path) -> None:
+    from voxelpose.export.joints import write_joints
+    from voxelpose.export.trc import write_trc
+    from voxelpose.recording.truth import write_truth
+
+    motion = _motion()
+    write_joints(motion, folder / "joints.csv")
+    write_truth(folder / "truth.json", motion.landmarks(), 25.0, 1.75)
+    write_trc(motion, folder / "truth.trc")
+
+
+def _use_estimate(folder: Path, thorough: bool, truth: str) -> None:
+    from voxelpose.evaluation import evaluate, markdown_table
+
+    if thorough:
+        command("evaluate", folder / "joints.csv", "--truth", folder / truth)
+        return
+    markdown_table({"a": evaluate(folder / "joints.csv", folder / truth)})
+
+
+def _make_subject(folder: Path) -> None:
+    text = 'stature = 1.75\nchest_girth = 0.98\nsex = "female"\nbody = "body.npz"\n'
+    (folder / "subject.toml").write_text(text)
+    (folder / "body.npz").write_bytes(b"")
+
+
+def _use_subject(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.subject import read_subject
+
+    subject = read_subject(folder / "subject.toml")
+    if subject.stature_m is not None:
+        BodySizes(subject.stature_m, subject.chest_girth_m, subject.sex)
+
+
+def _make_timestamps(folder: Path) -> None:
+    from voxelpose.recording.timestamps import write_timestamps
+
+    times = {"cam_0": np.arange(30) / 25, "cam_1": np.arange(30) / 25 + 0.003}
+    write_timestamps(folder / "timestamps.csv", times)
+
+
+def _use_timestamps(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.frame_reader import FrameReader
+    from voxelpose.recording.timestamps import match_frames, read_timestamps
+
+    path = folder / "timestamps.csv"
+    reader = FrameReader(folder, (), (320, 240), 30, 25.0)
+    match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader}), path)
+
+
+def _make_image(folder: Path, name: str) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    (folder / name).write_bytes(cv2.imencode(Path(name).suffix, image)[1].tobytes())
+
+
+def _use_image(folder: Path, thorough: bool, name: str) -> None:
+    from voxelpose.recording.frame_reader import FrameReader
+
+    for frame in FrameReader.open(folder / name):
+        frame.mean()
+
+
+def _make_hypotheses(folder: Path) -> None:
+    from voxelpose.export.hypotheses import write_hypotheses
+
+    joints = _motion().landmarks()
+    poses = [(k, np.array([0.7, 0.3]), joints[[k, 0]]) for k in range(_FRAMES)]
+    write_hypotheses(poses, folder / "hypotheses.csv")
+
+
+def _use_hypotheses(folder: Path, thorough: bool) -> None:
+    from voxelpose.export.hypotheses import read_hypotheses
+
+    read_hypotheses(folder / "hypotheses.csv")
+
+
+def _make_names(folder: Path) -> None:
+    from silhouette_core.motion.mocap.names import NEEDED
+
+    lines = [f'{role} = ["{role}", "Other"]' for role in NEEDED]
+    (folder / "names.toml").write_text("\n".join([*lines, 'toes = "{left}_toes"']) + "\n")
+
+
+def _use_names(folder: Path, thorough: bool) -> None:
+    from silhouette_core.motion.mocap.names import find_roles
+
+    find_roles("clip.bvh", _motion().model.names, folder / "names.toml")
+
+
+def _make_list(folder: Path) -> None:
+    for name in ("one", "two"):
+        (folder / name).mkdir()
+        write_rig(_rig(), folder / name / "calibration.toml")
+    text = "[settings]\nstature = 1.8\nsmooth = false\n"
+    text += '[[recording]]\nfolder = "one"\nframes = "0:9"\n'
+    text += '[[recording]]\nfolder = "two"\nname = "second"\ncommand = "track"\n'
+    (folder / "list.toml").write_text(text)
+
+
+def _use_list(folder: Path, thorough: bool) -> None:
+    from voxelpose.batch.jobs import jobs_of
+
+    jobs_of([folder / "list.toml"], "fit", {})
+
+
+@cache
+def _recorded() -> tuple:
+    """Estimate and settings of a result."""
+    stages = {"silhouettes": np.full(_FRAMES, 0.01), "search": np.array([0.5])}
+    facts = {"voxel_size_m": 0.03, "half_turn_ratio": 2.5, "seams_mm": [12.0, None], "note": "a"}
+    settings = Settings(stature_m=1.75, options={"voxel_size_m": 0.03, "tolerance": 0})
+    return Estimate(_motion(), stages, facts), settings
+
+
+def _make_result(folder: Path) -> None:
+    from voxelpose.fitting import Output, write_estimate
+    from voxelpose.recording.folder import Recording
+
+    place = folder / "recording"
+    for camera, mask in zip(_rig(), silhouettes(_rig()), strict=True):
+        (place / camera.name).mkdir(parents=True)
+        for number in range(_FRAMES):
+            picture = np.where(mask[..., None], np.uint8(200), np.uint8([60, 70, 50]))
+            coded = cv2.imencode(".png", picture)[1].tobytes()
+            (place / camera.name / f"{number:03}.png").write_bytes(coded)
+    write_rig(_rig(), place / "calibration.toml")
+    recording = Recording.open(place, fps=25.0)
+    estimate, settings = _recorded()
+    write_estimate(recording, Output(folder / "out", pictures=False), estimate, settings)
+
+
+def _use_motion(folder: Path, thorough: bool) -> None:
+    from silhouette_core.motion.motion_file import read_motion
+    from voxelpose.export.formats import export_motion
+
+    out = folder / "exported"
+    if thorough:
+        command("export", folder / "out", "--out", out, "--overwrite")
+        return
+    motion = read_motion(folder / "out" / "motion.safetensors")
+    motion.landmark_confidence()
+    if len(motion):
+        export_motion(motion, out, ("bvh", "trc", "csv"), overwrite=True)
+
+
+def _use_result(folder: Path, thorough: bool) -> None:
+    from voxelpose.batch.batch_tables import _line  # the table of a batch
+    from voxelpose.batch.jobs import Job
+    from voxelpose.batch.run import Outcome
+    from voxelpose.cli.summary import print_result
+    from voxelpose.reliability import verdict_of
+    from voxelpose.report.page import _settings_table, _stages
+    from voxelpose.report.verdict import _lost, _verdict
+    from voxelpose.results import Result
+
+    if thorough:
+        command("report", folder / "out", "--overwrite")
+        return
+    result = Result.open(folder / "out")
+    with contextlib.redirect_stdout(io.StringIO()):
+        print_result(result)
+    verdict = verdict_of(result.summary)
+    _lost(result), _verdict(result), _stages(result.summary["seconds"])
+    _settings_table(result.settings)
+    outcome = Outcome(Job("a", "b", "fit", {}), "done", "", 1.0, result.summary, {})
+    _line(outcome, verdict)
+
+
+def _use_scenes(folder: Path, thorough: bool) -> None:
+    from voxelpose.view.viewer.result_scenes import ResultScenes
+
+    _use_result(folder, thorough)
+    scenes = ResultScenes(folder / "out")
+    try:
+        if len(scenes.frames):
+            scenes.body(int(scenes.frames[0]))
+    finally:
+        scenes.close()
+
+
+@cache
+def _proposal():
+    from silhouette_core.proposal.mixture_network import MixtureNetwork
+    from silhouette_core.proposal.pose_proposal import PoseProposal
+    from silhouette_core.proposal.silhouette_features import FEET_GRID, GRID, SilhouetteBasis
+
+    rng = np.random.default_rng(0)
+
+    def basis(cells: int, components: int) -> SilhouetteBasis:
+        shape = (cells, components)
+        return SilhouetteBasis(
+            rng.random(cells, np.float32), rng.standard_normal(shape, np.float32) / 60
+        )
+
+    from silhouette_core.proposal import silhouette_features as features
+
+    grids = GRID[0] * GRID[1], FEET_GRID[0] * FEET_GRID[1], GRID[0] * GRID[1]
+    counts = features.COMPONENTS, features.FEET_COMPONENTS, features.SKIN_COMPONENTS
+    bases = [basis(*pair) for pair in zip(grids, counts, strict=True)]
+    joints = rng.random((len(LANDMARK_NAMES) - 1, 3), np.float32)
+    inputs = features.network_inputs(
+        _features(PoseProposal(*bases, None)), np.arange(2), np.zeros((2, 8), int), np.ones(2, bool)
+    ).shape[1]
+    network = MixtureNetwork.initial(inputs, (16,), 3, joints, rng)
+    return PoseProposal(*bases, network)
+
+
+def _features(proposal):
+    from silhouette_core.proposal.silhouette_features import FrameFeatures
+
+    masks = np.zeros((2, 240, 320), bool)
+    masks[:, 40:200, 140:180] = True
+    zeros = np.zeros(2, np.float32)
+    codes = proposal.codes(masks)
+    return FrameFeatures(codes, zeros, zeros, np.zeros((2, 3), np.float32), np.array([0.0, 0.04]))
+
+
+def _make_library(folder: Path, tree: str, learned: bool) -> None:
+    from silhouette_core.library.base_poses import base_poses
+    from silhouette_core.library.build import build_library
+    from silhouette_core.library.pose_library import LibrarySettings
+    from silhouette_core.library.store import write_library
+
+    settings = LibrarySettings(
+        poses=60, yaw_step_deg=60, tolerance_deg=12.0, mirror=False, proposal=False, tree=tree
+    )
+    clips = {"wave": perform(movements()["wave"], _motion().model)}
+    library = build_library(base_poses(clips, settings), _motion().model, settings)
+    if learned:
+        library = replace(library, proposal=_proposal())
+    write_library(library, folder / "me.vplib")
+
+
+@cache
+def _evidence():
+    from silhouette_core.filter.evidence import Evidence
+    from silhouette_core.filter.window import look_at
+
+    camera = Camera(
+        "cam", (320, 240), ring(1, (320, 240)).cameras[0].matrix, np.zeros(0), np.eye(3), np.ones(3)
+    )
+    mask = np.zeros((240, 320), bool)
+    mask[40:200, 140:180] = True
+    window = look_at(camera, mask, 4.0, 90.0)
+    return Evidence([window]), Evidence([window], "xor", drawn_small=True)
+
+
+def _use_library(folder: Path, thorough: bool) -> None:
+    from silhouette_core.filter.tree_filter import TreeFilter
+    from silhouette_core.filter.view_tree_filter import ViewTreeFilter
+    from silhouette_core.library.pose_library import require_body
+    from silhouette_core.library.store import read_library
+    from silhouette_core.library.summary import summary
+    from silhouette_core.library.transitions import NeighbourWeights, transitions
+
+    path = folder / "me.vplib"
+    if thorough:
+        command("library", "info", path, "--png", folder / "sheet.png")
+        return
+    library = read_library(path)
+    summary(library, path)
+    require_body(library, library.model.sizes)
+    library.pose(np.arange(min(len(library), 50)))
+    library.render(np.arange(min(len(library), 2)))
+    even = np.full(len(library), 1 / len(library))
+    whole, small = _evidence()
+    if library.settings.tree == "views":
+        views = ViewTreeFilter(library, NeighbourWeights(library, False))
+        posterior = views.update(even, small)
+        views.update(views.predict(posterior), small)
+    else:
+        for aware in (False, True):
+            tree = TreeFilter(library, transitions(library, aware))
+            posterior = tree.update(even, whole)
+            tree.update(tree.predict(posterior), whole)
+    if library.proposal is not None:
+        library.proposal.modes(_features(library.proposal))
+
+
+def _result(mutations: dict[str, Mutation], use: Callable[[Path, bool], None]) -> FuzzTarget:
+    return FuzzTarget(_make_result, {f"out/{name}": one for name, one in mutations.items()}, use)
+
+
+TARGETS: dict[str, FuzzTarget] = {
+    "calibration-toml": _rig_target("rig.toml", any_text),
+    "calibration-json": _rig_target("rig.json", any_json),
+    "projections": _rig_target("rig.json", any_json, style="projections", pinhole=True),
+    "qualisys": _rig_target("rig.txt", any_text),
+    "opencv-yaml": _rig_target("rig.yml", any_text),
+    "opencv-xml": _rig_target("rig.xml", any_text),
+    "opencv-json": _rig_target("rig.json", any_json, style="opencv"),
+    "opencv-folder": FuzzTarget(
+        _make_folder, {"cameras/cam_0.yml": any_text}, partial(_use_rig, name="cameras")
+    ),
+    "easymocap": FuzzTarget(
+        partial(_make_rig, name="easymocap"),
+        {"easymocap/intri.yml": any_text, "easymocap/extri.yml": any_text},
+        partial(_use_rig, name="easymocap"),
+    ),
+    "points": FuzzTarget(_make_points, {"points.csv": any_table}, _use_points),
+    "bvh": FuzzTarget(_make_bvh, {"clip.bvh": any_text}, partial(_use_clip, name="clip.bvh")),
+    "exponential-map": FuzzTarget(
+        _make_expmap,
+        {"clip.csv": any_table, "skeleton.json": any_json},
+        partial(_use_clip, name="clip.csv"),
+    ),
+    "trc": FuzzTarget(
+        _make_estimate, {"truth.trc": any_text}, partial(_use_estimate, truth="truth.trc")
+    ),
+    "joints": FuzzTarget(
+        _make_estimate, {"joints.csv": any_table}, partial(_use_estimate, truth="truth.json")
+    ),
+    "truth": FuzzTarget(
+        _make_estimate, {"truth.json": any_json}, partial(_use_estimate, truth="truth.json")
+    ),
+    "subject": FuzzTarget(_make_subject, {"subject.toml": any_text}, _use_subject),
+    "hypotheses": FuzzTarget(_make_hypotheses, {"hypotheses.csv": any_table}, _use_hypotheses),
+    "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
+    "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
+    "timestamps": FuzzTarget(_make_timestamps, {"timestamps.csv": any_table}, _use_timestamps),
+    **{
+        name: FuzzTarget(
+            partial(_make_image, name=f"a.{name}"),
+            {f"a.{name}": any_bytes},
+            partial(_use_image, name=f"a.{name}"),
+        )
+        for name in ("png", "jpg", "bmp", "tiff", "webp")
+    },
+    "motion": _result({"motion.safetensors": any_arrays}, _use_motion),
+    "summary": _result({"summary.json": any_json}, _use_result),
+    "settings": _result({"settings.toml": any_text}, _use_scenes),
+    "library": FuzzTarget(
+        partial(_make_library, tree="whole", learned=True),
+        {"me.vplib": any_library},
+        _use_library,
+    ),
+    "library-of-views": FuzzTarget(
+        partial(_make_library, tree="views", learned=False),
+        {"me.vplib": any_library},
+        _use_library,
+    ),
+}

@@ -1,0 +1,165 @@
+"""What summary.json and settings.toml of a result must hold, checked once when it is opened.
+
+Entries that are not listed here are kept as they are. Results of earlier versions lack the newer
+entries, which have defaults.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from calib.documents import load_text, parse_json, parse_toml
+from calib.errors import InputError
+
+_LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
+_MOST_FRAMES = 10_000_000
+_REMEDY = "fit again, or put the file back as the program wrote it"
+
+_Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
+_Positive = Annotated[float, Meta(gt=0, le=1e6)]
+_Seconds = Annotated[float, Meta(ge=0, le=1e9)]
+_Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
+_Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
+_Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
+_Stature = Annotated[float, Meta(ge=0.5, le=2.6)]
+_Chest = Annotated[float, Meta(ge=0.4, le=1.8)]
+_Sex = Literal["male", "female", "unknown"]
+_Up = Annotated[list[_Number], Meta(min_length=3, max_length=3)]
+_Schema = TypeVar("_Schema")
+
+
+class _Frames(msgspec.Struct):
+    with_pose: _Count
+    lost: list[_Count]
+    first: _Count = 0
+    last: _Count = 0
+
+
+class _Body(msgspec.Struct):
+    stature_m: _Stature
+    chest_girth_m: _Chest | None = None
+    sex: _Sex = "unknown"
+
+
+class _Stage(msgspec.Struct):
+    sum: _Seconds
+    min: _Seconds | None = None
+    median: _Seconds | None = None
+    max: _Seconds | None = None
+
+
+class _Spent(msgspec.Struct):
+    total: _Seconds
+    pictures: _Seconds
+    stages: dict[_Name, _Stage]
+
+
+class _Facts(msgspec.Struct):
+    seams_mm: list[_Number | None] = []
+    half_turn_ratio: _Number | None = None
+
+
+class _Verdict(msgspec.Struct):
+    level: Literal["failed", "doubtful", "reliable"] = "reliable"
+    reason: Annotated[str, Meta(max_length=10_000)] = ""
+
+
+class _Summary(msgspec.Struct):
+    voxelpose: _Name
+    estimator: _Name
+    recording: _Name
+    fps: _Positive
+    cameras: _Names
+    frames: _Frames
+    body: _Body
+    quality: dict[_Name, dict[_Name, _Number | None]]
+    seconds: _Spent
+    up: _Up | None = None
+    floor_m: _Number | None = None
+    facts: _Facts = msgspec.field(default_factory=_Facts)
+    verdict: _Verdict = msgspec.field(default_factory=_Verdict)
+
+
+class _Options(msgspec.Struct):
+    voxel_size_m: Annotated[float, Meta(ge=0.005, le=0.1)] | None = None
+    tolerance: Annotated[int, Meta(ge=0, le=100)] | None = None
+
+
+class _Settings(msgspec.Struct):
+    recording: _Name = ""
+    frames: Annotated[list[_Count], Meta(min_length=2, max_length=2)] | None = None
+    cameras: _Names | None = None
+    estimator: _Name = ""
+    stature_m: _Stature | None = None
+    chest_m: _Chest | None = None
+    sex: _Sex = "unknown"
+    background: Literal["refined", "paper"] = "refined"
+    up: _Up | None = None
+    smooth: bool = True
+    threads: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+    backend: _Name = "cpu"
+    options: _Options = msgspec.field(default_factory=_Options)
+
+
+def load_summary(path: Path) -> dict[str, Any]:
+    """Contents of summary.json, with `facts` in any case.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: it is no JSON, lacks an entry, or has one of another type or an impossible
+            value; the message names the entry.
+    """
+    content = parse_json(load_text(path, _LARGEST_BYTES), path)
+    _checked(content, _Summary, path)
+    for kind, ranges in (
+        ("quality", content["quality"]),
+        ("seconds.stages", content["seconds"]["stages"]),
+    ):
+        for name, values in ranges.items():
+            three = [values.get(key) for key in ("min", "median", "max")]
+            if "median" in values and None in three:
+                raise InputError(f"{path}: {kind}.{name[:60]} lacks min, median or max: {_REMEDY}")
+    # A fact that could not be measured is null in the file, and for its readers not there.
+    facts = content.get("facts", {})
+    content["facts"] = {name: value for name, value in facts.items() if value is not None}
+    return content
+
+
+def load_settings(path: Path) -> dict[str, Any]:
+    """Contents of settings.toml.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: it is no TOML, or has an entry of another type or an impossible value; the
+            message names the entry.
+    """
+    content = parse_toml(load_text(path, _LARGEST_BYTES), path)
+    known = _checked(content, _Settings, path)
+    if known.frames is not None and known.frames[0] > known.frames[1]:
+        raise InputError(f"{path}: frames {known.frames} end before they begin: {_REMEDY}")
+    tolerance = known.options.tolerance or 0
+    if known.cameras is not None and tolerance > max(2, 3 * len(known.cameras) // 4):
+        raise InputError(
+            f"{path}: options.tolerance {tolerance} is more than {len(known.cameras)} cameras"
+            f" allow: {_REMEDY}"
+        )
+    if any(len(part.encode()) > 255 for part in Path(known.recording).parts):
+        raise InputError(f"{path}: recording is no folder's name: {_REMEDY}")
+    return content
+
+
+def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
+    """Content as an instance of a schema."""
+    try:
+        return msgspec.convert(content, schema)
+    except (msgspec.ValidationError, OverflowError) as error:
+        reason = " ".join(str(error).replace("`", "").replace("$.", "").split())
+        raise InputError(f"{path}: {reason[:300]}: {_REMEDY}") from None
