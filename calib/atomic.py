@@ -6,8 +6,8 @@ import errno
 import os
 import re
 import uuid
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from calib.errors import InputError
@@ -53,17 +53,6 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """
     with replacing(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
-
-
-def write_together(contents: Mapping[Path, bytes]) -> None:
-    """Writes several files; none takes its name before all are complete.
-
-    Raises:
-        InputError: the system refuses to write one.
-    """
-    with ExitStack() as stack:
-        for path, content in contents.items():
-            stack.enter_context(replacing(path)).write_bytes(content)
 
 
 def rename(partial: Path, path: Path) -> None:

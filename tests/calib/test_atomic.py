@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from calib import atomic, atomic_folder
-from calib.atomic import replacing, write_together, write_whole, written_paths
+from calib.atomic import replacing, write_whole, written_paths
 from calib.atomic_folder import FolderWriter, claimed, remove_leftovers
 from calib.errors import InputError
 from calib.files import RIG_FORMATS, write_rig
@@ -52,11 +52,16 @@ def test_the_earlier_file_survives_a_disk_that_is_full_when_it_is_flushed(tmp_pa
     assert names(tmp_path) == ["rig.toml"]
 
 
-def test_of_several_files_none_is_replaced_unless_all_are_complete(tmp_path):
+def test_of_two_files_neither_is_replaced_unless_both_are_complete(tmp_path):
     paths = [tmp_path / "a", tmp_path / "missing" / "b"]
     paths[0].write_text("earlier")
-    with pytest.raises(InputError, match="b cannot be written"):
-        write_together(dict.fromkeys(paths, b"new"))
+    with (
+        pytest.raises(InputError, match="b cannot be written"),
+        replacing(paths[0]) as first,
+        replacing(paths[1]) as second,
+    ):
+        first.write_text("new")
+        second.write_text("new")
     assert paths[0].read_text() == "earlier"
     assert names(tmp_path) == ["a"]
 

@@ -5,7 +5,7 @@ silhouettes, and the errors to be expected.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,6 +68,8 @@ def motion_quality(
         pose = pose_of(row)
         quality = assess(body.body_volume, pose, frame)
         outside = 1 - float(np.nansum(quality.part_overlap * points)) / points.sum()
+        # Of all frames, the voxels would fill the memory of a long recording.
+        quality = replace(quality, unexplained_voxels=quality.unexplained_voxels[:0].copy())
         return quality, frame_evidence(body, pose, joints_m[row], frame, outside)
 
     found: list[tuple[Quality, FrameEvidence] | None] = []
