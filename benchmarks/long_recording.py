@@ -4,7 +4,8 @@
 A rendered clip of three seconds, whose end meets its beginning, is repeated in the videos
 themselves (20 frames a second), and the whole is estimated as by the command, without pictures.
 For every stage that goes through the frames: steps, milliseconds a step and resident memory of all
-its processes in the second and the last tenth (the first also loads and compiles). Afterwards the result's files are read.
+its processes in the second and the last tenth (the first also loads and compiles). Afterwards the
+result's files are read.
 """
 
 from __future__ import annotations
