@@ -14,6 +14,7 @@ from msgspec import Meta
 
 from calib.documents import load_text, parse_json, parse_toml
 from calib.errors import InputError
+from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
 _MOST_FRAMES = 10_000_000
@@ -25,8 +26,8 @@ _Seconds = Annotated[float, Meta(ge=0, le=1e9)]
 _Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
 _Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
 _Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
-_Stature = Annotated[float, Meta(ge=0.5, le=2.6)]
-_Chest = Annotated[float, Meta(ge=0.4, le=1.8)]
+_Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1])]
+_Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
 _Sex = Literal["male", "female", "unknown"]
 _Up = Annotated[list[_Number], Meta(min_length=3, max_length=3)]
 _Schema = TypeVar("_Schema")

@@ -7,6 +7,11 @@ import numpy as np
 from calib.checks import check_array
 from calib.errors import InputError
 
+STATURES_M = 0.5, 2.6
+"""Smallest and largest stature of a person."""
+CHESTS_M = 0.4, 1.8
+"""Smallest and largest chest girth of a person."""
+
 
 @dataclass(frozen=True)
 class BodySizes:
@@ -26,11 +31,12 @@ class BodySizes:
     sex: str = "unknown"
 
     def __post_init__(self) -> None:
-        if not 0.5 <= self.stature_m <= 2.6:
+        if not STATURES_M[0] <= self.stature_m <= STATURES_M[1]:
             raise InputError(
                 f"stature {self.stature_m} m is not a person's: give it in metres, for example 1.75"
             )
-        if self.chest_girth_m is not None and not 0.4 <= self.chest_girth_m <= 1.8:
+        chest = self.chest_girth_m
+        if chest is not None and not CHESTS_M[0] <= chest <= CHESTS_M[1]:
             raise InputError(
                 f"chest girth {self.chest_girth_m} m is not a person's: give it in metres, for"
                 " example 0.96"

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
+from silhouette_core.body.sizes import CHESTS_M, SHAPE_AXES, STATURES_M, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
@@ -140,11 +140,12 @@ class _BodySearch:
                 best = min([stout, self._searched(stature, chest_m)], key=_mean_error)
         for _ in range(_REBASED if settings.stature_m is None else 0):
             # What the first body was too tall by would stay in the proportions: its are the prior.
-            found = stature_of(best.body.model)
+            found = float(np.clip(stature_of(best.body.model), *STATURES_M))
             if abs(found / stature.metres - 1) < _SAME_STATURE:
                 break
             chest_m = best.body.model.sizes.chest_girth_m
-            chest_m = None if chest_m is None else chest_m * found / stature.metres
+            if chest_m is not None:
+                chest_m = float(np.clip(chest_m * found / stature.metres, *CHESTS_M))
             stature = Stature(found, HULL_SIGMA * found)
             best = self._adapted(best.poses, stature, chest_m)
         if abs(stature.metres / first.metres - 1) > _OTHER_STATURE:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_AXES
+from silhouette_core.body.sizes import CHESTS_M, SHAPE_AXES
 from voxelpose.matching.observe import FrameObservation
 
 GIRTH_CAMERAS = 4
@@ -24,7 +24,7 @@ def hull_volume_m3(frame: FrameObservation) -> float:
 
 
 def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
-    """Chest girth, m, at which a body fills its visual hull as usual.
+    """Chest girth, m, at which a body fills its visual hull as usual, as far as people's go.
 
     Args:
         model: of usual girth.
@@ -32,7 +32,7 @@ def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
     """
     usual_m3 = _HULL_OVER_BODY * model.part_volumes_m3(_COUNTED_M).sum()
     girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), *_RANGE))
-    return girth * _USUAL_CHEST * model.sizes.stature_m
+    return float(np.clip(girth * _USUAL_CHEST * model.sizes.stature_m, *CHESTS_M))
 
 
 def stoutness_of(model: BodyModel) -> float:

@@ -5,9 +5,10 @@ from pathlib import Path
 
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 1_000_000
-_SIZES_M = {"stature": (0.5, 2.6), "chest_girth": (0.4, 1.8)}  # as of BodySizes
+_SIZES_M = {"stature": STATURES_M, "chest_girth": CHESTS_M}
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from tests.voxelpose.matching.matching_scenes import fitting_model
 from voxelpose.matching.girth import chest_from_hull, stoutness_of
 
@@ -26,6 +28,13 @@ def test_no_hull_makes_a_body_thinner_or_stouter_than_people_are():
     usual = chest_from_hull(MODEL, hull_of(1.0))
     thin, stout = (chest_from_hull(MODEL, hull_of(factor)) for factor in (0.3, 4.0))
     assert thin == pytest.approx(0.9 * usual) and stout == pytest.approx(1.5 * usual)
+
+
+def test_no_hull_makes_a_chest_that_no_person_has():
+    giant = BodyModel.from_sizes(BodySizes(2.4))
+    chest = chest_from_hull(giant, 10.0)
+    assert chest == 1.8
+    BodySizes(2.4, chest)
 
 
 def test_stoutness_grows_with_the_girths():
