@@ -60,6 +60,7 @@ _OF_THE_SYSTEM = (
     errno.ENOSPC,
     errno.EDQUOT,
 )
+_MOST_NAMED = 5  # of the files that an interrupted command had written
 _USER_ERROR = 2
 _INTERRUPTED = 130
 _READER_GONE = 141
@@ -132,7 +133,7 @@ def run(arguments: Sequence[str]) -> int:
         print(f"voxelpose: {message(f'{error.filename}: {error.strerror}')}", file=sys.stderr)
         return _USER_ERROR
     except KeyboardInterrupt as interrupt:
-        written = [str(path) for path in written_paths()]
+        written = [str(path) for path in written_paths()[-_MOST_NAMED:]]
         state = f"written before: {', '.join(written)}" if written else "nothing was written"
         words = "".join(f" {word}" for word in interrupt.args)
         print(f"voxelpose: {message(f'interrupted{words}; {state}')}", file=sys.stderr)

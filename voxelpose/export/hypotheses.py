@@ -72,6 +72,8 @@ def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
     probability: dict[tuple[int, int], float] = {}
     for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
         try:
+            if row["joint"] not in LANDMARK_NAMES:
+                raise ValueError(f"there is no joint {row['joint'][:40]}")
             key = int(row["frame"]), int(row["rank"])
             position = np.array([float(row[axis]) for axis in ("x_m", "y_m", "z_m")])
             probability[key] = float(row["probability"])

@@ -179,7 +179,9 @@ def test_hypotheses(fitted, tmp_path):
     (tmp_path / "out" / "hypotheses.csv").write_text(
         "frame,rank,probability,joint,x_m,y_m,z_m\n1,1,0.5,tail,0,0,0\n"
     )
-    with pytest.raises(InputError, match=r"hypotheses.csv is damaged"):
+    with pytest.raises(
+        InputError, match=r"hypotheses\.csv line 2 is damaged \(there is no joint tail\)"
+    ):
         read_hypotheses(tmp_path / "out" / "hypotheses.csv")
 
 
