@@ -1,4 +1,4 @@
-"""Exception for mistakes in user input."""
+"""Exception for mistakes in user input, and the check of names."""
 
 
 class InputError(Exception):
@@ -6,3 +6,15 @@ class InputError(Exception):
 
     The command line prints it without a traceback and ends with exit code 2.
     """
+
+
+def check_name(name: object) -> None:
+    """Checks that a name or path is text, which OpenCV and files of text need.
+
+    Raises:
+        InputError: It is not.
+    """
+    try:
+        str(name).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"the name {name} is not UTF-8: rename it") from None

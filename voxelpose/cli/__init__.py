@@ -18,7 +18,7 @@ from types import FrameType
 from typing import Any
 
 from calib.atomic import written_paths
-from calib.errors import InputError
+from calib.errors import InputError, check_name
 from voxelpose.cli.terminal import VisibleStream, message
 
 COMMANDS = {
@@ -122,7 +122,8 @@ def run(arguments: Sequence[str]) -> int:
             raise InputError(
                 f"there is no command {name!r}: the commands are {', '.join(COMMANDS)}"
             )
-        _check_names([*rest, str(Path.cwd())])
+        for word in (*rest, Path.cwd()):
+            check_name(word)
         return _parse(name, rest).run()
     except InputError as error:
         print(f"voxelpose: {message(error)}", file=sys.stderr)
@@ -138,15 +139,6 @@ def run(arguments: Sequence[str]) -> int:
         words = "".join(f" {word}" for word in interrupt.args)
         print(f"voxelpose: {message(f'interrupted{words}; {state}')}", file=sys.stderr)
         return _INTERRUPTED
-
-
-def _check_names(words: Sequence[str]) -> None:
-    """Raises InputError where an argument is no text, which no file of ours could hold."""
-    for word in words:
-        try:
-            word.encode()
-        except UnicodeEncodeError:
-            raise InputError(f"the name {word} is not UTF-8: rename it") from None
 
 
 def _parse(name: str, words: list[str]):

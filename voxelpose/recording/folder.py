@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from calib.errors import InputError
+from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.notes import read_up
 from calib.upright import UprightFrame, up_from_cameras
@@ -338,18 +338,6 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
                 f"there is no video of {' or '.join(cameras)} in {folder}: its cameras are {filmed}"
             )
     return paths, silhouettes_given
-
-
-def check_name(path: Path) -> None:
-    """Checks that a name is text, which OpenCV and files of text need.
-
-    Raises:
-        InputError: it is not.
-    """
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        raise InputError(f"the name {path} is not UTF-8: rename it") from None
 
 
 def _calibration_path(folder: Path) -> Path | None:

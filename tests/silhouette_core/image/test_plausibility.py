@@ -16,6 +16,8 @@ NOBODY = np.zeros((120, 160), bool)
 
 def test_a_person_and_an_empty_view_are_plausible():
     check_plausible({"a": [PERSON, PERSON, NOBODY], "b": [NOBODY] * 3}, least=2)
+    with pytest.raises(InputError, match="those of b"):
+        check_plausible({"a": [PERSON, PERSON, NOBODY], "b": [WHITE] * 3}, least=2)
 
 
 @pytest.mark.parametrize(
@@ -31,3 +33,5 @@ def test_what_cannot_be_a_person_is_named(mask, words):
 
 def test_a_few_bad_moments_are_no_reason():
     check_plausible({"a": [WHITE, PERSON, PERSON]}, least=1)
+    with pytest.raises(InputError, match="those of a"):
+        check_plausible({"a": [WHITE, WHITE, PERSON]}, least=1)
