@@ -1,4 +1,4 @@
-"""Articulated tree of 27 parts, and the ranges of its joints.
+"""The human body's kinematic tree: 27 parts, the ranges of their joints, 15 landmarks.
 
 Every part has the joint at its proximal end. A joint rotates by `Exp(sum_k q_k axis_k)`, the axes
 given in the body frame of the rest pose (z up, facing -y, left hand toward +x; arms 45 degrees
@@ -6,29 +6,14 @@ below the horizontal). Positive angles mean the anatomical movement named. Limit
 healthy adult, rounded outward (Kapandji, The Physiology of the Joints; AAOS, Joint Motion).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from silhouette_core.body.kinematic_tree import Dof, KinematicTree
+
 _ARM = np.sqrt(0.5)  # the rest pose holds the arms 45 degrees below the horizontal
-
-
-@dataclass(frozen=True)
-class Dof:
-    """Degree of freedom of a joint.
-
-    Attributes:
-        name: the anatomical movement that a positive angle makes.
-        axis: unit vector in the body frame of the rest pose.
-        limits_deg: smallest and largest angle.
-        fixed: True where silhouettes do not show it; the estimators then leave it at rest.
-    """
-
-    name: str
-    axis: tuple[float, float, float]
-    limits_deg: tuple[float, float]
-    fixed: bool = False
 
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -121,10 +106,11 @@ def _side(side: str) -> tuple[tuple[str, str, tuple[Dof, ...]], ...]:
     )
 
 
-TREE = _SPINE + _side("left") + _side("right")
-PART_NAMES = tuple(name for name, _, _ in TREE)
-PARENTS = np.array([PART_NAMES.index(parent) if parent else -1 for _, parent, _ in TREE], np.int32)
-DOFS = tuple((part, dof) for part, (_, _, dofs) in enumerate(TREE) for dof in dofs)
+_PARTS = _SPINE + _side("left") + _side("right")
+PART_NAMES = tuple(name for name, _, _ in _PARTS)
+PARENTS = np.array(
+    [PART_NAMES.index(parent) if parent else -1 for _, parent, _ in _PARTS], np.int32
+)
 
 LANDMARK_NAMES = tuple(
     "pelvis left_hip left_knee left_ankle right_hip right_knee right_ankle neck head_top"
@@ -167,3 +153,13 @@ LANDMARK_BONES = np.array(
     ]
 )
 """(14, 2) int, the bones between the 15 joints of joints.csv."""
+
+HUMAN = KinematicTree(
+    PART_NAMES,
+    PARENTS,
+    tuple((part, dof) for part, (_, _, dofs) in enumerate(_PARTS) for dof in dofs),
+    LANDMARK_NAMES,
+    LANDMARK_PART,
+    LANDMARK_BONES,
+)
+"""The kinematic tree of a person."""

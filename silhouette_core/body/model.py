@@ -10,7 +10,8 @@ import numpy as np
 from safetensors import safe_open
 
 from calib.errors import InputError
-from silhouette_core.body.joints import DOFS, LANDMARK_PART, PARENTS, PART_NAMES
+from silhouette_core.body.joints import HUMAN
+from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.shape import ShapeSpace
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.volume import sample_volume
@@ -37,6 +38,7 @@ class BodyModel:
         space: shape space around the template.
         shape: (20,) float64, deviations along `sizes.SHAPE_AXES`.
         sizes: measurements of the person.
+        tree: parts, degrees of freedom and landmarks.
     """
 
     joints_m: np.ndarray
@@ -50,15 +52,7 @@ class BodyModel:
     shape: np.ndarray
     sizes: BodySizes
 
-    names = PART_NAMES
-    parents = PARENTS
-    landmark_part = LANDMARK_PART
-    dofs = DOFS
-    dof_part = np.array([part for part, _ in DOFS], np.int32)
-    dof_axis = np.array([dof.axis for _, dof in DOFS], float)
-    dof_limits_rad = np.radians([dof.limits_deg for _, dof in DOFS])
-    dof_fixed = np.array([dof.fixed for _, dof in DOFS])
-    dof_names = tuple(f"{PART_NAMES[part]}.{dof.name}" for part, dof in DOFS)
+    tree: KinematicTree = HUMAN
 
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
@@ -120,9 +114,54 @@ class BodyModel:
         )
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the P parts."""
+        return self.tree.names
+
+    @property
+    def parents(self) -> np.ndarray:
+        """(P,) int32, parent of each part, -1 of the root."""
+        return self.tree.parents
+
+    @property
+    def landmark_part(self) -> np.ndarray:
+        """(L,) int32, part that carries each landmark."""
+        return self.tree.landmark_part
+
+    @property
+    def dofs(self) -> tuple[tuple[int, Dof], ...]:
+        """D degrees of freedom and the part that each moves."""
+        return self.tree.dofs
+
+    @property
+    def dof_part(self) -> np.ndarray:
+        """(D,) int32, part that each degree of freedom moves."""
+        return self.tree.dof_part
+
+    @property
+    def dof_axis(self) -> np.ndarray:
+        """(D, 3) float64, axes of the degrees of freedom at rest."""
+        return self.tree.dof_axis
+
+    @property
+    def dof_limits_rad(self) -> np.ndarray:
+        """(D, 2) float64, smallest and largest angle."""
+        return self.tree.dof_limits_rad
+
+    @property
+    def dof_fixed(self) -> np.ndarray:
+        """(D,) bool, whether the estimators leave the angle at rest."""
+        return self.tree.dof_fixed
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """D names, PART.MOVEMENT."""
+        return self.tree.dof_names
+
+    @property
     def dof_count(self) -> int:
         """Number of joint angles."""
-        return len(self.dof_part)
+        return len(self.tree.dofs)
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:
@@ -144,12 +183,12 @@ class BodyModel:
             27 arrays (n_p, 3) float64, positions at rest relative to the part's own joint.
         """
         points, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
-        return [points[part == p] - self.joints_m[p] for p in range(len(PART_NAMES))]
+        return [points[part == p] - self.joints_m[p] for p in range(len(self.names))]
 
     def part_volumes_m3(self, spacing_m: float = 0.01) -> np.ndarray:
         """Volumes (27,) of the parts, m³, counted on a lattice."""
         _, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
-        return np.bincount(part, minlength=len(PART_NAMES)) * spacing_m**3
+        return np.bincount(part, minlength=len(self.names)) * spacing_m**3
 
 
 def _read_template(name: str) -> BodyModel:

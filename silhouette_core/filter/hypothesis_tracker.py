@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.forward import FilterFrame, candidates_of
 from silhouette_core.filter.motion_cost import (
@@ -450,7 +450,7 @@ def _packed(
         (
             np.zeros((len(poses), len(poses[0].angles_rad)), bool)
             if occluded is None
-            else occluded & ~BodyModel.dof_fixed
+            else occluded & ~HUMAN.dof_fixed
         ),
         np.zeros(len(poses)),
         time_s,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.joints import HUMAN
 from silhouette_core.motion.pose import Pose
 
 #: Frame rate, 1/s, to which all step sizes refer, and at which recorded motion is used.
@@ -55,7 +55,7 @@ _RELAXED_DEG = {
 def _per_dof_rad(table_deg: Mapping[str, float], default_deg: float) -> np.ndarray:
     """(D,) radians from a table by part or by part and movement, the same for both sides."""
     values = []
-    for name in BodyModel.dof_names:
+    for name in HUMAN.dof_names:
         base = name.removeprefix("left_").removeprefix("right_")
         values.append(table_deg.get(base, table_deg.get(base.partition(".")[0], default_deg)))
     return np.radians(values)

@@ -53,7 +53,7 @@ class Targets:
             root_rotation: (T, 3, 3) float64, world from body, of the pelvis.
 
         Returns:
-            (T, D) float64, radians, in the order of `BodyModel.dof_names`.
+            (T, D) float64, radians, in the order of `KinematicTree.dof_names`.
 
         Source: textbook Gauss-Newton with an active set of limits.
         """

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.joints import HUMAN
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,7 @@ class Pose:
     Attributes:
         root_m: (3,) float64, world position of the pelvis joint.
         root_rotation: (3, 3) float64, world from body.
-        angles_rad: (D,) float64, in the order of `BodyModel.dof_names`.
+        angles_rad: (D,) float64, in the order of `KinematicTree.dof_names`.
     """
 
     root_m: np.ndarray
@@ -42,7 +42,7 @@ class Pose:
     def clipped(self) -> Pose:
         """Pose with every angle clipped to its limits."""
         return Pose(
-            self.root_m, self.root_rotation, np.clip(self.angles_rad, *BodyModel.dof_limits_rad.T)
+            self.root_m, self.root_rotation, np.clip(self.angles_rad, *HUMAN.dof_limits_rad.T)
         )
 
 

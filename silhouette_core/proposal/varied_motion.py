@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.joints import HUMAN
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 
@@ -33,7 +33,7 @@ _ARMS = tuple(
     np.array(
         [
             name.startswith(f"{side}_") and any(part in name for part in _ARM_PARTS)
-            for name in BodyModel.dof_names
+            for name in HUMAN.dof_names
         ]
     )
     for side in ("left", "right")
@@ -42,7 +42,7 @@ _LEGS = tuple(
     np.array(
         [
             name.startswith(f"{side}_") and any(part in name for part in _LEG_PARTS)
-            for name in BodyModel.dof_names
+            for name in HUMAN.dof_names
         ]
     )
     for side in ("left", "right")
@@ -83,7 +83,7 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
         rotation = _tumbling(count, rng) @ rotation
     return replace(
         motion,
-        angles_rad=np.clip(angles, *BodyModel.dof_limits_rad.T),
+        angles_rad=np.clip(angles, *HUMAN.dof_limits_rad.T),
         root_quaternion=quaternions(rotation),
     )
 
@@ -102,7 +102,7 @@ def _put_anywhere(
     """Replaces the angles (count, D) of a left and a right limb by slow movements from pose to
     pose, anywhere within their limits; often both limbs do much the same.
     """
-    low, high = BodyModel.dof_limits_rad.T
+    low, high = HUMAN.dof_limits_rad.T
     spread = _curves(len(angles_rad), len(low), 1.0, rng, _ANY_LIMB_KNOTS)
     if rng.random() < _ALIKE:
         spread[:, limbs[1]] = spread[:, limbs[0]] + 0.3 * spread[:, limbs[1]]
@@ -114,7 +114,7 @@ def _put_anywhere(
 def _deviations(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Smooth curves (count, D), radians; zero where an angle is fixed."""
     sigma = rng.uniform(*_DEVIATION_RAD)
-    return _curves(count, len(BodyModel.dof_fixed), sigma, rng) * ~BodyModel.dof_fixed
+    return _curves(count, len(HUMAN.dof_fixed), sigma, rng) * ~HUMAN.dof_fixed
 
 
 def _curves(

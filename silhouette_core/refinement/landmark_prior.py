@@ -12,7 +12,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES, LANDMARK_PART
 from silhouette_core.body.model import BodyModel
 from silhouette_core.refinement.kernels.refine import fill_jacobian
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
-from silhouette_core.refinement.surface import DESCENDS, PosedSurface, PosedSurfaces
+from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces
 
 DEGREES_OF_FREEDOM = 4.0
 """Of Student's t distribution, which the proposal is trained with, too."""
@@ -108,7 +108,7 @@ def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float
         _SKIN_WEIGHTS,
         posed.part_rotation,
         posed.part_origin,
-        DESCENDS,
+        model.tree.descends,
         model.dof_part,
         posed.world_axis,
         rows,
@@ -144,7 +144,7 @@ def add_landmark_priors(
         return
     local = model.landmarks_m - model.joints_m[LANDMARK_PART]
     add_landmark_terms(
-        (LANDMARK_PART, local, DESCENDS, model.dof_part),
+        (LANDMARK_PART, local, model.tree.descends, model.dof_part),
         posed.placed,
         priors.first(len(matrix)),
         DEGREES_OF_FREEDOM,

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from silhouette_core.body.joints import PARENTS
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_bodies
 from silhouette_core.motion.pose import Pose, PoseArrays
@@ -16,18 +15,6 @@ from silhouette_core.refinement.kernels.refine import (
     fill_shape_jacobian,
     pose_surfaces,
 )
-
-
-def _descends() -> np.ndarray:
-    table = np.eye(len(PARENTS), dtype=bool)
-    for part, parent in enumerate(PARENTS):
-        if parent >= 0:
-            table[:, part] |= table[:, parent]
-    return table
-
-
-DESCENDS = _descends()
-"""(27, 27) bool: whether the second part is the first or a descendant of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +137,7 @@ class Surface:
     def arrays(self) -> tuple[np.ndarray, ...]:
         """Vertices, skinning and tree of the parts, as `add_silhouette_terms` takes them."""
         model = self.model
-        tree = DESCENDS, model.dof_part
+        tree = model.tree.descends, model.dof_part
         return (self.rest, model.joints_m, self.skin_parts, self.skin_weights, *tree)
 
     def jacobian(self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -165,7 +152,7 @@ class Surface:
             self.skin_weights,
             posed.part_rotation,
             posed.part_origin,
-            DESCENDS,
+            self.model.tree.descends,
             self.model.dof_part,
             posed.world_axis,
             rows,
@@ -179,7 +166,7 @@ class Surface:
         space = self.model.space
         joints = space.joints_change
         origin = np.zeros_like(joints)
-        for part, parent in enumerate(PARENTS):
+        for part, parent in enumerate(self.model.parents):
             if parent >= 0:
                 origin[:, part] = (
                     origin[:, parent]

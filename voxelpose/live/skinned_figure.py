@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import PosedBody
@@ -25,11 +26,11 @@ def _bone_parts() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
     Parts whose joints the estimation leaves at rest move with their parents: every bone costs.
     """
-    movable = np.zeros(len(BodyModel.names), bool)
-    movable[BodyModel.dof_part[~BodyModel.dof_fixed]] = True
+    movable = np.zeros(len(HUMAN.names), bool)
+    movable[HUMAN.dof_part[~HUMAN.dof_fixed]] = True
     bones: list[int] = []
     bone_of = np.zeros(len(movable), np.int64)
-    for part, parent in enumerate(BodyModel.parents):
+    for part, parent in enumerate(HUMAN.parents):
         if parent < 0 or movable[part]:
             bone_of[part] = len(bones)
             bones.append(part)

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
 from silhouette_core.motion.pose import Pose
@@ -103,8 +104,8 @@ def _chain(part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     turn them, and the part of each.
     """
     chain = [part]
-    while BodyModel.parents[chain[0]] >= 0:
-        chain.insert(0, int(BodyModel.parents[chain[0]]))
-    dofs = np.flatnonzero(np.isin(BodyModel.dof_part, chain))
-    dof_parts = np.searchsorted(chain, BodyModel.dof_part[dofs]).astype(np.int32)
+    while HUMAN.parents[chain[0]] >= 0:
+        chain.insert(0, int(HUMAN.parents[chain[0]]))
+    dofs = np.flatnonzero(np.isin(HUMAN.dof_part, chain))
+    dof_parts = np.searchsorted(chain, HUMAN.dof_part[dofs]).astype(np.int32)
     return np.array(chain), np.arange(-1, len(chain) - 1, dtype=np.int32), dofs, dof_parts

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.joints import PART_NAMES
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.joints import HUMAN, PART_NAMES
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ LIMBS = _limbs()
 _TWIST_AXIS = {
     name: next(
         f.axis
-        for part, f in BodyModel.dofs
+        for part, f in HUMAN.dofs
         if PART_NAMES[part] == name and f.name in ("twist", "rotation")
     )
     for name in ("left_upper_arm", "right_upper_arm", "left_thigh", "right_thigh")
@@ -116,12 +115,10 @@ def sample_angles(
 
     Source: Iiyama, Kameda and Minoh, section 2.
     """
-    names = BodyModel.dof_names
+    names = HUMAN.dof_names
     if limb.swing:
         columns = [names.index(name) for name in limb.swing]
-        axes = [
-            _ticks(BodyModel.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns
-        ]
+        axes = [_ticks(HUMAN.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
         samples = np.tile(angles_rad, (len(mesh), 1))
         samples[:, columns] = mesh
@@ -150,15 +147,15 @@ def sample_hinge(
     Returns:
         (M, K, D); not all within the limits of the bone above (see `within_limits`).
     """
-    names = BodyModel.dof_names
+    names = HUMAN.dof_names
     hinge = names.index(limb.hinge or "")
     above = [k for k, name in enumerate(names) if name.partition(".")[0] == limb.twist_of]
     # Orthonormal, so that angles are coordinates of the rotation vector.
-    axes = BodyModel.dof_axis[above]
+    axes = HUMAN.dof_axis[above]
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
     reach = np.radians(100) if around is None else around
     twists = _ticks((-reach, reach), 0.0, 2 * step_rad, None)
-    bends = _ticks(BodyModel.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
+    bends = _ticks(HUMAN.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
     swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
     turned = (
         swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
@@ -173,7 +170,7 @@ def sample_hinge(
 
 def within_limits(angles_rad: np.ndarray) -> np.ndarray:
     """Whether all angles (…, D) of each pose are within their limits, (…,) bool."""
-    low, high = BodyModel.dof_limits_rad.T
+    low, high = HUMAN.dof_limits_rad.T
     return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
 

@@ -6,12 +6,11 @@ import trimesh
 
 from calib.errors import InputError
 from silhouette_core.body.joints import (
-    DOFS,
+    HUMAN,
     LANDMARK_NAMES,
     LANDMARK_PART,
     PARENTS,
     PART_NAMES,
-    TREE,
     landmark_part,
 )
 from silhouette_core.body.model import BodyModel
@@ -41,20 +40,20 @@ def deviation(**values):
 def test_tree_is_the_one_of_27_parts():
     assert len(PART_NAMES) == len(set(PART_NAMES)) == 27
     assert PARENTS[0] == -1 and (PARENTS[1:] < np.arange(1, 27)).all() and (PARENTS[1:] >= 0).all()
-    assert [part for part, _ in DOFS] == sorted(part for part, _ in DOFS)
-    assert len(set(BodyModel.dof_names)) == len(DOFS) == BodyModel.dof_limits_rad.shape[0]
+    assert [part for part, _ in HUMAN.dofs] == sorted(part for part, _ in HUMAN.dofs)
+    assert len(set(HUMAN.dof_names)) == len(HUMAN.dofs) == HUMAN.dof_limits_rad.shape[0]
 
 
 def test_limits_hold_the_rest_pose_and_axes_are_orthonormal():
-    low, high = BodyModel.dof_limits_rad.T
+    low, high = HUMAN.dof_limits_rad.T
     assert (low < 0).all() and (high > 0).all() and (high - low <= np.pi * 1.2).all()
-    for _, _, dofs in TREE:
-        axes = np.array([f.axis for f in dofs]).reshape(-1, 3)
+    for own in range(len(PART_NAMES)):
+        axes = np.array([f.axis for part, f in HUMAN.dofs if part == own]).reshape(-1, 3)
         np.testing.assert_allclose(axes @ axes.T, np.eye(len(axes)), atol=1e-12)
 
 
 def test_right_is_the_mirror_of_left():
-    table = {(PART_NAMES[part], f.name): f for part, f in DOFS}
+    table = {(PART_NAMES[part], f.name): f for part, f in HUMAN.dofs}
     for (part, name), dof in table.items():
         if part.startswith("left_"):
             other = table[part.replace("left_", "right_"), name]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.joints import HUMAN
 from silhouette_core.motion.dynamics import (
     FPS,
     MOMENTUM,
@@ -14,7 +14,7 @@ from silhouette_core.motion.dynamics import (
 )
 from silhouette_core.motion.pose import Pose
 
-FLEXION = BodyModel.dof_names.index("left_forearm.flexion")
+FLEXION = HUMAN.dof_names.index("left_forearm.flexion")
 
 
 def at(x_m: float, yaw: float = 0.0, flexion: float = 0.5) -> Pose:
@@ -38,7 +38,7 @@ def test_a_body_whose_past_is_unknown_is_expected_to_stay():
 
 
 def test_no_joint_is_expected_beyond_its_limit():
-    low, high = BodyModel.dof_limits_rad[FLEXION]
+    low, high = HUMAN.dof_limits_rad[FLEXION]
     expected = predict(at(0.0, flexion=high - 0.01), at(0.0, flexion=high - 0.3))
     assert low <= expected.angles_rad[FLEXION] <= high
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.joints import DOFS, LANDMARK_NAMES, PARENTS, PART_NAMES
+from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES, PARENTS, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.kernels.kinematics import (
@@ -44,7 +44,7 @@ def by_hand(model, root, quaternion, angles):
     rotations, origins = [], []
     for part, parent in enumerate(PARENTS):
         vector = sum(
-            (angles[k] * np.array(f.axis) for k, (p, f) in enumerate(DOFS) if p == part),
+            (angles[k] * np.array(f.axis) for k, (p, f) in enumerate(HUMAN.dofs) if p == part),
             np.zeros(3),
         )
         own = Rotation.from_rotvec(vector)
@@ -113,7 +113,7 @@ def test_axes_are_the_derivatives_of_the_joints(model, clip):
 
     _, origin, axis = placed(angles)
     step = 1e-6
-    for k, (part, _) in enumerate(DOFS):
+    for k, (part, _) in enumerate(HUMAN.dofs):
         ahead, behind = (
             placed(angles + sign * step * np.eye(model.dof_count)[k]) for sign in (1, -1)
         )

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, quaternions
 from tests.voxelpose.matching.matching_scenes import (
@@ -29,7 +28,7 @@ from voxelpose.matching.matcher import (
 from voxelpose.matching.voxel_set import VoxelSet
 
 LIMB = {limb.name: limb for limb in LIMBS}
-LOW, HIGH = BodyModel.dof_limits_rad.T
+LOW, HIGH = HUMAN.dof_limits_rad.T
 STEP = np.radians(15.0)
 TURNS = {
     "left_upper_arm.abduction": 25.0,
@@ -61,7 +60,7 @@ def test_samples_stay_within_limits_and_hold_the_present_angles(name, around):
     np.testing.assert_array_equal(result[0], RELAXED_RAD)
     assert within_limits(result).all() and len(result) > 5
     own = {name, LIMB[name].twist_of}
-    strange = [k for k, dof in enumerate(BodyModel.dof_names) if dof.partition(".")[0] not in own]
+    strange = [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] not in own]
     assert (result[:, strange] == RELAXED_RAD[strange]).all()
     if around is not None and LIMB[name].swing:
         assert np.abs(result - RELAXED_RAD).max() <= around + 1e-9
@@ -70,7 +69,7 @@ def test_samples_stay_within_limits_and_hold_the_present_angles(name, around):
 def test_a_full_search_reaches_both_ends_of_every_swing():
     for limb in LIMBS:
         for name in limb.swing:
-            k = BodyModel.dof_names.index(name)
+            k = HUMAN.dof_names.index(name)
             angles = np.unique(sample_angles(limb, RELAXED_RAD, STEP)[1:, k])
             np.testing.assert_allclose([angles[0], angles[-1]], [LOW[k], HIGH[k]])
             assert np.diff(angles).max() <= STEP + 1e-9
@@ -79,8 +78,8 @@ def test_a_full_search_reaches_both_ends_of_every_swing():
 def test_twist_turns_the_bone_about_itself(body_volume):
     """Whatever bend and twist are tried, the knee stays where the thigh has put it."""
     turned = RELAXED_RAD.copy()
-    turned[BodyModel.dof_names.index("left_thigh.flexion")] = 0.9
-    turned[BodyModel.dof_names.index("left_thigh.abduction")] = 0.3
+    turned[HUMAN.dof_names.index("left_thigh.flexion")] = 0.9
+    turned[HUMAN.dof_names.index("left_thigh.abduction")] = 0.3
     samples = sample_hinge(LIMB["left_shin"], turned[None], STEP, None)[0]
     _, knees = body_volume.placements(LIMB["left_shin"], stance(body_volume.model), samples)
     # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3

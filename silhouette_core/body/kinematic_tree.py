@@ -1,0 +1,83 @@
+"""Kinematic tree of an articulated body: its parts, joints and landmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Dof:
+    """Degree of freedom of a joint.
+
+    Attributes:
+        name: the movement that a positive angle makes.
+        axis: unit vector in the body frame of the rest pose.
+        limits_deg: smallest and largest angle.
+        fixed: True where silhouettes do not show it; the estimators then leave it at rest.
+    """
+
+    name: str
+    axis: tuple[float, float, float]
+    limits_deg: tuple[float, float]
+    fixed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicTree:
+    """Parts of a body and how they move against each other; no sizes.
+
+    Every part has the joint at its proximal end. A joint rotates by `Exp(sum_k q_k axis_k)`.
+
+    Attributes:
+        names: P names of the parts.
+        parents: (P,) int32, parent of each part, before it in the order; -1 of the root, the
+            first.
+        dofs: D degrees of freedom and the part that each moves, in the order of the parts.
+        landmark_names: L names of the points whose positions are told as joints.
+        landmark_part: (L,) int32, part that carries each.
+        landmark_bones: (B, 2) int, pairs of landmarks between which a bone is drawn.
+    """
+
+    names: tuple[str, ...]
+    parents: np.ndarray
+    dofs: tuple[tuple[int, Dof], ...]
+    landmark_names: tuple[str, ...]
+    landmark_part: np.ndarray
+    landmark_bones: np.ndarray
+
+    @cached_property
+    def dof_part(self) -> np.ndarray:
+        """(D,) int32, part that each degree of freedom moves."""
+        return np.array([part for part, _ in self.dofs], np.int32)
+
+    @cached_property
+    def dof_axis(self) -> np.ndarray:
+        """(D, 3) float64, axes of the degrees of freedom."""
+        return np.array([dof.axis for _, dof in self.dofs], float).reshape(-1, 3)
+
+    @cached_property
+    def dof_limits_rad(self) -> np.ndarray:
+        """(D, 2) float64, smallest and largest angle."""
+        return np.radians([dof.limits_deg for _, dof in self.dofs]).reshape(-1, 2)
+
+    @cached_property
+    def dof_fixed(self) -> np.ndarray:
+        """(D,) bool, whether the estimators leave the angle at rest."""
+        return np.array([dof.fixed for _, dof in self.dofs], bool)
+
+    @cached_property
+    def dof_names(self) -> tuple[str, ...]:
+        """D names, PART.MOVEMENT."""
+        return tuple(f"{self.names[part]}.{dof.name}" for part, dof in self.dofs)
+
+    @cached_property
+    def descends(self) -> np.ndarray:
+        """(P, P) bool: whether the second part is the first or a descendant of it."""
+        table = np.eye(len(self.parents), dtype=bool)
+        for part, parent in enumerate(self.parents):
+            if parent >= 0:
+                table[:, part] |= table[:, parent]
+        return table
