@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Sequence
 
@@ -11,14 +12,17 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.scratch_file import ScratchFile
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.mask_store import MaskStore
-from voxelpose.matching.observe import FrameObservation, HullComponents, HullObserver
+from voxelpose.matching.observe import COMPONENT, FrameObservation, HullComponents, HullObserver
+
+_NOWHERE = -1
+_BOX = struct.Struct("3d3q")  # origin and shape of a grid
 
 
 class ObservationStore:
     """Observations of the frames of a recording by number; each body's hull is carved once.
 
-    Hulls and their silhouettes are kept as compressed bits in a scratch file; memory holds only
-    where each begins, and the boxes of the hull's components. Several threads may observe at once.
+    The hulls' components, and hulls and silhouettes as compressed bits, are kept in a scratch
+    file; memory holds only where each begins. Several threads may observe at once.
 
     Args:
         observer: finds the body in a frame.
@@ -29,8 +33,9 @@ class ObservationStore:
         """Creates the scratch file; `close` or the end of the process removes it."""
         self.observer = observer
         self._masks = masks
-        self._components: dict[int, HullComponents] = {}
-        self._hulls: dict[tuple[int, int], tuple[VoxelGrid, int, int]] = {}
+        self._components = np.full((len(masks), 2), _NOWHERE)  # begin and number
+        self._hulls = np.full((len(masks), 3), _NOWHERE)  # component, begin and bytes
+        self._other_hulls: dict[tuple[int, int], tuple[int, int]] = {}  # rarely any
         self._file = ScratchFile()
 
     def __len__(self) -> int:
@@ -40,29 +45,29 @@ class ObservationStore:
     def carve(self, frames: Sequence[int]) -> None:
         """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""
 
-        def carved(t: int) -> tuple[HullComponents, int | None, tuple[VoxelGrid, bytes] | None]:
-            components = self.observer.components(self._masks[t])
+        def carved(t: int) -> None:
+            components = self._components_of(t)
             body = components.body(None)
-            grid = None if body is None else self.observer.window(components, body)
-            return components, body, None if grid is None else (grid, self._packed(t, grid))
+            if body is not None:
+                self._keep_hull(t, body, components)
 
-        for t, (components, body, hull) in zip(frames, side_by_side(carved, frames), strict=True):
-            self._components[t] = components
-            if body is not None and hull is not None:
-                self._hulls[t, body] = self._kept(*hull)
+        for _ in side_by_side(carved, frames):
+            pass
 
     def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
         """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
-        if t not in self._components:
-            self._components[t] = self.observer.components(self._masks[t])
-        body = self._components[t].body(near_m)
+        components = self._components_of(t)
+        body = components.body(near_m)
         if body is None:
             return None
-        if (t, body) not in self._hulls:
-            grid = self.observer.window(self._components[t], body)
-            self._hulls[t, body] = self._kept(grid, self._packed(t, grid))
-        grid, start, size = self._hulls[t, body]
-        bits = np.frombuffer(zlib.decompress(self._file.read_at(start, size)), np.uint8)
+        if self._hull_at(t, body) is None:
+            self._keep_hull(t, body, components)
+        found = self._hull_at(t, body)
+        assert found is not None, "the hull was just kept"
+        record = self._file.read_at(*found)
+        *origin, nx, ny, nz = _BOX.unpack_from(record)
+        grid = VoxelGrid(np.array(origin), self.observer.voxel_size_m, (nx, ny, nz))
+        bits = np.frombuffer(zlib.decompress(record[_BOX.size :]), np.uint8)
         shapes = [*(camera.size[::-1] for camera in self.observer.views.rig), grid.shape]
         ends = np.cumsum([np.prod(shape) for shape in shapes])
         arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
@@ -73,10 +78,28 @@ class ObservationStore:
         """Removes the scratch file."""
         self._file.close()
 
-    def _packed(self, t: int, grid: VoxelGrid) -> bytes:
+    def _components_of(self, t: int) -> HullComponents:
+        """Components of a frame's hull, found once."""
+        start, count = self._components[t].tolist()
+        if start == _NOWHERE:
+            components = self.observer.components(self._masks[t])
+            table = components.table()
+            self._components[t] = self._file.append(table.tobytes()), len(table)
+            return components
+        table = np.frombuffer(self._file.read_at(start, count * COMPONENT.itemsize), COMPONENT)
+        return HullComponents.from_table(table)
+
+    def _keep_hull(self, t: int, body: int, components: HullComponents) -> None:
+        grid = self.observer.window(components, body)
         masks, occupancy = self.observer.carve(self._masks[t], grid)
         bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
-        return zlib.compress(bits.tobytes(), 1)
+        record = _BOX.pack(*grid.origin_m, *grid.shape) + zlib.compress(bits.tobytes(), 1)
+        where = self._file.append(record), len(record)
+        if self._hulls[t, 0] == _NOWHERE:
+            self._hulls[t] = body, *where
+        else:
+            self._other_hulls[t, body] = where
 
-    def _kept(self, grid: VoxelGrid, packed: bytes) -> tuple[VoxelGrid, int, int]:
-        return grid, self._file.append(packed), len(packed)
+    def _hull_at(self, t: int, body: int) -> tuple[int, int] | None:
+        kept, start, size = self._hulls[t].tolist()
+        return (start, size) if kept == body else self._other_hulls.get((t, body))

@@ -25,6 +25,9 @@ _GAP_M = 0.25  # height of a gap between pieces of one body
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
 _NEAR_M = 1.0  # distance from the last position at which a component's weight falls to 1/e
 
+COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
+"""A component of a hull, as a row of a table."""
+
 
 @dataclass(frozen=True, eq=False)
 class FrameObservation:
@@ -72,6 +75,18 @@ class HullComponents:
             grid.origin_m + (voxels.centroids + 0.5) * grid.voxel_size_m,
             grid.origin_m + voxels.bounds * grid.voxel_size_m,
         )
+
+    @classmethod
+    def from_table(cls, table: np.ndarray) -> HullComponents:
+        """Components of the rows (n,) of a table of dtype `COMPONENT`."""
+        return cls(*(table[name] for name in COMPONENT.names or ()))
+
+    def table(self) -> np.ndarray:
+        """The components as rows (n,) of dtype `COMPONENT`."""
+        rows = np.empty(len(self.volume_m3), COMPONENT)
+        for name in COMPONENT.names or ():
+            rows[name] = getattr(self, name)
+        return rows
 
     def body(self, near_m: np.ndarray | None) -> int | None:
         """Index of the body's component, or None where none is large enough.

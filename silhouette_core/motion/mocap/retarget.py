@@ -5,8 +5,8 @@ and shoulders relative to the upright skeleton, feet relative to the flat sole. 
 is not used, since zero rotations mean a T-pose in some files and nothing in others: the axes of a
 joint in its bone are estimated from the movement. Joint angles then bring the parts into those
 directions as nearly as the joints' ranges allow; what exceeds the range of one joint is distributed
-to its neighbours. Degrees of freedom that silhouettes do not show (`KinematicTree.dof_fixed`) stay at
-rest.
+to its neighbours. Degrees of freedom that silhouettes do not show (`KinematicTree.dof_fixed`) stay
+at rest.
 """
 
 from __future__ import annotations
