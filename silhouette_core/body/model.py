@@ -12,7 +12,7 @@ from safetensors import safe_open
 from calib.errors import InputError
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
-from silhouette_core.body.shape import ShapeSpace
+from silhouette_core.body.shape import ShapeSpace, clothing_directions, vertex_normals
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.volume import sample_volume
 
@@ -36,7 +36,7 @@ class BodyModel:
         landmarks_m: (15, 3) float64, the HumanEva joints at rest, in the order of
             `joints.LANDMARK_NAMES`.
         space: shape space around the template.
-        shape: (20,) float64, deviations along `sizes.SHAPE_AXES`.
+        shape: (K,) float64, deviations along `sizes.SHAPE_AXES`.
         sizes: measurements of the person.
         tree: parts, degrees of freedom and landmarks.
     """
@@ -92,7 +92,7 @@ class BodyModel:
         """This body with other deviations along the shape axes.
 
         Args:
-            shape: (20,) float64, relative to the template scaled to the stature.
+            shape: (K,) float64, relative to the template scaled to the stature.
         """
         joints, vertices, landmarks = self.space.apply(np.asarray(shape, float))
         return replace(
@@ -166,12 +166,7 @@ class BodyModel:
     @cached_property
     def vertex_normals(self) -> np.ndarray:
         """Outward unit normals (V, 3) float64 of the vertices, weighted by area."""
-        a, b, c = (self.vertices_m[self.faces[:, k]] for k in range(3))
-        face_normals = np.cross(b - a, c - a)
-        normals = np.zeros_like(self.vertices_m)
-        for k in range(3):
-            np.add.at(normals, self.faces[:, k], face_normals)
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return vertex_normals(self.vertices_m, self.faces)
 
     def part_points(self, spacing_m: float) -> list[np.ndarray]:
         """Lattice points inside every part.
@@ -208,7 +203,9 @@ def _read_template(name: str) -> BodyModel:
     weights = data["skin_weights"].astype(float)
     weights /= weights.sum(1, keepdims=True)
     sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])
-    space = ShapeSpace.from_rest(joints, vertices, landmarks, data["skin_parts"], weights)
+    skin = data["skin_parts"], weights
+    outward = clothing_directions(vertices, data["faces"])
+    space = ShapeSpace.from_rest(joints, vertices, landmarks, *skin, outward)
     return BodyModel(
         joints_m=joints,
         vertices_m=vertices,

@@ -9,6 +9,9 @@ import numpy as np
 from silhouette_core.body.joints import LANDMARK_PART, PARENTS, PART_NAMES
 from silhouette_core.body.sizes import SHAPE_AXES, ShapeAxis
 
+# How much shorter the hollower, and how often that is averaged with the neighbours.
+_HOLLOW, _SMOOTHED = 6.0, 4
+
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpace:
@@ -38,14 +41,18 @@ class ShapeSpace:
         landmarks: np.ndarray,
         skin_parts: np.ndarray,
         skin_weights: np.ndarray,
+        outward: np.ndarray,
     ) -> ShapeSpace:
         """Shape space around a body at rest.
 
         A part's surface is scaled about the part's own joint, and so are the joints that it
-        carries; vertices blend between parts by their skin weights, so that no seam opens.
+        carries; clothes move the surface `outward` (V, 3). Vertices blend between parts by their
+        skin weights, so that no seam opens.
         """
         change = [
-            _change(axis, joints, vertices, landmarks, skin_parts, skin_weights)
+            _worn(axis, joints, vertices, landmarks, skin_parts, skin_weights, outward)
+            if axis.is_clothing
+            else _change(axis, joints, vertices, landmarks, skin_parts, skin_weights)
             for axis in SHAPE_AXES
         ]
         return cls(
@@ -63,6 +70,38 @@ class ShapeSpace:
     def scaled(self, factor: float) -> ShapeSpace:
         """Space with every length multiplied by `factor`."""
         return ShapeSpace(*(factor * getattr(self, name) for name in self.__dataclass_fields__))
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Outward unit normals (V, 3) of vertices (V, 3), weighted by the area of the faces (F, 3)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    face_normals = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], face_normals)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
+def clothing_directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Directions (V, 3) in which clothes move the vertices (V, 3) of a body of faces (F, 3).
+
+    The unit normals; shorter in hollows such as crotch and armpits, across which clothes hang and
+    where the surface would fold over itself.
+    """
+    normals = vertex_normals(vertices, faces)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    count = np.bincount(edges[:, 0], minlength=len(vertices))
+    along = vertices[edges[:, 1]] - vertices[edges[:, 0]]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    rise = (normals[edges[:, 0]] * along).sum(1)
+    hollow = np.bincount(edges[:, 0], rise, len(vertices)) / count
+    length = np.clip(1 - _HOLLOW * hollow, 0, 1)
+    for _ in range(_SMOOTHED):
+        length = (
+            0.5 * length
+            + 0.5 * np.bincount(edges[:, 0], length[edges[:, 1]], len(vertices)) / count
+        )
+    return normals * length[:, None]
 
 
 def bone_directions(joints: np.ndarray) -> np.ndarray:
@@ -119,3 +158,21 @@ def _change(
         "lij,lj->li", stretch[LANDMARK_PART], landmarks - joints[LANDMARK_PART]
     )
     return moved, skin, marks
+
+
+def _worn(
+    axis: ShapeAxis,
+    joints: np.ndarray,
+    vertices: np.ndarray,
+    landmarks: np.ndarray,
+    skin_parts: np.ndarray,
+    skin_weights: np.ndarray,
+    outward: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Change by clothes as thick as the body is tall; it moves no joint."""
+    covered = np.array(
+        [name.removeprefix("left_").removeprefix("right_") in axis.parts for name in PART_NAMES]
+    )
+    share = (skin_weights * covered[skin_parts]).sum(1, keepdims=True)
+    tall = np.ptp(vertices[:, 2])
+    return np.zeros_like(joints), tall * share * outward, np.zeros_like(landmarks)

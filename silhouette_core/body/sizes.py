@@ -52,8 +52,8 @@ class ShapeAxis:
     Attributes:
         name: name of the measure.
         parts: base names of the parts it scales ("thigh" stands for both sides).
-        along: "length" (along the bone), "girth" (across it), or one of "x", "y", "z" of the body
-            frame.
+        along: "length" (along the bone), "girth" (across it), one of "x", "y", "z" of the body
+            frame, or "normal": outward by a fraction of the stature, as clothes are.
         sigma: relative standard deviation over adults, the prior of the adaptation.
         joints: whether the joints carried by those parts move.
         flesh: whether the surface moves.
@@ -65,6 +65,11 @@ class ShapeAxis:
     sigma: float
     joints: bool = True
     flesh: bool = True
+
+    @property
+    def is_clothing(self) -> bool:
+        """Whether it is a thickness of clothes, which is never negative, and not of the body."""
+        return self.along == "normal"
 
 
 _TORSO = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax")
@@ -89,15 +94,18 @@ SHAPE_AXES = (
     ShapeAxis("thigh_girth", ("thigh",), "girth", 0.10, joints=False),
     ShapeAxis("shin_girth", ("shin",), "girth", 0.10, joints=False),
     ShapeAxis("foot_girth", ("foot", "toes"), "x", 0.10, joints=False),
+    ShapeAxis("shirt", (*_TORSO[1:], "clavicle", "upper_arm"), "normal", 0.010, joints=False),
+    ShapeAxis("trousers", ("pelvis", "thigh", "shin"), "normal", 0.010, joints=False),
 )
 SHAPE_SIGMA = np.array([axis.sigma for axis in SHAPE_AXES])
+IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])
 
 
 def check_shape(shape: np.ndarray) -> None:
     """Checks deviations along the shape axes that were read from a file.
 
     Args:
-        shape: (20,) float64, relative, see `BodyModel.reshaped`.
+        shape: (K,) float64, relative, see `BodyModel.reshaped`.
 
     Raises:
         TypeError: it is not float64.

@@ -23,19 +23,21 @@ def sample_volume(
     """
     low, high = vertices_m.min(0), vertices_m.max(0)
     shape = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
-    # Uneven offsets keep lattice lines off vertices and edges, where parity would be ambiguous.
+    # Uneven offsets keep lattice lines off vertices and edges, where the count would be ambiguous.
     origin = low + spacing_m * np.array([0.5000317, 0.4999713, 0.5])
-    inside = np.zeros(tuple(shape), np.bool_)
-    _fill(vertices_m, faces.astype(np.int64), origin, spacing_m, inside)
-    points = origin + spacing_m * np.argwhere(inside)
+    winding = np.zeros(tuple(shape), np.int8)
+    _wind(vertices_m, faces.astype(np.int64), origin, spacing_m, winding)
+    points = origin + spacing_m * np.argwhere(winding > 0)
     part = face_part[KDTree(vertices_m[faces].mean(1)).query(points)[1]]
     return points, part.astype(np.int32)
 
 
 @kernel
-def _fill(vertices, faces, origin, spacing, inside):
-    """Fills inside (nx, ny, nz) by parity: every triangle toggles the cells above it."""
-    nx, ny, nz = inside.shape
+def _wind(vertices, faces, origin, spacing, winding):
+    """Adds winding numbers (nx, ny, nz): cells above a triangle are entered or left through it, so
+    that cells where the surface overlaps itself are inside twice.
+    """
+    nx, ny, nz = winding.shape
     for f in range(faces.shape[0]):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -55,4 +57,4 @@ def _fill(vertices, faces, origin, spacing, inside):
                     continue
                 z = u * a[2] + v * b[2] + (1.0 - u - v) * c[2]
                 for k in range(max(int(np.ceil((z - origin[2]) / spacing)), 0), nz):
-                    inside[i, j, k] = not inside[i, j, k]
+                    winding[i, j, k] += 1 if area < 0.0 else -1

@@ -51,7 +51,8 @@ class PoseSpace:
         for values in (self.angles[self.base[samples]], self.orientation[samples]):
             values = values.astype(np.float64)
             squares += ((values - values.mean(axis=0)) ** 2).sum(axis=1)
-        return int(samples[np.argmin(squares)])
+        # Of two samples both are as near: rounding must not choose.
+        return int(samples[np.argmin(np.round(squares, 9))])
 
 
 class Distances(Protocol):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA, BodySizes
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_many
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.heading import mirrored
@@ -128,7 +128,9 @@ class VirtualBodies:
         """Body, its clothed vertices (V, 3) at rest, m, and its stature, m."""
         template = self._templates[int(rng.integers(len(self._templates)))]
         stout = rng.normal(0, _STOUT)
-        shape = rng.normal(0, _SPREAD, len(SHAPE_AXES)) * SHAPE_SIGMA + _GIRTHS * stout
+        body = ~IS_CLOTHING
+        shape = _GIRTHS * stout
+        shape[body] += rng.normal(0, _SPREAD, np.count_nonzero(body)) * SHAPE_SIGMA[body]
         model = template.reshaped(template.shape + np.clip(shape, *_SHAPE_LIMITS))
         stature = float(model.landmarks_m[_HEAD_TOP, 2] - model.vertices_m[:, 2].min())
         vertices = model.vertices_m

@@ -15,9 +15,10 @@ import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_AXES, SHAPE_SIGMA
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.refine import add_normal_equations
+from silhouette_core.refinement.kernels.steps import bounded_steps
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
     LandmarkPriors,
@@ -37,6 +38,7 @@ from silhouette_core.refinement.surface import Surface
 _REACHES_M = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
 # Of the prior with one camera: factors on SHAPE_SIGMA, and the deviation common to all girths.
 _GIRTH_SPREAD, _LENGTH_SPREAD, _BUILD_SIGMA = 1.7, 0.6, 0.20
+_NO_CLOTHES = 1e-4  # one view does not tell clothes from girth
 _LARGEST = 3.0  # largest deviation of a person's shape, in standard deviations
 _SETTLE_M = (0.08, 0.06, 0.05)
 
@@ -84,6 +86,8 @@ def adapt_shape(
     settings = settings or RefineSettings()
     covariance = np.diag(SHAPE_SIGMA**2) if covariance is None else covariance
     precision, largest = np.linalg.inv(covariance), _LARGEST * np.sqrt(np.diag(covariance))
+    least = np.where(IS_CLOTHING, 0.0, expected - largest)
+    every = np.arange(len(expected))
     priors = [None] * len(poses) if landmark_priors is None else landmark_priors
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
     for reach in _REACHES_M:
@@ -99,9 +103,11 @@ def adapt_shape(
             )
             matrix += system.shape - system.cross[free].T @ eliminated
             gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
-        step = -np.linalg.solve(matrix, gradient)
-        shape = np.clip(surface.model.shape + step, expected - largest, expected + largest)
-        change = shape - surface.model.shape
+        bounds = least - surface.model.shape, expected + largest - surface.model.shape
+        step = np.empty((1, len(gradient)))
+        bounded_steps(matrix[None], gradient[None], every, *(bound[None] for bound in bounds), step)
+        change = step[0]
+        shape = surface.model.shape + change
         steps = [
             bounded_step(
                 system.pose,
@@ -135,8 +141,9 @@ def clothed_covariance() -> np.ndarray:
     Girths vary together from slim to heavy, and loose clothes add to all of them; the lengths of
     the limbs, which a single view confounds with depth, vary less than over all adults.
     """
-    girth = np.array([axis.flesh and not axis.joints for axis in SHAPE_AXES], float)
-    sigma = SHAPE_SIGMA * np.where(girth > 0, _GIRTH_SPREAD, _LENGTH_SPREAD)
+    girth = np.array([axis.flesh and not axis.joints for axis in SHAPE_AXES]) & ~IS_CLOTHING
+    sigma = SHAPE_SIGMA * np.where(girth, _GIRTH_SPREAD, _LENGTH_SPREAD)
+    sigma[IS_CLOTHING] = _NO_CLOTHES
     return np.diag(sigma**2) + _BUILD_SIGMA**2 * np.outer(girth, girth)
 
 

@@ -82,7 +82,8 @@ def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
                 raise ValueError("no probability or position")
         except (KeyError, ValueError) as error:
             raise InputError(
-                f"{path} line {line} is damaged ({str(error)[:100]}): fit again, or remove it"
+                f"{path} line {line} is damaged ({' '.join(str(error).split())[:100]}): fit again,"
+                " or remove it"
             ) from None
     hypotheses: dict[int, tuple[Hypothesis, ...]] = {}
     for frame, rank in sorted(joints):

@@ -45,7 +45,7 @@ class Start:
         poses: frame -> pose, for the anchor frames that are clear.
         errors: frame -> its silhouette error.
         stature: given or estimated.
-        expected_shape: (20,) the shape that the measurements alone suggest.
+        expected_shape: (K,) the shape that the measurements alone suggest.
     """
 
     body: BodyGeometry

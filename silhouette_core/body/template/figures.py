@@ -2,7 +2,10 @@
 
 Breadths, depths and girths follow published surveys (ANSUR II, ISO 7250-1 and ISO/TR 7250-2, JIS
 L4004/L4005 for the choice of stature and chest), scaled to a lean adult; the distribution of flesh
-between front and back, and along a limb, is modelled by eye on anatomy.
+between front and back, and along a limb, is modelled by eye on anatomy. The centres of the hip
+joints follow the length of the thigh between joint centres, 0.2425 of men's stature and 0.2124 of
+women's (de Leva, J. Biomechanics 29, 1996, table 4); for women, whose hips surveys of the surface
+put higher (the trochanter's height, 0.52 to 0.53: ANSUR II), about midway between both.
 Positions: x to the left, y to the back, z up, origin on the floor under the pelvis joint.
 """
 
@@ -16,6 +19,8 @@ from silhouette_core.body.joints import PART_NAMES
 Table = tuple[tuple[float, ...], ...]
 ARM = np.array([np.sqrt(0.5), 0.0, -np.sqrt(0.5)])
 """Direction of the left arm at rest."""
+THIGH_TOP = 0.537
+"""Height at which the axis of a thigh's flesh begins, above the hip joint."""
 ARM_UP = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
 """Across the arm, on the thumb's side: palms face forward."""
 
@@ -31,7 +36,7 @@ class Figure:
         sex: "male" or "female".
         stature_m: height in metres.
         chest_girth_m: girth at the nipples in metres; the trunk is widened until it fits.
-        hip: x of the hip joint.
+        hip: x and z of the hip joint.
         shoulder: x of the shoulder joint.
         forearm: elbow to wrist.
         trunk: by height.
@@ -50,7 +55,7 @@ class Figure:
     sex: str
     stature_m: float
     chest_girth_m: float
-    hip: float
+    hip: tuple[float, float]
     shoulder: float
     forearm: float
     trunk: Table
@@ -68,6 +73,11 @@ class Figure:
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", _joints(self.hip, self.shoulder, self.forearm))
 
+    @property
+    def thigh_top(self) -> NDArray[np.float64]:
+        """Where the axis of the left thigh's flesh begins."""
+        return np.array([*self.joints["left_thigh"][:2], THIGH_TOP])
+
     def joint_array(self) -> NDArray[np.float64]:
         """Joints (27, 3) in the order of the parts."""
         mirror = np.array([-1.0, 1.0, 1.0])
@@ -83,11 +93,14 @@ class Figure:
         )
 
 
-def _joints(hip: float, shoulder: float, forearm: float) -> dict[str, NDArray[np.float64]]:
+def _joints(
+    hip: tuple[float, float], shoulder: float, forearm: float
+) -> dict[str, NDArray[np.float64]]:
+    hip_x, hip_z = hip
     elbow = np.array([shoulder, -0.008, 0.8006]) + 0.150 * ARM
     wrist = elbow + forearm * ARM
     positions = {
-        "pelvis": (0, 0, 0.541),
+        "pelvis": (0, 0, hip_z + 0.004),
         "lumbar": (0, 0.014, 0.583),
         "abdomen": (0, 0.014, 0.625),
         "thorax": (0, 0.016, 0.668),
@@ -100,10 +113,10 @@ def _joints(hip: float, shoulder: float, forearm: float) -> dict[str, NDArray[np
         "left_hand": wrist,
         "left_thumb": wrist + 0.014 * ARM + 0.012 * ARM_UP + np.array([0, -0.004, 0]),
         "left_fingers": wrist + 0.054 * ARM,
-        "left_thigh": (hip, 0.006, 0.537),
-        "left_shin": (hip + 0.0125, -0.014, 0.290),
-        "left_foot": (hip + 0.0235, -0.007, 0.041),
-        "left_toes": (hip + 0.0295, -0.087, 0.012),
+        "left_thigh": (hip_x, 0.006, hip_z),
+        "left_shin": (hip_x + 0.0125, -0.014, 0.290),
+        "left_foot": (hip_x + 0.0235, -0.007, 0.041),
+        "left_toes": (hip_x + 0.0295, -0.087, 0.012),
     }
     return {name: np.array(position, float) for name, position in positions.items()}
 
@@ -113,7 +126,7 @@ MAN = Figure(
     sex="male",
     stature_m=1.75,
     chest_girth_m=0.96,
-    hip=0.0625,
+    hip=(0.0625, 0.5325),
     shoulder=0.1065,
     forearm=0.149,
     trunk=(
@@ -226,7 +239,7 @@ WOMAN = Figure(
     sex="female",
     stature_m=1.62,
     chest_girth_m=0.88,
-    hip=0.0600,
+    hip=(0.0600, 0.520),
     shoulder=0.0960,
     forearm=0.135,
     trunk=(

@@ -118,14 +118,12 @@ def arm(figure: Figure) -> Group:
 
 def leg(figure: Figure) -> Group:
     """Left leg with the foot."""
-    hip, knee, ankle, toes = (
-        figure.joints[f"left_{name}"] for name in ("thigh", "shin", "foot", "toes")
-    )
+    knee, ankle, toes = (figure.joints[f"left_{name}"] for name in ("shin", "foot", "toes"))
     ahead = toes - ankle
     ahead = np.array([ahead[0], ahead[1], 0]) / np.hypot(ahead[0], ahead[1])
     heel = np.array([ankle[0], ankle[1], 0.010]) - 0.034 * ahead
     return [
-        (Loft(hip, knee, FORWARD, figure.thigh), 0.0),
+        (Loft(figure.thigh_top, knee, FORWARD, figure.thigh), 0.0),
         (Loft(knee, ankle, FORWARD, figure.shin), 0.001),
         (Loft(heel, heel + 0.1525 * ahead, UP, figure.foot, power=2.4), 0.014),
     ]

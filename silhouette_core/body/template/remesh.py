@@ -13,6 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.body.shape import vertex_normals
+
 Field = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 
 
@@ -208,18 +210,6 @@ class Remesher:
         step -= normals * (step * normals).sum(1, keepdims=True)
         points = project(points + 0.6 * step, border, self.surface)
         self.points, self.target_length = list(points), self.length(points).tolist()
-
-
-def vertex_normals(
-    points: NDArray[np.floating], faces: NDArray[np.integer]
-) -> NDArray[np.floating]:
-    """Unit normals (V, 3), weighted by area."""
-    corners = points[faces]
-    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(points)
-    for k in range(3):
-        np.add.at(normals, faces[:, k], flat)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)
 
 
 def gradient(points: NDArray[np.floating], surface: Field) -> NDArray[np.floating]:

@@ -58,12 +58,13 @@ def dense_weights(vertices: NDArray[np.floating], figure: Figure) -> NDArray[np.
     left[:, 0] = np.abs(left[:, 0])
     weights = np.zeros((len(vertices), len(PART_NAMES)))
     nearness = _distance(left, mesh.trunk(figure, 1.0)) - _distance(left, mesh.arm(figure))
-    arm = _ramp(nearness, 0.012) * _beyond(left, figure, "left_upper_arm", SHOULDER)
-    leg = _beyond(left, figure, "left_thigh", HIP) * (1 - arm)
+    arm = _ramp(nearness, 0.012) * _beyond(left, figure.joints["left_upper_arm"], SHOULDER)
+    leg = _beyond(left, figure.thigh_top, HIP) * (1 - arm)
     trunk = 1 - arm - leg
+    neck, neck_plane = SPINE[4]
     clavicle = (
-        _beyond(left, figure, "left_clavicle", CLAVICLE)
-        * (1 - _beyond(left, figure, *SPINE[4]))
+        _beyond(left, figure.joints["left_clavicle"], CLAVICLE)
+        * (1 - _beyond(left, figure.joints[neck], neck_plane))
         * trunk
     )
     _distribute(weights, trunk - clavicle, "pelvis", SPINE, left, figure)
@@ -109,11 +110,11 @@ def _ramp(value: NDArray[np.floating], half_width: float) -> NDArray[np.float64]
 
 
 def _beyond(
-    points: NDArray[np.floating], figure: Figure, joint: str, plane: Plane
+    points: NDArray[np.floating], origin: NDArray[np.floating], plane: Plane
 ) -> NDArray[np.float64]:
     normal, half_width, shift = plane
     unit = np.array(normal) / np.linalg.norm(normal)
-    return _ramp((points - figure.joints[joint] - shift) @ unit, half_width)
+    return _ramp((points - origin - shift) @ unit, half_width)
 
 
 def _distance(points: NDArray[np.floating], group: mesh.Group) -> NDArray[np.float64]:
@@ -132,7 +133,7 @@ def _distribute(
     holder = PART_NAMES.index(root)
     weights[:, holder] = whole
     for name, plane in chain:
-        passed = _beyond(points, figure, name, plane) * weights[:, holder]
+        passed = _beyond(points, figure.joints[name], plane) * weights[:, holder]
         weights[:, holder] -= passed
         holder = PART_NAMES.index(name)
         weights[:, holder] = passed

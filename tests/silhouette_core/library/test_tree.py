@@ -31,7 +31,8 @@ def literal_tree(library):
     pose = np.hstack([angles, np.hstack([first, second, np.cross(first, second)]) / np.sqrt(2)])
 
     def nearest_mean(samples):
-        return samples[np.argmin(np.linalg.norm(pose[samples] - pose[samples].mean(0), axis=1))]
+        apart = np.linalg.norm(pose[samples] - pose[samples].mean(0), axis=1)
+        return samples[np.argmin(np.round(apart**2, 9))]
 
     def distances(representative, masks, samples):
         mask, weights = (
@@ -50,7 +51,9 @@ def literal_tree(library):
                 far = [s for s in samples if all(row[s] > level.threshold for row in table)]
                 if not far:
                     break
-                representatives.append(max(far, key=lambda s: np.mean([row[s] for row in table])))
+                representatives.append(
+                    max(far, key=lambda s: round(np.mean([row[s] for row in table]), 9))
+                )
                 table.append(distances(representatives[-1], masks, samples))
             groups = [[s] for s in representatives]
             for s in samples:  # (3)

@@ -9,6 +9,7 @@ import pytest
 from safetensors.numpy import load, save
 
 from calib.errors import InputError
+from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.clips import waving
 
@@ -51,7 +52,7 @@ def refusal(path: Path) -> str:
         ("time_s", -np.arange(6.0)),
         ("time_s", np.full(6, np.inf)),
         ("up", np.array([0, 0, 7.0])),
-        ("body_shape", np.full(20, -3.0)),
+        ("body_shape", np.full(len(SHAPE_AXES), -3.0)),
         ("body_shape", np.zeros(3)),
         ("quality.part_overlap", np.ones((6, 3))),
         ("quality.unexplained", np.ones((6, 2))),

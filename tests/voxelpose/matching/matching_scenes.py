@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
@@ -30,9 +30,8 @@ def other_body(seed: int = 3, template: str = "female") -> BodyModel:
     real person, drawn at random.
     """
     body = BodyModel.from_sizes(BodySizes(STATURE_M, sex=template))
-    return body.reshaped(
-        np.clip(np.random.default_rng(seed).normal(size=len(SHAPE_SIGMA)), -1.5, 1.5) * SHAPE_SIGMA
-    )
+    drawn = np.clip(np.random.default_rng(seed).normal(size=len(SHAPE_SIGMA)), -1.5, 1.5)
+    return body.reshaped(drawn * SHAPE_SIGMA * ~IS_CLOTHING)
 
 
 def views(count: int = 6, size: tuple[int, int] = (320, 320)) -> PinholeViews:
