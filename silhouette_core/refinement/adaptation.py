@@ -30,6 +30,7 @@ from silhouette_core.refinement.refine import (
     RefineSettings,
     add_pose_priors,
     bounded_step,
+    free_unknowns,
     refine,
     residuals,
 )
@@ -89,25 +90,18 @@ def adapt_shape(
     least = np.where(IS_CLOTHING, 0.0, expected - largest)
     every = np.arange(len(expected))
     priors = [None] * len(poses) if landmark_priors is None else landmark_priors
-    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
+    free = free_unknowns(model)
     for reach in _REACHES_M:
-        matrix = precision.copy()
-        gradient = precision @ (surface.model.shape - expected)
+        at = surface, observations, poses, priors, reach, settings
+        matrix, gradient, systems = _shape_equations(*at)
+        matrix += precision
+        gradient += precision @ (surface.model.shape - expected)
         _add_stature(matrix, gradient, surface.model, stature)
-        systems = []
-        for observation, pose, prior in zip(observations, poses, priors, strict=True):
-            system = _FrameSystem(surface, observation, pose, reach, settings, prior)
-            systems.append(system)
-            eliminated = np.linalg.solve(
-                system.pose[np.ix_(free, free)] + 1e-6 * np.eye(len(free)), system.cross[free]
-            )
-            matrix += system.shape - system.cross[free].T @ eliminated
-            gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
-        bounds = least - surface.model.shape, expected + largest - surface.model.shape
+        shape = surface.model.shape
+        low, high = least - shape, expected + largest - shape
         step = np.empty((1, len(gradient)))
-        bounded_steps(matrix[None], gradient[None], every, *(bound[None] for bound in bounds), step)
+        bounded_steps(matrix[None], gradient[None], every, low[None], high[None], step)
         change = step[0]
-        shape = surface.model.shape + change
         steps = [
             bounded_step(
                 system.pose,
@@ -119,13 +113,47 @@ def adapt_shape(
             for system, pose in zip(systems, poses, strict=True)
         ]
         poses = [pose.moved(step).clipped() for pose, step in zip(poses, steps, strict=True)]
-        surface = surface.reshaped(shape)
+        surface = surface.reshaped(shape + change)
     settle = replace(settings, reaches_m=_SETTLE_M)
     poses = [
         refine(surface, observation, pose, settings=settle, landmark_prior=prior).pose
         for observation, pose, prior in zip(observations, poses, priors, strict=True)
     ]
     return surface, poses
+
+
+def shape_covariance(
+    surface: Surface,
+    observations: Sequence[Observation],
+    poses: Sequence[Pose],
+    stature: Stature,
+    settings: RefineSettings | None = None,
+) -> np.ndarray:
+    r"""Posterior covariance (K, K) of the shape that was adapted to some frames.
+
+    .. math:: \Bigl(\Sigma^{-1} + \tfrac{1}{\sigma_h^2} h h^T + \sum_f S_f - C_f^T P_f^{-1} C_f
+        \Bigr)^{-1}
+
+    with the prior's covariance :math:`\Sigma`, the stature's derivative :math:`h`, and the normal
+    equations of every frame, :math:`P_f` of its pose, :math:`S_f` of the shape and :math:`C_f`
+    between both. Errors that all frames share, as of the template, are not in it.
+
+    Args:
+        surface: of the adapted body.
+        observations: the F frames.
+        poses: their F poses.
+        stature: the person's height.
+        settings: weights of the residuals.
+
+    Source: textbook (marginal of a Gaussian, Laplace's approximation).
+    """
+    none = [None] * len(poses)
+    settings = settings or RefineSettings()
+    matrix, gradient, _ = _shape_equations(
+        surface, observations, poses, none, _REACHES_M[-1], settings
+    )
+    _add_stature(matrix, gradient, surface.model, stature)
+    return np.linalg.inv(matrix + np.diag(1 / SHAPE_SIGMA**2))
 
 
 def stature_of(model: BodyModel) -> float:
@@ -145,6 +173,30 @@ def clothed_covariance() -> np.ndarray:
     sigma = SHAPE_SIGMA * np.where(girth, _GIRTH_SPREAD, _LENGTH_SPREAD)
     sigma[IS_CLOTHING] = _NO_CLOTHES
     return np.diag(sigma**2) + _BUILD_SIGMA**2 * np.outer(girth, girth)
+
+
+def _shape_equations(
+    surface: Surface,
+    observations: Sequence[Observation],
+    poses: Sequence[Pose],
+    priors: Sequence[LandmarkPrior | None],
+    reach: float,
+    settings: RefineSettings,
+) -> tuple[np.ndarray, np.ndarray, list[_FrameSystem]]:
+    """Normal equations (K, K) and (K,) of the shape, from which the poses are eliminated, and those
+    of every frame.
+    """
+    free, size = free_unknowns(surface.model), len(surface.model.shape)
+    matrix, gradient, systems = np.zeros((size, size)), np.zeros(size), []
+    for observation, pose, prior in zip(observations, poses, priors, strict=True):
+        system = _FrameSystem(surface, observation, pose, reach, settings, prior)
+        systems.append(system)
+        eliminated = np.linalg.solve(
+            system.pose[np.ix_(free, free)] + 1e-6 * np.eye(len(free)), system.cross[free]
+        )
+        matrix += system.shape - system.cross[free].T @ eliminated
+        gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
+    return matrix, gradient, systems
 
 
 class _FrameSystem:

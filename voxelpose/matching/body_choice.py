@@ -193,16 +193,26 @@ def _mean_error(start: Start) -> float:
     return float(np.mean(list(start.errors.values())))
 
 
-def refit(tracker: PoseTracker, start: Start) -> None:
-    """Adapts the tracker's body again, to clear frames of the whole recording."""
+def clear_frames(tracker: PoseTracker, count: int) -> dict[int, FrameObservation]:
+    """Frames whose poses explain the silhouettes as well as usual, spread over the recording.
+
+    Args:
+        tracker: with poses.
+        count: most frames.
+    """
     posed = np.flatnonzero(np.isfinite(tracker.error))
     clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
-    spaced = np.linspace(0, len(clear) - 1, min(len(clear), _MOST_ADAPTED)).astype(int)
-    frames = {
+    spaced = np.linspace(0, len(clear) - 1, min(len(clear), count)).astype(int)
+    return {
         int(t): frame
         for t in clear[np.unique(spaced)]
         if (frame := tracker.observe(int(t))) is not None
     }
+
+
+def refit(tracker: PoseTracker, start: Start) -> None:
+    """Adapts the tracker's body again, to clear frames of the whole recording."""
+    frames = clear_frames(tracker, _MOST_ADAPTED)
     surface, _ = adapt_shape(
         tracker.body.surface,
         [frame.observation for frame in frames.values()],

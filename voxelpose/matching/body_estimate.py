@@ -1,0 +1,173 @@
+"""One person's body from several recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.estimator import FrameSource, Settings
+from silhouette_core.motion.pose import Pose
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.refinement.adaptation import Stature, adapt_shape, shape_covariance
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import load_backend
+from silhouette_core.scoring.silhouette_error import silhouette_error
+from voxelpose.matching.body_choice import Start, choose_body, clear_frames
+from voxelpose.matching.observation_store import ObservationStore
+from voxelpose.matching.prepared_silhouettes import PreparationSettings, prepare_silhouettes
+from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
+
+FRAMES = 24
+"""Frames of each recording that a body is estimated from."""
+# Of a length or girth, relative: what bodies differ by in ways that no axis of the shape has.
+_TEMPLATE_SIGMA = 0.015
+# The residuals of neighbouring frames, and of all frames of one motion, err alike.
+_FORMAL = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Frames of one recording that show a person well.
+
+    Attributes:
+        start: body and stature by this recording alone.
+        observations: F frames.
+        poses: their F poses.
+    """
+
+    start: Start
+    observations: list[Observation]
+    poses: list[Pose]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyEstimate:
+    """A person's body.
+
+    Attributes:
+        model: the body, with its clothes.
+        covariance: (K, K) of its shape's deviations, of the residuals alone.
+        frames: number of frames that it was estimated from.
+        error: mean silhouette error in these.
+    """
+
+    model: BodyModel
+    covariance: np.ndarray
+    frames: int
+    error: float
+
+    def standard_errors(self, measure: Callable[[BodyModel], np.ndarray]) -> np.ndarray:
+        """Standard errors of measurements.
+
+        Args:
+            measure: takes N measurements on a body, (N,) float64.
+
+        Returns:
+            (N,) float64, in the units of the measurements: by the residuals, and by what the shape
+            has no axis for.
+        """
+        value, step = measure(self.model), 1e-3
+        rows = [
+            (measure(self.model.reshaped(self.model.shape + step * one)) - value) / step
+            for one in np.eye(len(self.model.shape))
+        ]
+        variance = np.einsum("kn,kl,ln->n", rows, self.covariance, rows)
+        return np.sqrt(_FORMAL**2 * variance + (_TEMPLATE_SIGMA * value) ** 2)
+
+
+def sight(
+    source: FrameSource,
+    settings: Settings,
+    preparation: PreparationSettings,
+    reporter: Reporter,
+) -> Sighting:
+    """Poses of a recording's clearest frames.
+
+    Args:
+        source: the frames, of two cameras or more.
+        settings: what is known of the person, and of the background.
+        preparation: of the silhouettes.
+        reporter: told the progress.
+
+    Raises:
+        InputError: a background cannot be used, or nobody is seen.
+    """
+    clock = StageClock()
+    tracking = PoseTrackerSettings(source.fps, preparation.matching)
+    with (
+        prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
+        closing(ObservationStore(prepared.observer, prepared.store)) as observations,
+    ):
+        start = choose_body(observations, settings, tracking.match, reporter)
+        tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
+        reporter.stage("tracking", len(observations))
+        tracker.begin(start.poses, start.errors)
+        tracker.begin_again()
+        frames = clear_frames(tracker, FRAMES)
+        seen = [frame.observation for frame in frames.values()]
+        poses = [pose for t in frames if (pose := tracker.poses[t]) is not None]
+    return Sighting(start, seen, poses)
+
+
+def estimate_body(
+    sightings: Sequence[Sighting], settings: Settings, reporter: Reporter
+) -> BodyEstimate:
+    """Body of a person who was seen in one or several recordings.
+
+    Every recording's own body is where an adaptation to the frames of all begins; the one that
+    explains them best is taken.
+
+    Args:
+        sightings: of the recordings.
+        settings: what is known of the person.
+        reporter: told the progress.
+
+    Raises:
+        InputError: there is no recording.
+    """
+    if not sightings:
+        raise InputError("no recording of the person: give one or more")
+    starts = [sighting.start for sighting in sightings]
+    precision = np.array([1 / start.stature.sigma_m**2 for start in starts])
+    metres = float(np.average([start.stature.metres for start in starts], weights=precision))
+    stature = Stature(metres, float(max(precision) ** -0.5))
+    observations = [one for sighting in sightings for one in sighting.observations]
+    poses = [pose for sighting in sightings for pose in sighting.poses]
+    reporter.stage("body", len(starts))
+    found = []
+    for start in starts:
+        surface = start.body.surface
+        sizes = replace(surface.model.sizes, stature_m=metres)
+        shaped = BodyModel.from_sizes(sizes)
+        surface, adapted = adapt_shape(
+            Surface(shaped.reshaped(start.body.model.shape), taken=surface.taken),
+            observations,
+            poses,
+            stature,
+            shaped.shape,
+        )
+        found.append((_mean_error(surface, adapted, observations, settings), surface, adapted))
+        reporter.advance()
+    error, surface, adapted = min(found, key=lambda one: one[0])
+    covariance = shape_covariance(surface, observations, adapted, stature)
+    return BodyEstimate(surface.model, covariance, len(observations), error)
+
+
+def _mean_error(
+    surface: Surface, poses: Sequence[Pose], observations: Sequence[Observation], settings: Settings
+) -> float:
+    backend = load_backend(settings.backend)
+    return float(
+        np.mean(
+            [
+                silhouette_error(surface.model, pose, observation, backend)
+                for pose, observation in zip(poses, observations, strict=True)
+            ]
+        )
+    )
