@@ -14,6 +14,7 @@ from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.shape import ShapeSpace, clothing_directions, vertex_normals
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
+from silhouette_core.body.template_warp import Changes, warp_template
 from silhouette_core.body.volume import sample_volume
 
 _TEMPLATES = Path(__file__).parent / "template"
@@ -63,12 +64,15 @@ class BodyModel:
                 template.
 
         Returns:
-            The template of that sex, scaled to the stature, with girths that follow the chest's.
+            The template of that sex, scaled to the stature, with girths that follow the chest's, or
+            those of the changes.
         """
-        template = _read_template("woman" if sizes.sex == "female" else "man")
+        template = read_template(sizes.sex)
+        if any(sizes.changes):
+            template = template._warped(sizes.changes)
         scale = sizes.stature_m / template.sizes.stature_m
         body = template._scaled(scale, sizes)
-        if sizes.chest_girth_m is None:
+        if sizes.chest_girth_m is None or any(sizes.changes):
             return body
         stout = (
             sizes.chest_girth_m
@@ -102,6 +106,16 @@ class BodyModel:
             landmarks_m=landmarks,
             shape=np.asarray(shape, float),
         )
+
+    def _warped(self, changes: Changes) -> BodyModel:
+        """This template with other chest, waist, hips and thighs."""
+        vertices = warp_template(
+            self.vertices_m, self.joints_m, self.skin_parts, self.skin_weights, changes
+        )
+        space = ShapeSpace.from_rest(
+            self.joints_m, vertices, self.landmarks_m, self.skin_parts, self.skin_weights
+        )
+        return replace(self, vertices_m=vertices, space=space)
 
     def _scaled(self, factor: float, sizes: BodySizes) -> BodyModel:
         return replace(
@@ -186,7 +200,13 @@ class BodyModel:
         return np.bincount(part, minlength=len(self.names)) * spacing_m**3
 
 
-def _read_template(name: str) -> BodyModel:
+def read_template(sex: str) -> BodyModel:
+    """Template body of a sex, the man's for an unknown one.
+
+    Raises:
+        InputError: its file is missing from the installation.
+    """
+    name = "woman" if sex == "female" else "man"
     path = _TEMPLATES / f"{name}.safetensors"
     try:
         with safe_open(str(path), framework="numpy") as file:

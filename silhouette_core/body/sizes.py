@@ -11,6 +11,10 @@ STATURES_M = 0.5, 2.6
 """Smallest and largest stature of a person."""
 CHESTS_M = 0.4, 1.8
 """Smallest and largest chest girth of a person."""
+TEMPLATE_CHANGES = -0.8, 2.0
+"""Smallest and largest change of the template's chest, waist and hips; thighs only up to 0.95."""
+
+_MOST_THIGH = 0.95
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,12 @@ class BodySizes:
         stature_m: height standing upright without shoes.
         chest_girth_m: girth at the nipples; None: usual for the stature.
         sex: "male", "female" or "unknown".
+        chest_change: how much wider the chest is than the template's, relative, before any change
+            along the shape axes, see `template_warp`. Where one of the changes is not 0, they
+            alone decide the girths of the trunk, and the chest girth is only told.
+        waist_change: likewise of the waist.
+        hip_change: likewise of the hips.
+        thigh_change: likewise of the thighs.
 
     Raises:
         InputError: a measurement that no person has.
@@ -29,6 +39,10 @@ class BodySizes:
     stature_m: float
     chest_girth_m: float | None = None
     sex: str = "unknown"
+    chest_change: float = 0.0
+    waist_change: float = 0.0
+    hip_change: float = 0.0
+    thigh_change: float = 0.0
 
     def __post_init__(self) -> None:
         if not STATURES_M[0] <= self.stature_m <= STATURES_M[1]:
@@ -43,6 +57,18 @@ class BodySizes:
             )
         if self.sex not in ("male", "female", "unknown"):
             raise InputError(f"sex {self.sex!r} is not known: give male, female or unknown")
+        low, high = TEMPLATE_CHANGES
+        for name, change in zip(("chest", "waist", "hip", "thigh"), self.changes, strict=True):
+            most = _MOST_THIGH if name == "thigh" else high
+            if not low <= change <= most:
+                raise InputError(
+                    f"{name}_change {change} is beyond what a body has: give {low} to {most}"
+                )
+
+    @property
+    def changes(self) -> tuple[float, float, float, float]:
+        """Changes of the template at chest, waist, hips and thighs."""
+        return self.chest_change, self.waist_change, self.hip_change, self.thigh_change
 
 
 @dataclass(frozen=True)

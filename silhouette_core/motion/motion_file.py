@@ -74,6 +74,7 @@ def write_motion(motion: Motion, path: Path) -> None:
         "stature_m": repr(sizes.stature_m),
         "chest_girth_m": "" if sizes.chest_girth_m is None else repr(sizes.chest_girth_m),
         "sex": sizes.sex,
+        "template_changes": json.dumps(sizes.changes),
         "floor_m": repr(motion.floor_m),
         "parts": json.dumps(motion.model.names),
         "angles": json.dumps(motion.model.dof_names),
@@ -166,7 +167,16 @@ def _arrays(file: Any) -> dict[str, NDArray[Any]]:
 def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Motion:
     """Motion of the metadata and arrays of a file."""
     chest = about["chest_girth_m"]
-    sizes = BodySizes(float(about["stature_m"]), float(chest) if chest else None, about["sex"])
+    # Earlier files have none.
+    changes = json.loads(about.get("template_changes", "[0, 0, 0, 0]"))
+    if not isinstance(changes, list) or len(changes) != 4:
+        raise ValueError("its template_changes are no four numbers")
+    sizes = BodySizes(
+        float(about["stature_m"]),
+        float(chest) if chest else None,
+        about["sex"],
+        *(float(change) for change in changes),
+    )
     if not isinstance(json.loads(about["angles"]), list):
         raise ValueError("its angles are no list of names")
     check_shape(arrays["body_shape"])

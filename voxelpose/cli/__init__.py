@@ -29,6 +29,7 @@ COMMANDS = {
     "batch": "fit or track many recordings, and compare the results",
     "live": "follow a person before running cameras, and send the motion",
     "carve": "carve the visual hull of one frame, as a PLY file",
+    "body": "bodies by name and from measurements, for --body",
     "library": "build or describe a pose library for track",
     "view": "show a result in the browser, in a window, as image or video",
     "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ",

@@ -56,9 +56,51 @@ def hull_picture(
     vertices, faces = surface(*grid.cropped(occupancy))
     box = box_m or (vertices.min(axis=0), vertices.max(axis=0))
     return np.concatenate(
-        [_one_side((vertices, faces), box, skeleton, azimuth, size) for azimuth in azimuths_deg],
+        [shaded_view((vertices, faces), box, skeleton, azimuth, size) for azimuth in azimuths_deg],
         axis=1,
     )
+
+
+def shaded_view(
+    skin: tuple[NDArray[np.float64], NDArray[np.integer]],
+    box_m: tuple[NDArray[np.float64], NDArray[np.float64]],
+    skeleton: Skeleton | None,
+    azimuth_deg: float,
+    size: tuple[int, int],
+) -> NDArray[np.uint8]:
+    """Picture of a surface from one side, lit from above the viewer's shoulder.
+
+    Args:
+        skin: vertices (V, 3) float64, m, and faces (F, 3) int, outward oriented.
+        box_m: lowest and highest corner (3,) of what fills the picture.
+        skeleton: drawn over the surface.
+        azimuth_deg: position of the viewer, see `hull_picture`.
+        size: width and height, pixels.
+
+    Returns:
+        (height, width, 3) uint8, BGR.
+    """
+    (vertices, faces), (low, high), (width, height) = skin, box_m, size
+    angle = np.radians(azimuth_deg)
+    forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
+    camera_from_world = np.stack([np.cross(forward, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], forward])
+    middle, diagonal = 0.5 * (low + high), float(np.linalg.norm((high - low)[:2]))
+    # Far enough for the nearest corner to fit, for any azimuth.
+    focal = _FOCAL * height
+    span = max(float(high[2] - low[2]) / height, diagonal / width)
+    distance = 0.5 * diagonal + focal / _FILLED * span
+    matrix = np.array([[focal, 0, 0.5 * (width - 1)], [0, focal, 0.5 * (height - 1)], [0, 0, 1]])
+    in_camera = (vertices - middle) @ camera_from_world.T + np.array([0, 0, distance])
+    labels = np.zeros(len(faces), dtype=np.int32)
+    parts, depth = render_parts(in_camera, faces, labels, matrix, size)
+    picture = _shade(depth, parts > 0, focal)
+    if skeleton is not None:
+        joints = (skeleton.joints_m - middle) @ camera_from_world.T + np.array([0, 0, distance])
+        pixels = joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]
+        pixels = np.rint(np.nan_to_num(pixels)).astype(int).tolist()
+        for a, b in _drawn(skeleton):
+            cv2.line(picture, pixels[a], pixels[b], _BONE, 2, cv2.LINE_AA)
+    return picture
 
 
 def show_hull(
@@ -104,37 +146,6 @@ def _drawn(skeleton: Skeleton) -> NDArray[np.integer]:
     """Bones (B, 2) both of whose ends are known."""
     known = np.isfinite(skeleton.joints_m.sum(axis=1))
     return skeleton.bones[np.logical_and(known[skeleton.bones[:, 0]], known[skeleton.bones[:, 1]])]
-
-
-def _one_side(
-    skin: tuple[NDArray[np.float64], NDArray[np.int64]],
-    box_m: tuple[NDArray[np.float64], NDArray[np.float64]],
-    skeleton: Skeleton | None,
-    azimuth_deg: float,
-    size: tuple[int, int],
-) -> NDArray[np.uint8]:
-    """Picture of the surface from one side, lit from above the viewer's shoulder."""
-    (vertices, faces), (low, high), (width, height) = skin, box_m, size
-    angle = np.radians(azimuth_deg)
-    forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
-    camera_from_world = np.stack([np.cross(forward, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], forward])
-    middle, diagonal = 0.5 * (low + high), float(np.linalg.norm((high - low)[:2]))
-    # Far enough for the nearest corner to fit, for any azimuth.
-    focal = _FOCAL * height
-    span = max(float(high[2] - low[2]) / height, diagonal / width)
-    distance = 0.5 * diagonal + focal / _FILLED * span
-    matrix = np.array([[focal, 0, 0.5 * (width - 1)], [0, focal, 0.5 * (height - 1)], [0, 0, 1]])
-    in_camera = (vertices - middle) @ camera_from_world.T + np.array([0, 0, distance])
-    labels = np.zeros(len(faces), dtype=np.int32)
-    parts, depth = render_parts(in_camera, faces, labels, matrix, size)
-    picture = _shade(depth, parts > 0, focal)
-    if skeleton is not None:
-        joints = (skeleton.joints_m - middle) @ camera_from_world.T + np.array([0, 0, distance])
-        pixels = joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]
-        pixels = np.rint(np.nan_to_num(pixels)).astype(int).tolist()
-        for a, b in _drawn(skeleton):
-            cv2.line(picture, pixels[a], pixels[b], _BONE, 2, cv2.LINE_AA)
-    return picture
 
 
 def _shade(

@@ -1,0 +1,181 @@
+"""Measurements taken on a body's mesh at rest, as a tape takes them on a person.
+
+Girths are those of a tape, which spans hollows: perimeters of the convex hull of a horizontal slice
+through trunk and thighs, without the arms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.model import BodyModel, read_template
+
+DENSITY_KG_M3 = 1000.0
+"""Density of the whole body within its skin, the lungs' air included. Source: McConville et al.,
+Anthropometric Relationships of Body and Body Segment Moments of Inertia (AFAMRL-TR-80-119, 1980),
+who take 1 g/cm³ for the volumes that they measure; densities of 1.04 to 1.08, as weighing under
+water gives them, leave the lungs out.
+"""
+_CHEST = "thorax", "upper_thorax", 0.78  # the nipples: between two joints
+_WAIST = "abdomen", "thorax", 0.3  # the natural waist, where the templates are narrowest
+_HIP_FRACTIONS = np.linspace(0.05, 0.95, 13)  # of the height from the crotch to the lumbar joint
+# The acromion is the point of the surface above one that lies outward of the shoulder joint by this
+# much of the stature: so that the man's template has the mean biacromial breadth of ANSUR II.
+_ACROMION = 0.012
+_LOWEST_CROTCH = 0.25  # over stature
+_ARM_PARTS = tuple(
+    PART_NAMES.index(f"{side}_{name}")
+    for side in ("left", "right")
+    for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")
+)
+
+
+@dataclass(frozen=True)
+class BodyMeasurements:
+    """Measurements of a person; None: not known. Metres and kilograms.
+
+    Attributes:
+        stature_m: from the soles to the vertex.
+        chest_girth_m: at the nipples (ANSUR II and ISO 8559 chest or bust circumference).
+        waist_girth_m: at the natural waist, between ribs and hip bone.
+        hip_girth_m: the largest one over the buttocks (ANSUR II buttock circumference).
+        arm_length_m: from the acromion to the elbow joint and on to the wrist joint.
+        leg_length_m: from the crotch to the sole (ANSUR II crotch height; inside leg).
+        shoulder_breadth_m: between the acromia (ANSUR II biacromial breadth).
+        mass_kg: volume times `DENSITY_KG_M3`.
+    """
+
+    stature_m: float
+    chest_girth_m: float | None = None
+    waist_girth_m: float | None = None
+    hip_girth_m: float | None = None
+    arm_length_m: float | None = None
+    leg_length_m: float | None = None
+    shoulder_breadth_m: float | None = None
+    mass_kg: float | None = None
+
+    def known(self) -> dict[str, float]:
+        """The measurements that are known, by name."""
+        pairs = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return {name: value for name, value in pairs if value is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class TapeMeasure:
+    """Takes measurements on bodies of one topology: the places found once on a body.
+
+    Attributes:
+        faces: (F, 3) triangles.
+        trunk: (G, 3) those of trunk, head and legs.
+        seam: indices of the vertices in the sagittal plane.
+        acromia: (2, 3) corners of the triangles that carry the left and the right acromion.
+        acromia_weights: (2, 3) barycentric coordinates of these in them.
+    """
+
+    faces: NDArray[np.int32]
+    trunk: NDArray[np.int32]
+    seam: NDArray[np.int64]
+    acromia: NDArray[np.int32]
+    acromia_weights: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, body: BodyModel) -> TapeMeasure:
+        """Finds the places on a template; other bodies have them on the same triangles."""
+        vertices, joints = body.vertices_m, body.joints_m
+        stature = float(np.ptp(vertices[:, 2]))
+        seam = np.flatnonzero(np.abs(vertices[:, 0]) < 1e-6 * stature)
+        found = []
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            x, y, _ = joints[PART_NAMES.index(f"{side}_upper_arm")]
+            found.append(_highest(vertices, body.faces, x + sign * _ACROMION * stature, y))
+        corners, weights = (np.stack(part) for part in zip(*found, strict=True))
+        trunk = body.faces[~np.isin(body.face_part, _ARM_PARTS)]
+        return cls(body.faces, trunk, seam, corners, weights)
+
+    def measure(
+        self, vertices_m: NDArray[np.float64], joints_m: NDArray[np.float64]
+    ) -> BodyMeasurements:
+        """All measurements.
+
+        Args:
+            vertices_m: (V, 3) at rest.
+            joints_m: (27, 3) at rest.
+        """
+        z = vertices_m[:, 2]
+        sole, stature = float(z.min()), float(np.ptp(z))
+        middle = z[self.seam]
+        crotch = float(middle[middle > sole + _LOWEST_CROTCH * stature].min())
+        lumbar = joints_m[PART_NAMES.index("lumbar"), 2]
+        hips = crotch + _HIP_FRACTIONS * (lumbar - crotch)
+        elbow, wrist = (joints_m[PART_NAMES.index(f"left_{n}")] for n in ("forearm", "hand"))
+        acromion, other = np.einsum("nk,nkj->nj", self.acromia_weights, vertices_m[self.acromia])
+        return BodyMeasurements(
+            stature_m=stature,
+            chest_girth_m=self.girth(vertices_m, _between(joints_m, *_CHEST)),
+            waist_girth_m=self.girth(vertices_m, _between(joints_m, *_WAIST)),
+            hip_girth_m=max(self.girth(vertices_m, height) for height in hips),
+            arm_length_m=float(np.linalg.norm(elbow - acromion) + np.linalg.norm(wrist - elbow)),
+            leg_length_m=crotch - sole,
+            shoulder_breadth_m=float(np.linalg.norm(acromion - other)),
+            mass_kg=DENSITY_KG_M3 * enclosed_volume(vertices_m, self.faces),
+        )
+
+    def girth(self, vertices_m: NDArray[np.float64], height_m: float) -> float:
+        """Girth of trunk or thighs at a height: perimeter of the hull of the slice."""
+        above = vertices_m[:, 2] > height_m
+        corners = self.trunk[above[self.trunk].any(1) & ~above[self.trunk].all(1)]
+        points = []
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            cut = above[corners[:, i]] != above[corners[:, j]]
+            start, end = vertices_m[corners[cut, i]], vertices_m[corners[cut, j]]
+            t = (height_m - start[:, 2]) / (end[:, 2] - start[:, 2])
+            points.append(start[:, :2] + t[:, None] * (end - start)[:, :2])
+        return float(ConvexHull(np.concatenate(points)).area)
+
+
+def measure_body(body: BodyModel) -> BodyMeasurements:
+    """Measurements taken on a body's mesh.
+
+    Args:
+        body: one made from the templates.
+    """
+    tape = TapeMeasure.of(read_template(body.sizes.sex))
+    return tape.measure(body.vertices_m, body.joints_m)
+
+
+def enclosed_volume(vertices_m: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Volume within a closed surface, m³.
+
+    .. math:: V = \\frac{1}{6} \\sum_f a_f \\cdot (b_f \\times c_f)
+
+    Args:
+        vertices_m: (V, 3).
+        faces: (F, 3) outward oriented.
+    """
+    a, b, c = (vertices_m[faces[:, k]] for k in range(3))
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+
+
+def _highest(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], x: float, y: float
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Corners (3,) of the uppermost triangle at a place, and the place's coordinates in it."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    edges = np.stack([b - a, c - a], -1)[:, :2]
+    flat = np.linalg.det(edges)
+    edges[np.abs(flat) < 1e-12] = np.eye(2) * 1e-9
+    u, v = np.linalg.solve(edges, ([x, y] - a[:, :2])[..., None])[..., 0].T
+    height = a[:, 2] + u * (b - a)[:, 2] + v * (c - a)[:, 2]
+    best = int(np.where((u >= 0) & (v >= 0) & (u + v <= 1), height, -np.inf).argmax())
+    return faces[best], np.array([1 - u[best] - v[best], u[best], v[best]])
+
+
+def _between(joints: NDArray[np.float64], lower: str, upper: str, fraction: float) -> float:
+    """Height between two joints."""
+    low, high = (joints[PART_NAMES.index(name), 2] for name in (lower, upper))
+    return float(low + fraction * (high - low))
