@@ -52,6 +52,12 @@ class ShapeSpace:
             joints, vertices, landmarks, *(np.stack(part) for part in zip(*change, strict=True))
         )
 
+    @classmethod
+    def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> ShapeSpace:
+        """Space without axes, of a body whose shape is given."""
+        rest = joints, vertices, landmarks
+        return cls(*rest, *(np.zeros((0, *points.shape)) for points in rest))
+
     def apply(self, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Joints (27, 3), vertices (V, 3) and landmarks (15, 3) at deviations `shape` (K,)."""
         return (
