@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+
+from calib.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class KinematicTree:
         landmark_names: L names of the points whose positions are told as joints.
         landmark_part: (L,) int32, part that carries each.
         landmark_bones: (B, 2) int, pairs of landmarks between which a bone is drawn.
+        root_fixed: whether the root part stands still in the world, as a robot's base does.
     """
 
     names: tuple[str, ...]
@@ -47,6 +51,49 @@ class KinematicTree:
     landmark_names: tuple[str, ...]
     landmark_part: np.ndarray
     landmark_bones: np.ndarray
+    root_fixed: bool = False
+
+    @classmethod
+    def from_parts(
+        cls,
+        parts: Sequence[tuple[str, str, tuple[Dof, ...]]],
+        ends: Mapping[str, str] | None = None,
+        root_fixed: bool = False,
+    ) -> KinematicTree:
+        """Tree of a table of parts, whose joints are landmarks under the parts' own names.
+
+        Args:
+            parts: name, parent's name (empty for the root, the first) and degrees of freedom.
+            ends: name of a further landmark, at the end of a part -> that part.
+            root_fixed: see the attribute.
+
+        Raises:
+            InputError: a name is given twice, or a parent does not come before its part.
+        """
+        names, ends = tuple(name for name, _, _ in parts), dict(ends or {})
+        if len({*names, *ends}) < len(names) + len(ends):
+            raise InputError("two parts or landmarks of the body have one name: rename one")
+        parents = []
+        for k, (name, parent, _) in enumerate(parts):
+            if (parent == "") != (k == 0) or (parent and parent not in names[:k]):
+                raise InputError(
+                    f"the parent {parent!r} of the part {name!r} does not come before it: list the"
+                    " root part first, without a parent, and every other after its parent"
+                )
+            parents.append(names.index(parent) if parent else -1)
+        if missing := set(ends.values()) - set(names):
+            raise InputError(f"a landmark is carried by {missing.pop()!r}, which is no part")
+        carriers = [*range(len(names)), *(names.index(part) for part in ends.values())]
+        bones = [*parents[1:], *carriers[len(names) :]]
+        return cls(
+            names,
+            np.array(parents, np.int32),
+            tuple((part, dof) for part, (_, _, dofs) in enumerate(parts) for dof in dofs),
+            (*names, *ends),
+            np.array(carriers, np.int32),
+            np.array([*enumerate(bones, 1)], int).reshape(-1, 2)[:, ::-1],
+            root_fixed,
+        )
 
     @cached_property
     def dof_part(self) -> np.ndarray:

@@ -194,9 +194,8 @@ def _family(sex: str) -> _Family:
     body = read_template(sex)
 
     def space(vertices: NDArray[np.float64]) -> ShapeSpace:
-        return ShapeSpace.from_rest(
-            body.joints_m, vertices, body.landmarks_m, body.skin_parts, body.skin_weights
-        )
+        skin = body.skin_parts, body.skin_weights
+        return ShapeSpace.from_rest(body.joints_m, vertices, body.landmarks_m, *skin, body.faces)
 
     spaces = [(body.space.vertices_m, body.space.vertices_change)]
     for change in range(4):

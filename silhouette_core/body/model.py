@@ -12,7 +12,7 @@ from safetensors import safe_open
 from calib.errors import InputError
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
-from silhouette_core.body.shape import ShapeSpace, clothing_directions, vertex_normals
+from silhouette_core.body.shape import ShapeSpace, vertex_normals
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.template_warp import Changes, warp_template
 from silhouette_core.body.volume import sample_volume
@@ -28,17 +28,17 @@ class BodyModel:
     Lengths are in metres, in the body frame: z up, facing -y, left hand toward +x.
 
     Attributes:
-        joints_m: (27, 3) float64, joints at the proximal ends of the parts.
+        joints_m: (P, 3) float64, joints at the proximal ends of the parts.
         vertices_m: (V, 3) float64, vertices of the closed surface.
         faces: (F, 3) int32, outward oriented triangles.
         face_part: (F,) int32, part of each triangle.
         skin_parts: (V, 4) int32, parts that move a vertex.
         skin_weights: (V, 4) float64, weights of those parts, summing to 1.
-        landmarks_m: (15, 3) float64, the HumanEva joints at rest, in the order of
-            `joints.LANDMARK_NAMES`.
+        landmarks_m: (L, 3) float64, the landmarks at rest, in the order of the tree; of a person
+            the HumanEva joints, `joints.LANDMARK_NAMES`.
         space: shape space around the template.
-        shape: (K,) float64, deviations along `sizes.SHAPE_AXES`.
-        sizes: measurements of the person.
+        shape: (K,) float64, deviations along `sizes.SHAPE_AXES`; (0,) where the shape is given.
+        person: measurements of the person; None: the body is not a person's, or as given.
         tree: parts, degrees of freedom and landmarks.
     """
 
@@ -51,9 +51,27 @@ class BodyModel:
     landmarks_m: np.ndarray
     space: ShapeSpace
     shape: np.ndarray
-    sizes: BodySizes
-
+    person: BodySizes | None
     tree: KinematicTree = HUMAN
+
+    @property
+    def sizes(self) -> BodySizes:
+        """Measurements of the person.
+
+        Raises:
+            InputError: the body is not made from a person's measurements.
+        """
+        if self.person is None:
+            raise InputError(
+                "this needs a body made from a person's measurements, and the one here was given"
+                f" as it is ({len(self.names)} parts, root {self.names[0]!r}): fit without a body"
+            )
+        return self.person
+
+    @cached_property
+    def extent_m(self) -> float:
+        """Largest side of the box around the body at rest."""
+        return float(np.ptp(self.vertices_m, axis=0).max())
 
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
@@ -112,9 +130,8 @@ class BodyModel:
         vertices = warp_template(
             self.vertices_m, self.joints_m, self.skin_parts, self.skin_weights, changes
         )
-        space = ShapeSpace.from_rest(
-            self.joints_m, vertices, self.landmarks_m, self.skin_parts, self.skin_weights
-        )
+        skin = self.skin_parts, self.skin_weights
+        space = ShapeSpace.from_rest(self.joints_m, vertices, self.landmarks_m, *skin, self.faces)
         return replace(self, vertices_m=vertices, space=space)
 
     def _scaled(self, factor: float, sizes: BodySizes) -> BodyModel:
@@ -124,7 +141,7 @@ class BodyModel:
             vertices_m=self.vertices_m * factor,
             landmarks_m=self.landmarks_m * factor,
             space=self.space.scaled(factor),
-            sizes=sizes,
+            person=sizes,
         )
 
     @property
@@ -224,8 +241,7 @@ def read_template(sex: str) -> BodyModel:
     weights /= weights.sum(1, keepdims=True)
     sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])
     skin = data["skin_parts"], weights
-    outward = clothing_directions(vertices, data["faces"])
-    space = ShapeSpace.from_rest(joints, vertices, landmarks, *skin, outward)
+    space = ShapeSpace.from_rest(joints, vertices, landmarks, *skin, data["faces"])
     return BodyModel(
         joints_m=joints,
         vertices_m=vertices,
@@ -236,5 +252,5 @@ def read_template(sex: str) -> BodyModel:
         landmarks_m=landmarks,
         space=space,
         shape=np.zeros(len(SHAPE_AXES)),
-        sizes=sizes,
+        person=sizes,
     )

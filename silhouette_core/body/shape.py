@@ -41,14 +41,15 @@ class ShapeSpace:
         landmarks: np.ndarray,
         skin_parts: np.ndarray,
         skin_weights: np.ndarray,
-        outward: np.ndarray,
+        faces: np.ndarray,
     ) -> ShapeSpace:
         """Shape space around a body at rest.
 
         A part's surface is scaled about the part's own joint, and so are the joints that it
-        carries; clothes move the surface `outward` (V, 3). Vertices blend between parts by their
+        carries; clothes move the surface outward. Vertices blend between parts by their
         skin weights, so that no seam opens.
         """
+        outward = clothing_directions(vertices, faces)
         change = [
             _worn(axis, joints, vertices, landmarks, skin_parts, skin_weights, outward)
             if axis.is_clothing
@@ -58,6 +59,12 @@ class ShapeSpace:
         return cls(
             joints, vertices, landmarks, *(np.stack(part) for part in zip(*change, strict=True))
         )
+
+    @classmethod
+    def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> ShapeSpace:
+        """Space without axes, of a body whose shape is given."""
+        rest = joints, vertices, landmarks
+        return cls(*rest, *(np.zeros((0, *points.shape)) for points in rest))
 
     def apply(self, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Joints (27, 3), vertices (V, 3) and landmarks (15, 3) at deviations `shape` (K,)."""

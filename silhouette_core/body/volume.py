@@ -1,6 +1,8 @@
 """Lattice points inside a closed mesh, and their parts."""
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from silhouette_core.jit import kernel
@@ -9,27 +11,47 @@ from silhouette_core.jit import kernel
 def sample_volume(
     vertices_m: np.ndarray, faces: np.ndarray, face_part: np.ndarray, spacing_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lattice points inside a closed mesh.
+    """Lattice points inside a closed mesh, or inside any of the closed pieces of one.
 
     Args:
         vertices_m: (V, 3) float64.
-        faces: (F, 3) int32, closed surface.
+        faces: (F, 3) int32, closed surface of one or several pieces, which may overlap.
         face_part: (F,) int32.
         spacing_m: lattice spacing.
 
     Returns:
-        points (N, 3) float64 inside the mesh, and the part (N,) int32 of the nearest triangle
-        centre.
+        points (N, 3) float64 inside the mesh, and the part (N,) int32 of each: that of its
+        piece where this has only one, else of the nearest triangle centre.
     """
     low, high = vertices_m.min(0), vertices_m.max(0)
     shape = np.maximum(np.ceil((high - low) / spacing_m).astype(np.int64), 1)
     # Uneven offsets keep lattice lines off vertices and edges, where the count would be ambiguous.
     origin = low + spacing_m * np.array([0.5000317, 0.4999713, 0.5])
-    winding = np.zeros(tuple(shape), np.int8)
-    _wind(vertices_m, faces.astype(np.int64), origin, spacing_m, winding)
-    points = origin + spacing_m * np.argwhere(winding > 0)
-    part = face_part[KDTree(vertices_m[faces].mean(1)).query(points)[1]]
+    inside = np.zeros(tuple(shape), np.bool_)
+    owner = np.full(inside.shape, -1, np.int32)  # part of the first piece, where it has only one
+    for piece in _pieces(faces, len(vertices_m)):
+        winding = np.zeros(inside.shape, np.int8)
+        _wind(vertices_m, faces[piece].astype(np.int64), origin, spacing_m, winding)
+        own = winding > 0
+        parts = np.unique(face_part[piece])
+        owner[own & ~inside] = parts[0] if len(parts) == 1 else -1
+        inside |= own
+    points = origin + spacing_m * np.argwhere(inside)
+    part = owner[inside]
+    mixed = part < 0
+    if mixed.any():
+        centres = vertices_m[faces].mean(1)
+        part[mixed] = face_part[KDTree(centres).query(points[mixed])[1]]
     return points, part.astype(np.int32)
+
+
+def _pieces(faces: np.ndarray, count: int) -> list[np.ndarray]:
+    """Indices of the faces of every connected piece, in the order of the first of each."""
+    ends = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
+    links = coo_array((np.ones(faces.size, bool), ends), shape=(count, count))
+    label = connected_components(links, directed=False)[1][faces[:, 0]]
+    order = np.unique(label, return_index=True)[1]
+    return [np.flatnonzero(label == label[first]) for first in np.sort(order)]
 
 
 @kernel

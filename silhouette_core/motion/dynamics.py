@@ -1,12 +1,14 @@
-"""Constants of human posture and movement, and prediction of poses from frame to frame."""
+"""Constants of posture and movement, and prediction of poses from frame to frame."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
 from silhouette_core.body.joints import HUMAN
+from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.pose import Pose
 
 #: Frame rate, 1/s, to which all step sizes refer, and at which recorded motion is used.
@@ -52,10 +54,17 @@ _RELAXED_DEG = {
 }
 
 
-def _per_dof_rad(table_deg: Mapping[str, float], default_deg: float) -> np.ndarray:
+# Of bodies that are no person's, about which nothing is known: degrees.
+_ANY_USUAL_DEG, _ANY_STEP_DEG = 120.0, 12.0
+_ROOT_FIXED_SIGMA = 1e-5  # m and rad
+
+
+def _per_dof_rad(
+    table_deg: Mapping[str, float], default_deg: float, tree: KinematicTree = HUMAN
+) -> np.ndarray:
     """(D,) radians from a table by part or by part and movement, the same for both sides."""
     values = []
-    for name in HUMAN.dof_names:
+    for name in tree.dof_names:
         base = name.removeprefix("left_").removeprefix("right_")
         values.append(table_deg.get(base, table_deg.get(base.partition(".")[0], default_deg)))
     return np.radians(values)
@@ -75,19 +84,61 @@ ROOT_STEP_RAD = 0.12
 POSE_STEP_SIGMA = np.concatenate([[ROOT_STEP_M] * 3, [ROOT_STEP_RAD] * 3, STEP_SIGMA_RAD])
 
 
+def is_person_tree(tree: KinematicTree) -> bool:
+    """Whether a tree is a person's, perhaps with parts added."""
+    return {*HUMAN.names, *HUMAN.dof_names} <= {*tree.names, *tree.dof_names}
+
+
+@lru_cache(maxsize=16)
+def usual_rad(tree: KinematicTree) -> np.ndarray:
+    """(D,) standard deviation of a body's joint angles about `relaxed_rad`: wide where the body is
+    no person's.
+    """
+    if is_person_tree(tree):
+        return _per_dof_rad(_USUAL_DEG, 10.0, tree)
+    return np.full(len(tree.dofs), np.radians(_ANY_USUAL_DEG))
+
+
+@lru_cache(maxsize=16)
+def relaxed_rad(tree: KinematicTree) -> np.ndarray:
+    """(D,) joint angles of a body's resting stance: of other bodies than a person's at rest, or as
+    near as the limits allow.
+    """
+    table = _RELAXED_DEG if is_person_tree(tree) else {}
+    return np.clip(_per_dof_rad(table, 0.0, tree), *tree.dof_limits_rad.T)
+
+
+@lru_cache(maxsize=16)
+def pose_step_sigma(tree: KinematicTree) -> np.ndarray:
+    """(6 + D,) standard deviations of all coordinates of a body's step within 1 / `FPS`, in the
+    order of `Pose.minus`.
+    """
+    if is_person_tree(tree):
+        angles = _per_dof_rad(_STEP_SIGMA_DEG, 3.0, tree)
+    else:
+        angles = np.full(len(tree.dofs), np.radians(_ANY_STEP_DEG))
+    root = [_ROOT_FIXED_SIGMA] * 6 if tree.root_fixed else [ROOT_STEP_M] * 3 + [ROOT_STEP_RAD] * 3
+    return np.concatenate([root, angles])
+
+
 def elapsed_steps(previous_s: float, current_s: float) -> float:
     """Time between two frames in units of 1 / `FPS`, at least half a step."""
     return max(abs(current_s - previous_s) * FPS, _SHORTEST_STEP)
 
 
-def predict(pose: Pose, previous: Pose | None) -> Pose:
+def predict(
+    pose: Pose, previous: Pose | None, limits_rad: np.ndarray = HUMAN.dof_limits_rad
+) -> Pose:
     """Pose expected after `pose`, which followed on `previous`, at a damped constant velocity.
 
     Args:
         pose: the latest pose.
         previous: the pose one frame before it; None if unknown: the body is expected to stay.
+        limits_rad: (D, 2) limits of the body's angles, by default those of a person.
     """
-    return pose if previous is None else pose.moved(MOMENTUM * pose.minus(previous)).clipped()
+    if previous is None:
+        return pose
+    return pose.moved(MOMENTUM * pose.minus(previous)).clipped(limits_rad)
 
 
 def neighbour_middle(before: Pose | None, pose: Pose, after: Pose | None) -> Pose:

@@ -87,7 +87,7 @@ def place(
 
 
 def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
-    """World positions (T, 15, 3) of the HumanEva joints, m, in the order of
+    """World positions (T, L, 3) of the landmarks, m, in the order of the body's tree: of a person
     `joints.LANDMARK_NAMES`.
     """
     part = model.landmark_part

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from calib.checks import check_array
 from calib.upright import Z_UP, UprightFrame
-from silhouette_core.body.joints import LANDMARK_NAMES
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
@@ -99,7 +98,9 @@ class Motion:
         return kinematics.forward(self.model, self.root_m, self.root_quaternion, self.angles_rad)
 
     def landmarks(self) -> NDArray[np.float64]:
-        """Joints of joints.csv (T, 15, 3) in the world, metres, in the order of LANDMARK_NAMES."""
+        """Joints of joints.csv (T, L, 3) in the world, metres, in the order of the body's
+        `landmark_names`: of a person (T, 15, 3).
+        """
         from silhouette_core.motion import kinematics
 
         return kinematics.landmarks(self.model, *self.parts())
@@ -143,7 +144,7 @@ class Motion:
             overlap = np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part]
             return np.clip(np.nan_to_num(overlap), 0.0, 1.0)
         frame = np.asarray(self.quality.get("outline_agreement", np.ones(len(self))), float)
-        return np.repeat(frame[:, None], len(LANDMARK_NAMES), axis=1)
+        return np.repeat(frame[:, None], len(self.model.landmark_part), axis=1)
 
     def select(self, rows: slice | NDArray) -> Motion:
         """Motion of some rows (not frame numbers)."""

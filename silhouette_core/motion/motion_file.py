@@ -14,14 +14,14 @@ from safetensors.numpy import save
 
 from calib.errors import InputError
 from calib.upright import Z_UP
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.body_arrays import BODY_TYPES, MOST_ROWS, body_arrays, body_from_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.motion.motion import Motion
 
 MOTION = "motion.safetensors"
 _FORMAT = "voxelpose motion 2"
-_QUALITY = "quality."
+_QUALITY, _BODY = "quality.", "body."
 _TYPES = {
     "root_m": "F64",
     "root_quaternion": "F64",
@@ -51,7 +51,8 @@ def write_motion(motion: Motion, path: Path) -> None:
     """Writes a motion.
 
     Arrays have the names of the attributes, those of the quality `quality.NAME`; the metadata hold
-    the measurements of the body.
+    the measurements of the body. A body that is not made from a person's measurements is written
+    itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
 
     Args:
         motion: the motion.
@@ -67,14 +68,23 @@ def write_motion(motion: Motion, path: Path) -> None:
         "up": motion.up,
         **{_QUALITY + name: array for name, array in motion.quality.items()},
     }
-    sizes = motion.model.sizes
+    sizes = motion.model.person
+    if sizes is None:
+        given, tree = body_arrays(motion.model)
+        arrays |= {_BODY + name: array for name, array in given.items()}
+        about = {"tree": tree}
+    else:
+        chest = "" if sizes.chest_girth_m is None else repr(sizes.chest_girth_m)
+        about = {
+            "stature_m": repr(sizes.stature_m),
+            "chest_girth_m": chest,
+            "sex": sizes.sex,
+            "template_changes": json.dumps(sizes.changes),
+        }
     metadata = {
         "format": _FORMAT,
         "fps": repr(motion.fps),
-        "stature_m": repr(sizes.stature_m),
-        "chest_girth_m": "" if sizes.chest_girth_m is None else repr(sizes.chest_girth_m),
-        "sex": sizes.sex,
-        "template_changes": json.dumps(sizes.changes),
+        **about,
         "floor_m": repr(motion.floor_m),
         "parts": json.dumps(motion.model.names),
         "angles": json.dumps(motion.model.dof_names),
@@ -147,7 +157,8 @@ def _arrays(file: Any) -> dict[str, NDArray[Any]]:
     """Arrays of an open file that belong to a motion, whose shapes and dtypes are checked before
     anything is read.
     """
-    names = [name for name in file.keys() if name in _TYPES or name.startswith(_QUALITY)]  # noqa: SIM118 (not a dict)
+    types = _TYPES | {_BODY + name: kind for name, kind in BODY_TYPES.items()}
+    names = [name for name in file.keys() if name in types or name.startswith(_QUALITY)]  # noqa: SIM118 (not a dict)
     shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
     count = shapes["root_m"][0] if shapes["root_m"] else 0
     if count > _MOST_POSES:
@@ -159,30 +170,20 @@ def _arrays(file: Any) -> dict[str, NDArray[Any]]:
                 raise ValueError(f"{name} has the shape {shape} for {count} poses")
             if kind not in _QUALITY_TYPES:
                 raise ValueError(f"{name} has the type {kind}")
-        elif kind != _TYPES[name] or shape[1:] > (_WIDEST,):
-            raise ValueError(f"{name} has the shape {shape} and type {kind}, not {_TYPES[name]}")
+        elif kind != types[name] or shape[1:] > (_WIDEST,):
+            raise ValueError(f"{name} has the shape {shape} and type {kind}, not {types[name]}")
+        elif name.startswith(_BODY) and shape[0] > MOST_ROWS:
+            raise ValueError(f"{name} has {shape[0]:,} rows, more than {MOST_ROWS:,}")
     return {name: file.get_tensor(name) for name in names}
 
 
 def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Motion:
     """Motion of the metadata and arrays of a file."""
-    chest = about["chest_girth_m"]
-    # Earlier files have none.
-    changes = json.loads(about.get("template_changes", "[0, 0, 0, 0]"))
-    if not isinstance(changes, list) or len(changes) != 4:
-        raise ValueError("its template_changes are no four numbers")
-    sizes = BodySizes(
-        float(about["stature_m"]),
-        float(chest) if chest else None,
-        about["sex"],
-        *(float(change) for change in changes),
-    )
     if not isinstance(json.loads(about["angles"]), list):
         raise ValueError("its angles are no list of names")
-    check_shape(arrays["body_shape"])
     return Motion(
         fps=float(about["fps"]),
-        model=BodyModel.from_sizes(sizes).reshaped(arrays["body_shape"]),
+        model=_model(about, arrays),
         root_m=arrays["root_m"],
         root_quaternion=arrays["root_quaternion"],
         angles_rad=arrays["angles_rad"],
@@ -198,6 +199,28 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     )
 
 
+def _model(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> BodyModel:
+    """The body: as given, or made from a person's measurements."""
+    if "tree" in about:
+        given = {
+            name.removeprefix(_BODY): array
+            for name, array in arrays.items()
+            if name.startswith(_BODY)
+        }
+        return body_from_arrays(given, about["tree"])
+    chest, changes = about["chest_girth_m"], json.loads(about["template_changes"])
+    if not isinstance(changes, list) or len(changes) != 4:
+        raise ValueError("its template_changes are no four numbers")
+    sizes = BodySizes(
+        float(about["stature_m"]),
+        float(chest) if chest else None,
+        about["sex"],
+        *(float(change) for change in changes),
+    )
+    check_shape(arrays["body_shape"])
+    return BodyModel.from_sizes(sizes).reshaped(arrays["body_shape"])
+
+
 def _check_values(motion: Motion) -> None:
     """Checks that numbers are such as a person and a recording have.
 
@@ -207,7 +230,7 @@ def _check_values(motion: Motion) -> None:
     columns = {"part_overlap": len(motion.model.names), "part_unsupported": len(motion.model.names)}
     for name, array in motion.quality.items():
         joints = name.startswith(("joint_", "landmark_"))
-        wanted = columns.get(name, len(LANDMARK_NAMES) if joints else None)
+        wanted = columns.get(name, len(motion.model.landmarks_m) if joints else None)
         flat = name in _FLAT
         if (wanted and array.shape[1:] != (wanted,)) or (flat and array.ndim != 1):
             raise ValueError(f"quality.{name} has the shape {array.shape}")

@@ -16,7 +16,7 @@ class Pose:
     """Position, orientation and joint angles of a body.
 
     Attributes:
-        root_m: (3,) float64, world position of the pelvis joint.
+        root_m: (3,) float64, world position of the root part's joint.
         root_rotation: (3, 3) float64, world from body.
         angles_rad: (D,) float64, in the order of `KinematicTree.dof_names`.
     """
@@ -39,11 +39,9 @@ class Pose:
             [self.root_m - other.root_m, turn, self.angles_rad - other.angles_rad]
         )
 
-    def clipped(self) -> Pose:
-        """Pose with every angle clipped to its limits."""
-        return Pose(
-            self.root_m, self.root_rotation, np.clip(self.angles_rad, *HUMAN.dof_limits_rad.T)
-        )
+    def clipped(self, limits_rad: np.ndarray = HUMAN.dof_limits_rad) -> Pose:
+        """Pose with every angle clipped to its limits (D, 2), by default those of a person."""
+        return Pose(self.root_m, self.root_rotation, np.clip(self.angles_rad, *limits_rad.T))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_NAMES, LANDMARK_PART
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.refinement.kernels.refine import fill_jacobian
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
@@ -16,13 +16,6 @@ from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces
 
 DEGREES_OF_FREEDOM = 4.0
 """Of Student's t distribution, which the proposal is trained with, too."""
-_COUNT = len(LANDMARK_NAMES)
-_SKIN_PARTS = np.zeros((_COUNT, 4), np.int32)
-_SKIN_PARTS[:, 0] = LANDMARK_PART
-_SKIN_WEIGHTS = np.zeros((_COUNT, 4))
-_SKIN_WEIGHTS[:, 0] = 1.0
-_POINTS = np.repeat(np.arange(_COUNT), 3)
-_AXES = np.tile(np.eye(3), (_COUNT, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +59,15 @@ class LandmarkPriors:
     pelvis_precision: NDArray[np.float64]
 
     @classmethod
-    def from_priors(cls, priors: Sequence[LandmarkPrior | None]) -> LandmarkPriors:
-        """Copies priors, None where a pose has none."""
+    def from_priors(
+        cls, priors: Sequence[LandmarkPrior | None], landmarks: int = len(LANDMARK_NAMES)
+    ) -> LandmarkPriors:
+        """Copies priors of L `landmarks`, None where a pose has none."""
         count = len(priors)
         filled = cls(
             np.array([prior is not None for prior in priors]),
-            np.zeros((count, _COUNT, 3)),
-            np.zeros((count, _COUNT, 3, 3)),
+            np.zeros((count, landmarks, 3)),
+            np.zeros((count, landmarks, 3, 3)),
             np.zeros((count, 3)),
             np.zeros((count, 3, 3)),
         )
@@ -90,22 +85,25 @@ class LandmarkPriors:
 
 
 def posed_landmarks(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
-    """Landmarks (15, 3) of a posed body in the world, m."""
-    local = model.landmarks_m - model.joints_m[LANDMARK_PART]
-    turned = np.einsum("lij,lj->li", posed.part_rotation[LANDMARK_PART], local)
-    return posed.part_origin[LANDMARK_PART] + turned
+    """Landmarks (L, 3) of a posed body in the world, m."""
+    part = model.landmark_part
+    local = model.landmarks_m - model.joints_m[part]
+    return posed.part_origin[part] + np.einsum("lij,lj->li", posed.part_rotation[part], local)
 
 
 def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
-    """Derivatives (15, 3, 6 + D) of the landmarks by a step of `Pose.moved`."""
-    rows = np.empty((3 * _COUNT, 6 + model.dof_count))
+    """Derivatives (L, 3, 6 + D) of the landmarks by a step of `Pose.moved`."""
+    count = len(model.landmarks_m)
+    skin_parts, skin_weights = np.zeros((count, 4), np.int32), np.zeros((count, 4))
+    skin_parts[:, 0], skin_weights[:, 0] = model.landmark_part, 1.0
+    rows = np.empty((3 * count, 6 + model.dof_count))
     fill_jacobian(
-        _POINTS,
-        _AXES,
+        np.repeat(np.arange(count), 3),
+        np.tile(np.eye(3), (count, 1)),
         model.landmarks_m,
         model.joints_m,
-        _SKIN_PARTS,
-        _SKIN_WEIGHTS,
+        skin_parts,
+        skin_weights,
         posed.part_rotation,
         posed.part_origin,
         model.tree.descends,
@@ -113,7 +111,7 @@ def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float
         posed.world_axis,
         rows,
     )
-    return rows.reshape(_COUNT, 3, -1)
+    return rows.reshape(count, 3, -1)
 
 
 def add_landmark_priors(
@@ -142,9 +140,9 @@ def add_landmark_priors(
     """
     if not priors.given[: len(matrix)].any():
         return
-    local = model.landmarks_m - model.joints_m[LANDMARK_PART]
+    local = model.landmarks_m - model.joints_m[model.landmark_part]
     add_landmark_terms(
-        (LANDMARK_PART, local, model.tree.descends, model.dof_part),
+        (model.landmark_part, local, model.tree.descends, model.dof_part),
         posed.placed,
         priors.first(len(matrix)),
         DEGREES_OF_FREEDOM,

@@ -15,9 +15,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from silhouette_core.body.joints import HUMAN
+from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.jit import one_thread
-from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
+from silhouette_core.motion.dynamics import relaxed_rad, usual_rad
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.contours import match_contours
 from silhouette_core.refinement.kernels.refine import add_silhouette_terms, measure_outside
@@ -185,9 +187,14 @@ def _refined_together(
     model = surface.model
     poses = PoseArrays.from_poses([start.pose for start in starts])
     priors = PosePriors.from_priors(
-        poses, [start.prior for start in starts], [start.settings.usual for start in starts]
+        poses,
+        [start.prior for start in starts],
+        [start.settings.usual for start in starts],
+        model.tree,
     )
-    landmark_priors = LandmarkPriors.from_priors([start.landmark_prior for start in starts])
+    landmark_priors = LandmarkPriors.from_priors(
+        [start.landmark_prior for start in starts], len(model.landmarks_m)
+    )
     size = 6 + model.dof_count
     matrices, totals = np.tile(np.eye(size), (len(starts), 1, 1)), np.zeros((len(starts), 3))
     free = free_unknowns(model)
@@ -431,7 +438,11 @@ class PosePriors:
 
     @classmethod
     def from_priors(
-        cls, poses: PoseArrays, priors: Sequence[PosePrior | None], usual: Sequence[float]
+        cls,
+        poses: PoseArrays,
+        priors: Sequence[PosePrior | None],
+        usual: Sequence[float],
+        tree: KinematicTree = HUMAN,
     ) -> PosePriors:
         """Copies priors.
 
@@ -439,6 +450,7 @@ class PosePriors:
             poses: K poses, of which the shape counts alone.
             priors: K priors, None where nothing but the resting stance is expected.
             usual: K weights of the resting stance.
+            tree: of the body.
         """
         means = PoseArrays(*(one.copy() for one in poses.arrays))
         precision = np.zeros((len(poses), 6 + poses.angles_rad.shape[1]))
@@ -447,7 +459,7 @@ class PosePriors:
                 mean = prior.pose
                 means.root_m[k], means.root_rotation[k] = mean.root_m, mean.root_rotation
                 means.angles_rad[k], precision[k] = mean.angles_rad, 1 / prior.sigma**2
-        return cls(means, precision, np.asarray(usual, float)[:, None] / USUAL_RAD**2)
+        return cls(means, precision, np.asarray(usual, float)[:, None] / usual_rad(tree) ** 2)
 
 
 def add_pose_priors(
@@ -472,7 +484,7 @@ def add_pose_priors(
         poses.arrays,
         priors.means.first(count).arrays,
         priors.precision[:count],
-        (priors.usual_precision[:count], RELAXED_RAD),
+        (priors.usual_precision[:count], relaxed_rad(model.tree)),
         model.dof_limits_rad,
         1 / _LIMIT_RAD**2,
         matrix,

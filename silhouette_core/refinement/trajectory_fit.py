@@ -287,4 +287,4 @@ def _moved(
     whole[free] = step
     whole[:3] = np.clip(whole[:3], -_TRUST_M, _TRUST_M)
     whole[3:] = np.clip(whole[3:], -_TRUST_RAD, _TRUST_RAD)
-    return pose.moved(whole).clipped()
+    return pose.moved(whole).clipped(model.dof_limits_rad)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Rig
-from silhouette_core.motion.dynamics import FPS, MOMENTUM, POSE_STEP_SIGMA
+from silhouette_core.motion.dynamics import FPS, MOMENTUM, pose_step_sigma
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings
@@ -84,7 +84,8 @@ class BodyTrack:
             return self.fit.pose
         before_s, before = self.before
         ahead = MOMENTUM * (time_s - self.time_s) / max(self.time_s - before_s, 1e-3)
-        return self.fit.pose.moved(min(ahead, 3.0) * self.fit.pose.minus(before)).clipped()
+        ahead_pose = self.fit.pose.moved(min(ahead, 3.0) * self.fit.pose.minus(before))
+        return ahead_pose.clipped(self.body.model.dof_limits_rad)
 
     def step(
         self, rig: Rig, time_s: float, masks: Masks, settings: RefineSettings = STEP
@@ -102,11 +103,12 @@ class BodyTrack:
         if interval > _LONG:
             settings = _AGAIN
         observation = observed_near(self.body, views, masks, predicted)
-        prior = PosePrior(predicted, POSE_STEP_SIGMA * interval)
+        sigma = pose_step_sigma(self.body.model.tree) * interval
+        prior = PosePrior(predicted, sigma)
         fit = refine_fit(self.body, observation, predicted, prior, settings)
         if fit.error > _POOR * self.usual + _POOR_BY:
             # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
-            prior = PosePrior(self.fit.pose, 3 * POSE_STEP_SIGMA * interval)
+            prior = PosePrior(self.fit.pose, 3 * sigma)
             again = refine_fit(self.body, observation, self.fit.pose, prior, _AGAIN)
             fit = min(fit, again, key=lambda one: one.error)
         errors = (*self.errors[1 - _RECENT :], fit.error)

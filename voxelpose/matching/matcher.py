@@ -11,7 +11,7 @@ from silhouette_core.motion.pose import Pose
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.joint_search import best_together, interference_groups
-from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
+from voxelpose.matching.limbs import Limb, sample_angles
 from voxelpose.matching.voxel_set import VoxelSet
 
 
@@ -45,12 +45,15 @@ class Match:
         score: explained voxels less the cost of parts in empty space.
         explained: fraction of the hull's voxels that some part covers.
         groups: the limbs matched jointly, in the order in which they were decided.
+        stopped: those of the groups whose joint search stopped at a bound, so that a better
+            combination may exist.
     """
 
     pose: Pose
     score: float
     explained: float
     groups: tuple[tuple[str, ...], ...]
+    stopped: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,20 +142,24 @@ def match(
     limbs are matched, and the voxels that one level takes are not offered to the next.
     """
     search = _Search(body_volume, grid, occupancy, start, settings or MatchSettings())
-    search.decide([search.placements(TORSO, start.angles_rad[None])], (0,), start.angles_rad)
+    root = body_volume.root_limb
+    search.decide([search.placements(root, start.angles_rad[None])], (0,), start.angles_rad)
     while candidates := search.selectable():
         groups = [[c] for c in candidates]
         if search.settings.interference:
             groups = _interfering(candidates)
         # All groups of a level are matched on the voxels that the levels before left.
         choices = [  # step (1), (4)
-            best_together([c.bits for c in group], [c.cost for c in group])[0] for group in groups
+            best_together([c.bits for c in group], [c.cost for c in group]) for group in groups
         ]
         before = search.pose.angles_rad
-        for group, choice in zip(groups, choices, strict=True):
-            search.decide(group, choice, before)
+        for group, found in zip(groups, choices, strict=True):
+            search.decide(group, found.choice, before)
+            if not found.exact:
+                search.stopped.append(search.groups[-1])
     explained = int(np.bitwise_count(search.taken).sum()) / max(len(search.voxel_set), 1)
-    return Match(search.pose, search.score, explained, tuple(search.groups))
+    groups = tuple(search.groups), tuple(search.stopped)
+    return Match(search.pose, search.score, explained, *groups)
 
 
 def movable_areas(
@@ -162,7 +169,7 @@ def movable_areas(
     pose: Pose,
     settings: MatchSettings | None = None,
 ) -> list[LimbArea]:
-    """Movable area of every limb but the torso, with its parents placed as in a given pose.
+    """Movable area of every limb but the root's, with its parents placed as in a given pose.
 
     Args:
         body_volume: the body.
@@ -174,7 +181,8 @@ def movable_areas(
     Source: Iiyama, Kameda and Minoh, section 3.
     """
     search = _Search(body_volume, grid, occupancy, pose, settings or MatchSettings())
-    search.decide([search.placements(TORSO, pose.angles_rad[None])], (0,), pose.angles_rad)
+    root = body_volume.root_limb
+    search.decide([search.placements(root, pose.angles_rad[None])], (0,), pose.angles_rad)
     areas = []
     while candidates := search.selectable():
         for group in _interfering(candidates):
@@ -210,14 +218,15 @@ class _Search:
         self.taken = np.zeros(self.voxel_set.words, np.uint64)
         self.score = 0.0
         self.groups: list[tuple[str, ...]] = []
+        self.stopped: list[tuple[str, ...]] = []
 
     def selectable(self) -> list[LimbPlacements]:
         """Placements of each limb that is not decided yet, but whose parent is."""
         decided = {name for group in self.groups for name in group}
         own = self.pose.angles_rad, self.settings.step_rad, self.settings.around_rad
         return [
-            self.placements(limb, sample_angles(limb, *own))
-            for limb in LIMBS
+            self.placements(limb, sample_angles(limb, *own, self.body_volume.model.tree))
+            for limb in self.body_volume.limbs
             if limb.name not in decided and limb.parent in decided
         ]
 

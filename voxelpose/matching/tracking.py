@@ -10,7 +10,7 @@ from threading import Lock
 
 import numpy as np
 
-from silhouette_core.motion.dynamics import FPS, POSE_STEP_SIGMA, neighbour_middle, predict
+from silhouette_core.motion.dynamics import FPS, neighbour_middle, pose_step_sigma, predict
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.read_ahead import side_by_side
@@ -78,7 +78,9 @@ class PoseTracker:
         self._clock = clock
         self._advance = advance
         self._lock = Lock()
-        self._sigma = POSE_STEP_SIGMA * float(np.clip(FPS / settings.fps, 0.3, 3.0))
+        self._sigma = pose_step_sigma(body.model.tree) * float(
+            np.clip(FPS / settings.fps, 0.3, 3.0)
+        )
 
     def observe(self, t: int) -> FrameObservation | None:
         """One frame's observation, near the body's position in that frame or a neighbouring one."""
@@ -282,7 +284,7 @@ class PoseTracker:
         if frame is None or last is None:
             return None
         before = poses[t_before] if 0 <= t_before < len(poses) else None
-        predicted = predict(last, before)
+        predicted = predict(last, before, self.body.model.dof_limits_rad)
         prior = PosePrior(predicted, self._sigma)
         fit = refine_fit(self.body, frame.observation, predicted, prior, _FOLLOW)
         poor = _POOR * _usual(error, t, direction) + _POOR_BY

@@ -8,11 +8,12 @@ import pytest
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.matching.matching_scenes import fitting_model, stance
 from voxelpose.matching import pose_search
-from voxelpose.matching.limb_search import CHAINS
+from voxelpose.matching.limbs import CHAINS
 from voxelpose.matching.pose_search import PoseFit, find_pose, move_limbs
 
 MODEL = fitting_model()
-BODY = SimpleNamespace(model=MODEL, body_volume=None)
+VOLUME = SimpleNamespace(is_person=True, chains=CHAINS)
+BODY = SimpleNamespace(model=MODEL, body_volume=VOLUME, root=None)
 FRAME = SimpleNamespace(grid=None, occupancy=None, observation=None)
 
 
@@ -33,7 +34,8 @@ def matched(monkeypatch) -> list[Pose]:
 
     def match(volume, grid, occupancy, start, settings):
         starts.append(start)
-        return SimpleNamespace(pose=start.moved(np.eye(6 + MODEL.dof_count)[0] * 0.1))
+        moved = start.moved(np.eye(6 + MODEL.dof_count)[0] * 0.1)
+        return SimpleNamespace(pose=moved, stopped=())
 
     def refine_fits(body, observation, begun):
         x = [one.pose.root_m[0] for one in begun]
