@@ -18,11 +18,13 @@ from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import body_of_motion
+from silhouette_core.motion.pose import Pose
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.carving.bounds import check_tolerance
 from voxelpose.matching.body_choice import choose_body, refit
+from voxelpose.matching.given_body import start_given
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
 from voxelpose.matching.observation_store import ObservationStore
@@ -44,8 +46,8 @@ class _Options:
         tolerance: number of cameras that may be wrong about a voxel.
         repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
             it right where that is sure, "say" only tells, "off" does not look.
-        body: an earlier result of the same person, whose body is kept as it is; empty: the body is
-            estimated.
+        body: an earlier result of the same person, or any motion file that holds a body, which is
+            kept as it is; empty: the body is estimated.
     """
 
     interference: bool = True
@@ -135,37 +137,76 @@ def _track(
 ) -> tuple[PoseTracker, dict[str, object]]:
     """Poses of all frames, and facts for the summary."""
     reporter.stage("first poses")
+    if known is not None and known.person is None:
+        return _track_given(observations, settings, tracking, known, clock, reporter)
     with clock("first poses"):
         start = choose_body(observations, settings, tracking.match, reporter, known)
     tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
-    reporter.stage("tracking", len(observations))
-    tracker.begin(start.poses, start.errors)
-    reporter.stage("repair")
-    with clock("repair"):
-        tracker.begin_again()
-        tracker.repair(3 + len(observations) // 100)
-        tracker.mend_jumps()
-    reporter.stage("limbs")
-    tracker.recheck()
+    _follow(tracker, start.poses, start.errors, clock, reporter)
     if known is None:
         reporter.stage("proportions")
         with clock("proportions"):
             refit(tracker, start)
     reporter.stage("refinement", len(observations))
     tracker.polish()
-    errors = tracker.error[np.isfinite(tracker.error)]
     facts = {
         "stature_m": stature_of(tracker.body.model),
         "stature_given": settings.stature_m is not None or known is not None,
         "sex_template": start.body.model.sizes.sex,
-        "voxel_size_m": observations.observer.voxel_size_m,
-        "anchor_frames": sorted(start.poses),
         "shape": dict(
             zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
         ),
+    }
+    return tracker, facts | _found(tracker, start.poses)
+
+
+def _track_given(
+    observations: ObservationStore,
+    settings: Settings,
+    tracking: PoseTrackerSettings,
+    model: BodyModel,
+    clock: StageClock,
+    reporter: Reporter,
+) -> tuple[PoseTracker, dict[str, object]]:
+    """As `_track`, with a body that no person's measurements make."""
+    with clock("first poses"):
+        body, fits = start_given(observations, settings, tracking.match, reporter, model)
+    tracker = PoseTracker(body, observations, tracking, clock, reporter.advance)
+    poses = {t: fit.pose for t, fit in fits.items()}
+    _follow(tracker, poses, {t: fit.error for t, fit in fits.items()}, clock, reporter)
+    reporter.stage("refinement", len(observations))
+    tracker.polish()
+    return tracker, _found(tracker, poses)
+
+
+def _follow(
+    tracker: PoseTracker,
+    poses: dict[int, Pose],
+    errors: dict[int, float],
+    clock: StageClock,
+    reporter: Reporter,
+) -> None:
+    """Tracks from the anchor frames, and searches again what went wrong."""
+    count = len(tracker.observations)
+    reporter.stage("tracking", count)
+    tracker.begin(poses, errors)
+    reporter.stage("repair")
+    with clock("repair"):
+        tracker.begin_again()
+        tracker.repair(3 + count // 100)
+        tracker.mend_jumps()
+    reporter.stage("limbs")
+    tracker.recheck()
+
+
+def _found(tracker: PoseTracker, anchors: dict[int, Pose]) -> dict[str, object]:
+    """Facts of any body."""
+    errors = tracker.error[np.isfinite(tracker.error)]
+    return {
+        "voxel_size_m": tracker.observations.observer.voxel_size_m,
+        "anchor_frames": sorted(anchors),
         "silhouette_error": {"median": float(np.median(errors)) if len(errors) else None},
     }
-    return tracker, facts
 
 
 def _motion(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib.errors import InputError
-from silhouette_core.body.kinematic_tree import KinematicTree
+from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.shape import ShapeSpace
 
@@ -114,6 +114,71 @@ def body_of_parts(
         shape=np.zeros(0),
         person=None,
         tree=tree,
+    )
+
+
+def with_part(
+    model: BodyModel,
+    name: str,
+    parent: str,
+    joint_m: tuple[float, float, float],
+    shapes: Sequence[RigidShape],
+    ends_m: Mapping[str, tuple[float, float, float]] | None = None,
+    dofs: tuple[Dof, ...] = (),
+) -> BodyModel:
+    """Body with one more part, such as a tool in a hand. Its shape is given from then on.
+
+    Args:
+        model: the body.
+        name: of the part; its joint is a landmark of that name.
+        parent: the part that carries it.
+        joint_m: where it is joined at rest, in the body frame.
+        shapes: its pieces at rest.
+        ends_m: further landmarks on it, by name.
+        dofs: its degrees of freedom; none where it is held rigidly.
+
+    Raises:
+        InputError: there is no such parent, the name is taken, or the shapes are none.
+    """
+    tree, number = model.tree, len(model.names)
+    marks = {name: joint_m} | dict(ends_m or {})
+    if parent not in tree.names or {name} & {*tree.names} or {*marks} & {*tree.landmark_names}:
+        raise InputError(
+            f"the part {name!r} cannot be joined to {parent!r}: give a new name, and a parent out"
+            f" of {', '.join(tree.names)}"
+        )
+    carrier = tree.names.index(parent)
+    near = np.linalg.norm(model.landmarks_m - np.asarray(joint_m, float), axis=1).argmin()
+    first = len(tree.landmark_names)
+    bones = [[near, first], *([first, first + k] for k in range(1, len(marks)))]
+    larger = KinematicTree(
+        (*tree.names, name),
+        np.append(tree.parents, carrier).astype(np.int32),
+        (*tree.dofs, *((number, dof) for dof in dofs)),
+        (*tree.landmark_names, *marks),
+        np.append(tree.landmark_part, [number] * len(marks)).astype(np.int32),
+        np.concatenate([tree.landmark_bones.reshape(-1, 2), bones]),
+        tree.root_fixed,
+    )
+    piece = body_of_parts(
+        KinematicTree.from_parts(((name, "", ()),)), np.array([joint_m], float), [shapes]
+    )
+    joints = np.concatenate([model.joints_m, piece.joints_m])
+    vertices = np.concatenate([model.vertices_m, piece.vertices_m])
+    landmarks = np.concatenate([model.landmarks_m, np.array([*marks.values()], float)])
+    skin = np.where(piece.skin_weights > 0, number, 0).astype(np.int32)
+    return BodyModel(
+        joints_m=joints,
+        vertices_m=vertices,
+        faces=np.concatenate([model.faces, piece.faces + len(model.vertices_m)]).astype(np.int32),
+        face_part=np.append(model.face_part, piece.face_part + number).astype(np.int32),
+        skin_parts=np.concatenate([model.skin_parts, skin]),
+        skin_weights=np.concatenate([model.skin_weights, piece.skin_weights]),
+        landmarks_m=landmarks,
+        space=ShapeSpace.rigid(joints, vertices, landmarks),
+        shape=np.zeros(0),
+        person=None,
+        tree=larger,
     )
 
 

@@ -70,12 +70,12 @@ def make_recording(
     poses = [actor.pose(*played.pose_at(frame / played.fps)) for frame in range(frames)]
     for camera in rig:
         view = FilmCamera(camera, np.random.default_rng((seed, numbers[camera.name])))
-        _write_video(
+        write_video(
             folder / "background" / f"{camera.name}.mp4",
             played.fps,
             (view.empty() for _ in range(_EMPTY_FRAMES)),
         )
-        _write_video(
+        write_video(
             folder / f"{camera.name}.mp4",
             played.fps,
             (view.picture(v, actor.faces, actor.face_colour) for v, _ in poses),
@@ -85,7 +85,12 @@ def make_recording(
     return folder
 
 
-def _write_video(path: Path, fps: int, pictures: Iterable[NDArray[np.uint8]]) -> None:
+def write_video(path: Path, fps: int, pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """Writes pictures (480, 640, 3) uint8 BGR as a video.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), fps, SIZE)
     if not writer.isOpened():
         raise InputError(

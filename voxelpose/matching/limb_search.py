@@ -8,6 +8,8 @@ B: part by part along the body tree, but scored on the images.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -17,17 +19,13 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.limbs import LIMBS, Limb, sample_angles, sample_hinge, within_limits
-
-CHAINS = tuple(
-    (
-        next(limb for limb in LIMBS if limb.name == f"{side}_{upper}"),
-        next(limb for limb in LIMBS if limb.name == f"{side}_{lower}"),
-    )
-    for upper, lower in (("upper_arm", "forearm"), ("thigh", "shin"))
-    for side in ("left", "right")
+from voxelpose.matching.limbs import (
+    Limb,
+    sample_angles,
+    sample_grid,
+    sample_hinge,
+    within_limits,
 )
-"""The arms and the legs, each from its upper to its lower part."""
 
 _STEP_RAD = np.radians(15.0)
 _UNEXPLAINED, _EXPLAINED, _OUTSIDE = 2, 0, -3
@@ -39,28 +37,33 @@ def place_limb(
     body_volume: BodyVolume,
     observation: Observation,
     pose: Pose,
-    chain: tuple[Limb, Limb],
+    chain: tuple[Limb, ...],
     around_rad: float | None = None,
 ) -> Pose:
-    """Pose with one arm or leg where it explains most of what the rest of the body does not.
+    """Pose with one arm, leg or other chain where it explains most of what the rest does not.
 
     Args:
         body_volume: The body.
         observation: The frame.
         pose: Everything but the limb is taken from it.
-        chain: Upper and lower part.
+        chain: Upper and lower part, or one that carries none.
         around_rad: Searches at most this far from `pose`; None: the whole range.
     """
-    upper, lower = chain
+    upper, tree = chain[0], body_volume.model.tree
     covering = _Covering(body_volume.model, observation)
-    images = covering.explained(_pixel_values(observation), pose, chain, rest=True)
-    above = sample_angles(upper, pose.angles_rad, _STEP_RAD, around_rad)
+    searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
+    images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
+    above = sample_angles(upper, pose.angles_rad, _STEP_RAD, around_rad, tree)
     first = _scores(body_volume, observation, images, upper, pose, above)
+    if len(chain) == 1:
+        return Pose(pose.root_m, pose.root_rotation, above[int(first.argmax())])
+    lower = chain[1]
     # The upper part alone rules out most of the range.
     likely = np.argsort(-first, kind="stable")[: max(len(first) // 2, 1)]
     above, first = above[likely], first[likely]
-    below = sample_hinge(lower, above, _STEP_RAD, around_rad)
-    possible = within_limits(below)
+    sample_below = sample_grid if lower.angles else sample_hinge
+    below = sample_below(lower, above, _STEP_RAD, around_rad, tree)
+    possible = within_limits(below, tree)
     second = _scores(
         body_volume, observation, images, lower, pose, below.reshape(-1, below.shape[-1])
     ).reshape(below.shape[:2])
@@ -78,6 +81,13 @@ def place_limb(
         if first[k] + rest[m] > best:
             best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, below[k, m])
     return result
+
+
+def _carried(limb: Limb | None, upper: Limb, limbs: Sequence[Limb]) -> bool:
+    """Whether a limb is another one or is carried by it."""
+    while limb is not None and limb.name != upper.name:
+        limb = next((one for one in limbs if one.name == limb.carried_by), None)
+    return limb is not None
 
 
 def _pixel_values(observation: Observation) -> np.ndarray:

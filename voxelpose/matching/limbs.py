@@ -8,12 +8,13 @@ placement shows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import HUMAN, PART_NAMES
+from silhouette_core.body.kinematic_tree import KinematicTree
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class Limb:
         hinge: the angle of its own hinge joint; None for a ball joint.
         twist_of: for a hinge, the ball joint above, whose twist about the bone shows only in this
             limb.
+        angles: of a body that is no person's, the angles that are sampled together.
+        carrier: the limb that carries it, where that is not `parent`.
     """
 
     name: str
@@ -36,11 +39,22 @@ class Limb:
     swing: tuple[str, ...] = ()
     hinge: str | None = None
     twist_of: str | None = None
+    angles: tuple[str, ...] = ()
+    carrier: str | None = None
 
     @property
     def part(self) -> int:
-        """Index of the part whose frame carries the limb."""
+        """Index of the part of a person whose frame carries the limb."""
         return PART_NAMES.index(self.name)
+
+    @property
+    def carried_by(self) -> str | None:
+        """The limb to which it is joined; None for the root."""
+        return self.carrier or self.parent
+
+    def with_parts(self, parts: tuple[str, ...]) -> Limb:
+        """The same limb of other parts."""
+        return replace(self, parts=parts)
 
 
 TORSO = Limb(
@@ -88,6 +102,16 @@ def _limbs() -> tuple[Limb, ...]:
 
 
 LIMBS = _limbs()
+CHAINS = tuple(
+    (
+        next(limb for limb in LIMBS if limb.name == f"{side}_{upper}"),
+        next(limb for limb in LIMBS if limb.name == f"{side}_{lower}"),
+    )
+    for upper, lower in (("upper_arm", "forearm"), ("thigh", "shin"))
+    for side in ("left", "right")
+)
+"""The arms and the legs, each from its upper to its lower part."""
+_MOST_SAMPLES = 2500  # of one limb that is no person's
 _TWIST_AXIS = {
     name: next(
         f.axis
@@ -99,7 +123,11 @@ _TWIST_AXIS = {
 
 
 def sample_angles(
-    limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None
+    limb: Limb,
+    angles_rad: np.ndarray,
+    step_rad: float,
+    around: float | None = None,
+    tree: KinematicTree = HUMAN,
 ) -> np.ndarray:
     """Samples of a limb's joint angles within their limits.
 
@@ -109,16 +137,19 @@ def sample_angles(
         step_rad: distance between samples.
         around: largest distance of samples from `angles_rad`, radians; None: the whole range of the
             joints.
+        tree: of the body.
 
     Returns:
         (K, D) angles: `angles_rad` with the limb's own replaced. The present angles come first.
 
     Source: Iiyama, Kameda and Minoh, section 2.
     """
-    names = HUMAN.dof_names
-    if limb.swing:
+    names = tree.dof_names
+    if limb.angles:
+        samples = sample_grid(limb, angles_rad[None], step_rad, around, tree)[0]
+    elif limb.swing:
         columns = [names.index(name) for name in limb.swing]
-        axes = [_ticks(HUMAN.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
+        axes = [_ticks(tree.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
         samples = np.tile(angles_rad, (len(mesh), 1))
         samples[:, columns] = mesh
@@ -128,12 +159,52 @@ def sample_angles(
                 if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
                     samples[:, k] = 0.0
     else:
-        samples = sample_hinge(limb, angles_rad[None], step_rad, around)[0]
-    return np.concatenate([angles_rad[None], samples[within_limits(samples)]])
+        samples = sample_hinge(limb, angles_rad[None], step_rad, around, tree)[0]
+    return np.concatenate([angles_rad[None], samples[within_limits(samples, tree)]])
+
+
+def sample_grid(
+    limb: Limb,
+    angles_rad: np.ndarray,
+    step_rad: float,
+    around: float | None,
+    tree: KinematicTree,
+) -> np.ndarray:
+    """Samples of all `angles` of a limb on a grid, which is coarser than asked for where it would
+    have too many.
+
+    Args:
+        limb: one with `angles`.
+        angles_rad: (M, D), M placements of what carries it, with equal angles of the limb.
+        step_rad: distance between samples.
+        around: as in `sample_angles`.
+        tree: of the body.
+
+    Returns:
+        (M, K, D).
+    """
+    columns = [tree.dof_names.index(name) for name in limb.angles]
+    middle = angles_rad[0, columns]
+    while True:
+        axes = [
+            _ticks(tree.dof_limits_rad[k], at, step_rad, around)
+            for k, at in zip(columns, middle, strict=True)
+        ]
+        if np.prod([len(ticks) for ticks in axes]) <= _MOST_SAMPLES:
+            break
+        step_rad *= 1.2
+    mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
+    samples = np.repeat(angles_rad[:, None], len(mesh), axis=1)
+    samples[..., columns] = mesh
+    return samples
 
 
 def sample_hinge(
-    limb: Limb, angles_rad: np.ndarray, step_rad: float, around: float | None = None
+    limb: Limb,
+    angles_rad: np.ndarray,
+    step_rad: float,
+    around: float | None = None,
+    tree: KinematicTree = HUMAN,
 ) -> np.ndarray:
     """Samples of a hinge's bend and of the twist of the bone above it.
 
@@ -143,19 +214,20 @@ def sample_hinge(
         step_rad: distance between samples of the bend; the twist, which moves less, takes half as
             many.
         around: as in `sample_angles`.
+        tree: of the body.
 
     Returns:
         (M, K, D); not all within the limits of the bone above (see `within_limits`).
     """
-    names = HUMAN.dof_names
+    names = tree.dof_names
     hinge = names.index(limb.hinge or "")
     above = [k for k, name in enumerate(names) if name.partition(".")[0] == limb.twist_of]
     # Orthonormal, so that angles are coordinates of the rotation vector.
-    axes = HUMAN.dof_axis[above]
+    axes = tree.dof_axis[above]
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
     reach = np.radians(100) if around is None else around
     twists = _ticks((-reach, reach), 0.0, 2 * step_rad, None)
-    bends = _ticks(HUMAN.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
+    bends = _ticks(tree.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
     swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
     turned = (
         swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
@@ -168,9 +240,9 @@ def sample_hinge(
     return samples
 
 
-def within_limits(angles_rad: np.ndarray) -> np.ndarray:
+def within_limits(angles_rad: np.ndarray, tree: KinematicTree = HUMAN) -> np.ndarray:
     """Whether all angles (…, D) of each pose are within their limits, (…,) bool."""
-    low, high = HUMAN.dof_limits_rad.T
+    low, high = tree.dof_limits_rad.T
     return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
 

@@ -11,7 +11,7 @@ from silhouette_core.motion.pose import Pose
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.joint_search import best_together, interference_groups
-from voxelpose.matching.limbs import LIMBS, TORSO, Limb, sample_angles
+from voxelpose.matching.limbs import Limb, sample_angles
 from voxelpose.matching.voxel_set import VoxelSet
 
 
@@ -139,7 +139,8 @@ def match(
     limbs are matched, and the voxels that one level takes are not offered to the next.
     """
     search = _Search(body_volume, grid, occupancy, start, settings or MatchSettings())
-    search.decide([search.placements(TORSO, start.angles_rad[None])], (0,), start.angles_rad)
+    root = body_volume.root_limb
+    search.decide([search.placements(root, start.angles_rad[None])], (0,), start.angles_rad)
     while candidates := search.selectable():
         groups = [[c] for c in candidates]
         if search.settings.interference:
@@ -162,7 +163,7 @@ def movable_areas(
     pose: Pose,
     settings: MatchSettings | None = None,
 ) -> list[LimbArea]:
-    """Movable area of every limb but the torso, with its parents placed as in a given pose.
+    """Movable area of every limb but the root's, with its parents placed as in a given pose.
 
     Args:
         body_volume: the body.
@@ -174,7 +175,8 @@ def movable_areas(
     Source: Iiyama, Kameda and Minoh, section 3.
     """
     search = _Search(body_volume, grid, occupancy, pose, settings or MatchSettings())
-    search.decide([search.placements(TORSO, pose.angles_rad[None])], (0,), pose.angles_rad)
+    root = body_volume.root_limb
+    search.decide([search.placements(root, pose.angles_rad[None])], (0,), pose.angles_rad)
     areas = []
     while candidates := search.selectable():
         for group in _interfering(candidates):
@@ -216,8 +218,8 @@ class _Search:
         decided = {name for group in self.groups for name in group}
         own = self.pose.angles_rad, self.settings.step_rad, self.settings.around_rad
         return [
-            self.placements(limb, sample_angles(limb, *own))
-            for limb in LIMBS
+            self.placements(limb, sample_angles(limb, *own, self.body_volume.model.tree))
+            for limb in self.body_volume.limbs
             if limb.name not in decided and limb.parent in decided
         ]
 

@@ -79,18 +79,19 @@ def motion_quality(
             found += side_by_side(assessed, rows)
         for _ in rows:
             reporter.advance()
-    with clock("half turn"):
-        ratio = _half_turn(tracker, pose_of, steps)
+    ratio = np.nan
+    if body.model.person is not None:
+        with clock("half turn"):
+            ratio = _half_turn(tracker, pose_of, steps)
     nothing = FrameEvidence(
-        np.full(len(tracker.observations.observer.views.rig), np.nan), np.full(15, np.nan), np.nan
+        np.full(len(tracker.observations.observer.views.rig), np.nan),
+        np.full(len(body.model.landmarks_m), np.nan),
+        np.nan,
     )
     evidence = [nothing if one is None else one[1] for one in found]
     camera_error = np.stack([frame.camera_error for frame in evidence])
     joint_error = np.stack([frame.joint_error for frame in evidence])
     outside = np.array([frame.outside for frame in evidence])
-    expected = expected_errors(
-        MotionEvidence.from_motion(motion, camera_error, joint_error, outside, ratio)
-    )
     parts = len(body.model.names)
     arrays = {
         "part_overlap": np.stack(
@@ -104,6 +105,13 @@ def motion_quality(
         "outline_agreement": 1 - camera_error.mean(axis=1),
         "camera_agreement": 1 - camera_error,
         "joint_disagreement": joint_error,
+    }
+    if body.model.person is None:  # the regression is of people
+        return MotionQuality(arrays, ratio)
+    expected = expected_errors(
+        MotionEvidence.from_motion(motion, camera_error, joint_error, outside, ratio)
+    )
+    arrays |= {
         "right_probability": np.nan_to_num(expected.right_probability),
         "joint_error_mm": expected.median_mm,
         "landmark_confidence": np.nan_to_num(expected.near_probability),

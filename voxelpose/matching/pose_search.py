@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
@@ -23,13 +24,15 @@ from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import mask_errors
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.limb_search import CHAINS, place_limb
+from voxelpose.matching.limb_search import place_limb
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.torso_search import find_torso
 
 SEARCHED = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
 """For poses from a search, right to within a sampling step."""
+_HELD_SIGMA = 1e-5  # m and rad
+_COARSE_RAD = np.radians(30.0)
 _SHORT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
 
 
@@ -41,11 +44,27 @@ class BodyGeometry:
         model: the body.
         body_volume: its inside as points, for matching.
         surface: its surface as points, for refinement.
+        root: places the root part where it stands still at a known place; None: it is estimated.
     """
 
     model: BodyModel
     body_volume: BodyVolume
     surface: Surface
+    root: Pose | None = None
+
+    def held(self, start: RefineStart) -> RefineStart:
+        """Start with the root at its known place, if there is one."""
+        if self.root is None:
+            return start
+        at = self.root.root_m, self.root.root_rotation
+        prior = start.prior or PosePrior(start.pose, np.full(6 + self.model.dof_count, np.inf))
+        sigma = prior.sigma.copy()
+        sigma[:6] = _HELD_SIGMA
+        return replace(
+            start,
+            pose=Pose(*at, start.pose.angles_rad),
+            prior=PosePrior(Pose(*at, prior.pose.angles_rad), sigma),
+        )
 
     @classmethod
     def from_surface(
@@ -58,7 +77,9 @@ class BodyGeometry:
     @classmethod
     def from_model(cls, model: BodyModel, voxel_size_m: float, backend: Backend) -> BodyGeometry:
         """Samples surface and inside of a body."""
-        surface = Surface(model, taken=_sampled_vertices(model.sizes.sex))
+        person = model.person
+        taken = None if person is None else _sampled_vertices(person.sex)
+        surface = Surface(model, taken=taken)
         return cls.from_surface(surface, voxel_size_m, backend)
 
     @classmethod
@@ -103,7 +124,7 @@ def find_pose(
     Returns:
         Poses, best first, at most one per torso placement; empty where there is no hull.
     """
-    placements = find_torso(body.body_volume, frame.grid, frame.occupancy, count)
+    placements = _placements(body, frame, settings or MatchSettings(), count)
     if not placements:
         return []
     first = sorted(_matches(body, frame, placements, settings), key=_error)
@@ -115,11 +136,30 @@ def find_pose(
     return sorted([*moved, *ranked[2:]], key=_error)
 
 
+def _placements(
+    body: BodyGeometry, frame: FrameObservation, settings: MatchSettings, count: int
+) -> list[Pose]:
+    """Placements of the root to try: of a person's torso; of another root those from which the
+    whole body, matched coarsely part by part, fits best.
+    """
+    volume, hull = body.body_volume, (frame.grid, frame.occupancy)
+    if body.root is not None:
+        at = body.root.root_m, body.root.root_rotation
+        return [Pose(*at, relaxed_rad(body.model.tree).copy())]
+    if volume.is_person:
+        return find_torso(volume, *hull, count)
+    coarse = replace(settings, step_rad=max(settings.step_rad, _COARSE_RAD))
+    roots = find_torso(volume, *hull, 3 * count)
+    matched = [match(volume, *hull, root, coarse) for root in roots]
+    order = np.argsort([-one.score for one in matched], kind="stable")
+    return [roots[k] for k in order[:count]]
+
+
 def move_limbs(
     body: BodyGeometry, observation: Observation, fit: PoseFit, prior: PosePrior | None = None
 ) -> PoseFit:
     """Searches each arm and leg on the silhouettes, and keeps what lowers the error."""
-    chains = CHAINS
+    chains = body.body_volume.chains
     while chains:
         volume = body.body_volume
         placed = [place_limb(volume, observation, fit.pose, chain) for chain in chains]
@@ -151,6 +191,7 @@ def refine_fits(
     """Refines poses on the silhouettes and measures their errors; arguments as `refine_many`."""
     if not starts:
         return []
+    starts = [body.held(start) for start in starts]
     poses = [fit.pose for fit in refine_many(body.surface, observation, starts)]
     backend = body.body_volume.backend
     errors = mask_errors(body.model, poses, observation.views, observation.masks, backend)

@@ -1,4 +1,4 @@
-"""Search for the torso. Paper B is given the root part's placement."""
+"""Search for the torso, or another root part. Paper B is given the root part's placement."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.motion.dynamics import RELAXED_RAD
+from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.limbs import LIMBS, TORSO
 
 _APART_M, _APART_RAD = 0.12, np.radians(40)
+_MOST_POSITIONS = 1500
 _UNUSUAL = 0.1  # cost of lying on the side, as a fraction of the torso: people mostly stand
 _STEPS = np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)
 
@@ -52,10 +53,12 @@ class _Overlap:
 def find_torso(
     body_volume: BodyVolume, grid: VoxelGrid, occupancy: np.ndarray, count: int = 8
 ) -> list[Pose]:
-    """Placements of the torso with the head that fit a hull best, in any orientation.
+    """Placements of the torso with the head that fit a hull best, in any orientation; of another
+    body than a person's, of its root limb.
 
     The torso is the thickest part of a body, so only positions deep inside the hull are tried; a
-    torso fits nearly as well turned half round, so both orientations are returned.
+    torso fits nearly as well turned half round, so both orientations are returned. A root that
+    stands still is upright.
 
     Args:
         body_volume: The body.
@@ -70,21 +73,19 @@ def find_torso(
     depth = np.asarray(distance_transform_edt(occupancy), float)
     if not depth.max():
         return []
-    head = next(limb for limb in LIMBS if limb.name == "neck")
-    model = body_volume.model
-    points = np.concatenate(
-        [
-            body_volume.points[TORSO.name],
-            body_volume.points["neck"] + model.joints_m[head.part] - model.joints_m[0],
-        ]
-    )
+    model, root = body_volume.model, body_volume.root_limb
+    points = body_volume.points[root.name]
+    if body_volume.is_person:
+        head = body_volume.points["neck"] + model.joints_m[model.names.index("neck")]
+        points = np.concatenate([points, head - model.joints_m[0]])
     middle = points.mean(0)
     coarse, fine = (
         _Overlap(body_volume.backend, grid, occupancy, np.ascontiguousarray(points[::step]), middle)
         for step in (8, 3)
     )
-    positions = _deep_positions(grid, depth)
-    rotations = _orientations()
+    inner = None if body_volume.is_person else _inner_radius(body_volume, middle)
+    positions = _deep_positions(grid, depth, inner)
+    rotations = _upright_turns() if model.tree.root_fixed else _orientations()
     # Every position with every orientation on few points, then the best again turned in steps;
     # only the best of those in smaller steps on more points.
     ranked = coarse.ranked(
@@ -99,16 +100,35 @@ def find_torso(
     best = _different(*_ranked(first), 2 * count)
     second = [_polish(fine, position, rotation, 0.02, 0.13) for position, rotation, _ in best]
     return [
-        Pose(position - rotation @ middle, rotation, RELAXED_RAD.copy())
+        Pose(position - rotation @ middle, rotation, relaxed_rad(model.tree).copy())
         for position, rotation, _ in _different(*_ranked(second), count)
     ]
 
 
-def _deep_positions(grid: VoxelGrid, depth: np.ndarray) -> np.ndarray:
+def _inner_radius(body_volume: BodyVolume, middle: np.ndarray) -> float:
+    """Distance of the middle of the root limb's volume from its surface."""
+    model = body_volume.model
+    parts = [model.names.index(name) for name in body_volume.root_limb.parts]
+    own = np.unique(model.faces[np.isin(model.face_part, parts)])
+    distance, _ = KDTree(model.vertices_m[own]).query(middle + model.joints_m[0])
+    return float(distance)
+
+
+def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -> np.ndarray:
     step = max(round(0.06 / grid.voxel_size_m), 1)
-    deep = np.argwhere(depth > 0.6 * depth.max())
+    least = 0.6 * depth.max()
+    if inner_m is not None:
+        least = min(least, 0.6 * inner_m / grid.voxel_size_m)
+        step = max(min(step, round(inner_m / grid.voxel_size_m)), 1)
+    deep = np.argwhere(depth > least)
+    if inner_m is not None:
+        step = max(step, int(np.ceil((len(deep) / _MOST_POSITIONS) ** (1 / 3))))
     kept = deep[(deep % step == 0).all(1)]
     return grid.centres(kept if len(kept) else deep[:1])
+
+
+def _upright_turns() -> np.ndarray:
+    return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
 
 
 def _orientations() -> np.ndarray:

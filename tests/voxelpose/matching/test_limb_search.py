@@ -11,8 +11,8 @@ from tests.voxelpose.matching.matching_scenes import (
     views,
 )
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.limb_search import CHAINS, place_limb
-from voxelpose.matching.limbs import within_limits
+from voxelpose.matching.limb_search import place_limb
+from voxelpose.matching.limbs import CHAINS, within_limits
 
 BODY = BodyVolume.from_model(fitting_model(), 0.03)
 LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(4)

@@ -22,7 +22,8 @@ from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching import observe as observe_module
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.limb_search import CHAINS, place_limb
+from voxelpose.matching.limb_search import place_limb
+from voxelpose.matching.limbs import CHAINS
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore

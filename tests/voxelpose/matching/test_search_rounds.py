@@ -8,7 +8,7 @@ import pytest
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.matching.matching_scenes import fitting_model, stance
 from voxelpose.matching import pose_search
-from voxelpose.matching.limb_search import CHAINS
+from voxelpose.matching.limbs import CHAINS
 from voxelpose.matching.pose_search import PoseFit, find_pose, move_limbs
 
 MODEL = fitting_model()

@@ -1,0 +1,130 @@
+"""Example bodies other than a person's: a robot arm, a quadruped, a lamp, a person with a stick."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from silhouette_core.body.kinematic_tree import Dof, KinematicTree
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.rigid_parts import Box, Capsule, RigidShape, body_of_parts, with_part
+from silhouette_core.body.sizes import BodySizes
+
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_FORWARD = (0.0, -1.0, 0.0)
+QUADRUPED_LENGTH_M = 0.88
+"""Length of the quadruped's trunk from chest to rump: its body length."""
+_Part = tuple[str, str, tuple[float, float, float], tuple[Dof, ...], list[RigidShape]]
+
+
+def robot_arm() -> BodyModel:
+    """Arm with six axes on a base that stands still, 1.3 m high with the arm up."""
+    bend = (-110.0, 110.0)
+    parts: list[_Part] = [
+        ("base", "", (0, 0, 0), (), [
+            Box((-0.16, -0.16, 0.0), (0.16, 0.16, 0.15)),
+            Box((-0.07, 0.15, 0.0), (0.07, 0.32, 0.10)),
+        ]),
+        ("turret", "base", (0, 0, 0.15), (Dof("yaw", _Z, (-170.0, 170.0)),), [
+            Capsule((0, 0, 0.20), (0, 0, 0.36), 0.11)
+        ]),
+        ("upper_link", "turret", (0, 0, 0.40), (Dof("pitch", _X, (-100.0, 60.0)),), [
+            Capsule((0.13, 0, 0.40), (0.13, 0, 0.92), 0.07)
+        ]),
+        ("forearm_link", "upper_link", (0, 0, 0.92), (Dof("pitch", _X, bend),), [
+            Capsule((0, 0, 0.92), (0, -0.40, 0.92), 0.065)
+        ]),
+        ("wrist_1", "forearm_link", (0, -0.46, 0.92), (Dof("roll", _FORWARD, (-85.0, 85.0)),), [
+            Capsule((0, -0.46, 0.92), (0, -0.60, 0.92), 0.055)
+        ]),
+        ("wrist_2", "wrist_1", (0, -0.65, 0.92), (Dof("pitch", _X, bend),), [
+            Capsule((0, -0.66, 0.92), (0, -0.78, 0.92), 0.05)
+        ]),
+        ("gripper", "wrist_2", (0, -0.84, 0.92), (Dof("roll", _FORWARD, (-85.0, 85.0)),), [
+            Box((-0.13, -0.91, 0.89), (0.13, -0.84, 0.95)),
+            Box((-0.13, -1.04, 0.89), (-0.08, -0.90, 0.95)),
+            Box((0.08, -1.04, 0.89), (0.13, -0.90, 0.95)),
+        ]),
+    ]  # fmt: skip
+    return _body(parts, {"tool": ("gripper", (0, -1.02, 0.92))}, root_fixed=True)
+
+
+def quadruped() -> BodyModel:
+    """Four-legged animal of the size of a large dog, standing, facing -y."""
+    parts: list[_Part] = [
+        ("trunk", "", (0, 0.30, 0.56), (), [
+            Capsule((0, 0.30, 0.56), (0, -0.28, 0.57), 0.125, 0.155)
+        ]),
+        ("neck", "trunk", (0, -0.36, 0.64), (
+            Dof("lift", _X, (-60.0, 40.0)), Dof("turn", _Z, (-60.0, 60.0))
+        ), [Capsule((0, -0.36, 0.64), (0, -0.52, 0.82), 0.085, 0.065)]),
+        ("head", "neck", (0, -0.54, 0.84), (Dof("nod", _X, (-50.0, 50.0)),), [
+            Capsule((0, -0.55, 0.84), (0, -0.74, 0.80), 0.075, 0.045)
+        ]),
+        ("tail", "trunk", (0, 0.41, 0.60), (
+            Dof("lift", _X, (-80.0, 40.0)), Dof("wag", _Z, (-60.0, 60.0))
+        ), [Capsule((0, 0.41, 0.60), (0, 0.72, 0.48), 0.03, 0.02)]),
+    ]  # fmt: skip
+    ends = {"nose": ("head", (0.0, -0.78, 0.80)), "tail_tip": ("tail", (0.0, 0.73, 0.475))}
+    for name, x, y, knee in (
+        ("left_fore", 0.11, -0.26, (-10.0, 110.0)),
+        ("right_fore", -0.11, -0.26, (-10.0, 110.0)),
+        ("left_hind", 0.11, 0.28, (-110.0, 10.0)),
+        ("right_hind", -0.11, 0.28, (-110.0, 10.0)),
+    ):
+        parts += [
+            (f"{name}_upper", "trunk", (x, y, 0.54), (
+                Dof("swing", _X, (-70.0, 70.0)), Dof("spread", _Y, (-25.0, 25.0))
+            ), [Capsule((x, y, 0.52), (x, y, 0.31), 0.065, 0.045)]),
+            (f"{name}_lower", f"{name}_upper", (x, y, 0.29), (Dof("bend", _X, knee),), [
+                Capsule((x, y, 0.29), (x, y, 0.07), 0.042, 0.032)
+            ]),
+            (f"{name}_paw", f"{name}_lower", (x, y, 0.05), (Dof("bend", _X, (-60.0, 60.0)),), [
+                Capsule((x, y, 0.04), (x, y - 0.08, 0.035), 0.04, 0.035)
+            ]),
+        ]  # fmt: skip
+    return _body(parts, ends)
+
+
+def desk_lamp() -> BodyModel:
+    """Lamp of 0.8 m with two arms and a shade, on a base that stands still."""
+    parts: list[_Part] = [
+        ("base", "", (0, 0, 0), (), [
+            Box((-0.16, -0.16, 0.0), (0.16, 0.16, 0.05)),
+            Box((-0.06, 0.10, 0.05), (0.06, 0.16, 0.11)),
+        ]),
+        ("lower_arm", "base", (0, 0, 0.07), (
+            Dof("pitch", _X, (-60.0, 60.0)), Dof("lean", _Y, (-40.0, 40.0))
+        ), [Capsule((0, 0, 0.07), (0, 0, 0.47), 0.03)]),
+        ("upper_arm", "lower_arm", (0, 0, 0.50), (Dof("pitch", _X, (-70.0, 70.0)),), [
+            Capsule((0, 0, 0.50), (0, -0.38, 0.50), 0.028)
+        ]),
+        ("shade", "upper_arm", (0, -0.41, 0.50), (Dof("pitch", _X, (-70.0, 70.0)),), [
+            Capsule((0, -0.43, 0.47), (0, -0.53, 0.38), 0.04, 0.11)
+        ]),
+    ]  # fmt: skip
+    return _body(parts, {"bulb": ("shade", (0, -0.55, 0.36))}, root_fixed=True)
+
+
+def person_with_stick() -> BodyModel:
+    """A person who holds a stick in the right hand."""
+    person = BodyModel.from_sizes(BodySizes(1.72, None, "male"))
+    x, y, z = person.joints_m[person.names.index("right_fingers")].tolist()
+    shape = Capsule((x, y + 0.2, z), (x, y - 0.75, z), 0.024)
+    return with_part(
+        person, "stick", "right_hand", (x, y, z), [shape], {"stick_end": (x, y - 0.77, z)}
+    )
+
+
+def _body(
+    parts: list[_Part],
+    ends: dict[str, tuple[str, tuple[float, float, float]]],
+    root_fixed: bool = False,
+) -> BodyModel:
+    tree = KinematicTree.from_parts(
+        [(name, parent, dofs) for name, parent, _, dofs, _ in parts],
+        {name: part for name, (part, _) in ends.items()},
+        root_fixed,
+    )
+    joints = np.array([joint for _, _, joint, _, _ in parts], float)
+    landmarks = np.concatenate([joints, [point for _, point in ends.values()]])
+    return body_of_parts(tree, joints, [shapes for *_, shapes in parts], landmarks)
