@@ -41,7 +41,11 @@ _LIMBS = {
 }
 PART_OF_BONE = (
     _TRUNK
-    | {side + bone: f"{side.lower()}_{p}" for side in ("Left", "Right") for bone, p in _LIMBS.items()}
+    | {
+        side + bone: f"{side.lower()}_{p}"
+        for side in ("Left", "Right")
+        for bone, p in _LIMBS.items()
+    }
     | {"LThumb": "left_thumb", "RThumb": "right_thumb"}
 )
 """Bone of the rig -> part of the human tree. A part's joint is the head of its first bone."""

@@ -66,9 +66,7 @@ class MakeHumanPerson:
         if self.sex not in ("male", "female"):
             raise InputError(f"MakeHuman has no sex {self.sex!r}: give male or female")
         if self.origin not in ORIGINS:
-            raise InputError(
-                f"MakeHuman has no origin {self.origin!r}: give {', '.join(ORIGINS)}"
-            )
+            raise InputError(f"MakeHuman has no origin {self.origin!r}: give {', '.join(ORIGINS)}")
         for name in ("height", "weight", "muscle"):
             value = getattr(self, name)
             if not isinstance(value, int | float) or not -1 <= value <= 1:
@@ -142,7 +140,8 @@ class _Skin:
 
     def body(self, tree: KinematicTree, landmarks_m: NDArray[np.float64]) -> BodyModel:
         """The body on a tree whose parts are these bones."""
-        parts, weights = strongest_four(self.weights)
+        every = np.broadcast_to(np.arange(self.weights.shape[1]), self.weights.shape)
+        parts, weights = strongest_four(every, self.weights)
         return BodyModel(
             joints_m=self.heads_m,
             vertices_m=self.vertices_m,
@@ -205,7 +204,10 @@ def _shaped(folder: Path, mesh: BaseMesh, person: MakeHumanPerson) -> NDArray[np
     average = "averagemuscle-averageweight"
     shaped = mesh.vertices_m + read_target(folder, f"{person.origin}-{person.sex}-young", count)
     muscle, weight = abs(person.muscle), abs(person.weight)
-    for muscles, share in ((_level(person.muscle, "muscle"), muscle), ("averagemuscle", 1 - muscle)):
+    for muscles, share in (
+        (_level(person.muscle, "muscle"), muscle),
+        ("averagemuscle", 1 - muscle),
+    ):
         for weights, other in (
             (_level(person.weight, "weight"), weight),
             ("averageweight", 1 - weight),

@@ -21,12 +21,13 @@ _SHORTEST_BONE = 1e-6  # of the extent
 _WEIGHT_TOLERANCE = 0.02  # weights in 8 bits, four of them
 
 
-def parents_first(path: Path, parents: Mapping[str, str]) -> list[str]:
+def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS) -> list[str]:
     """Names of the joints of a rig, every one after its parent.
 
     Args:
         path: the file, for messages.
         parents: name of each joint -> name of its parent, empty for the root.
+        most: number of joints that there may be.
 
     Raises:
         InputError: there is no root or more than one, a parent is missing, joints hang in a
@@ -34,9 +35,9 @@ def parents_first(path: Path, parents: Mapping[str, str]) -> list[str]:
     """
     for name in parents:
         _check_joint_name(path, name)
-    if len(parents) > MOST_PARTS:
+    if len(parents) > most:
         raise InputError(
-            f"{path} has {len(parents)} joints, and a body can have {MOST_PARTS}: remove those that"
+            f"{path} has {len(parents)} joints, and a body can have {most}: remove those that"
             " move no surface"
         )
     for name, parent in parents.items():
@@ -134,7 +135,7 @@ def normalised_weights(
     """
     if not np.isfinite(weights).all() or weights.min(initial=0) < 0:
         raise InputError(f"{path} has skin weights that are negative or not finite: mend them")
-    if len(parts) and not (0 <= parts.min() and parts.max() < count):
+    if len(parts) and not (parts.min() >= 0 and parts.max() < count):
         raise InputError(f"{path} has skin weights of joint {parts.max()}, but {count} joints")
     sums = weights.sum(1, dtype=float)
     off = np.abs(sums - 1)
@@ -147,21 +148,26 @@ def normalised_weights(
     return weights.astype(float) / sums[:, None]
 
 
-def strongest_four(weights: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def strongest_four(
+    parts: NDArray[np.integer], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The four largest weights of each vertex, summing to 1.
 
     Args:
-        weights: (V, P) of all parts.
+        parts: (V, K) number of each weight's part.
+        weights: (V, K).
 
     Returns:
         Parts (V, 4) int32 and weights (V, 4) float64, largest first.
     """
     if weights.shape[1] < 4:
-        weights = np.pad(weights, ((0, 0), (0, 4 - weights.shape[1])))
-    parts = np.argsort(-weights, axis=1, kind="stable")[:, :4]
-    kept = np.take_along_axis(weights, parts, axis=1)
+        room = ((0, 0), (0, 4 - weights.shape[1]))
+        parts, weights = np.pad(parts, room), np.pad(weights, room)
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
+    kept = np.take_along_axis(weights, order, axis=1)
     kept /= kept.sum(1, keepdims=True)
-    return np.where(kept > 0, parts, parts[:, :1]).astype(np.int32), kept
+    own = np.take_along_axis(parts, order, axis=1)
+    return np.where(kept > 0, own, own[:, :1]).astype(np.int32), kept
 
 
 def part_of_faces(

@@ -18,6 +18,7 @@ FREE_DEG = 150.0
 """Limits of a joint of which nothing is known: so far to either side."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """Units of length that a table can name, in metres."""
+_KEYS = "unit", "radius", "root_fixed", "limits"
 _LARGEST_TABLE = 1_000_000
 _LARGEST_DEG = 360.0
 
@@ -30,12 +31,14 @@ class RigTable:
         unit_m: the rig's unit of length, in metres; None: not said.
         radius_m: radius of the capsules of a skeleton without a surface; None: by their lengths.
         limits_deg: joint -> axis ("x", "y" or "z" of the body frame) -> smallest and largest
-            angle; None: as usual.
+            angle; joints that are left out turn as usual.
+        root_fixed: whether the root stands still in the world, as a robot's base does.
     """
 
     unit_m: float | None = None
     radius_m: float | None = None
     limits_deg: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    root_fixed: bool = False
 
     def check_joints(self, path: Path, names: list[str]) -> None:
         """Refuses limits of joints that the rig does not have.
@@ -81,8 +84,8 @@ def read_rig_table(path: Path) -> RigTable:
     if not file.is_file():
         return RigTable()
     content = parse_toml(load_text(file, _LARGEST_TABLE), file)
-    if unknown := set(content) - {"unit", "radius", "limits"}:
-        raise InputError(f"{file} has {short(min(unknown))}: it can have unit, radius and limits")
+    if unknown := set(content) - set(_KEYS):
+        raise InputError(f"{file} has {short(min(unknown))}: it can have {', '.join(_KEYS)}")
     unit, radius = content.get("unit"), content.get("radius")
     if unit is not None and unit not in UNITS_M:
         raise InputError(f"{file}: no unit {short(unit)}: give one of {', '.join(UNITS_M)}")
@@ -91,10 +94,13 @@ def read_rig_table(path: Path) -> RigTable:
     limits = content.get("limits", {})
     if not isinstance(limits, dict):
         raise InputError(f"{file}: limits is no table: write [limits.JOINT]")
+    if not isinstance(content.get("root_fixed", False), bool):
+        raise InputError(f"{file}: root_fixed is neither true nor false")
     return RigTable(
         None if unit is None else UNITS_M[unit],
         radius,
         {name: _limits(file, name, own) for name, own in limits.items()},
+        content.get("root_fixed", False),
     )
 
 
