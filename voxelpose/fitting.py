@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.files import write_rig
+from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Estimate, Settings, load_estimator
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.motion import Motion
@@ -205,11 +206,30 @@ def _title(recording: Recording, estimate: Estimate) -> str:
     plural = "s" if len(recording.rig) > 1 else ""
     phrases = [
         recording.folder.resolve().name,
-        f"stature {motion.model.sizes.stature_m:.2f} m",
+        _describe(motion.model),
         f"{recording.frame_count} frames, {len(recording.rig)} camera{plural}",
         *([f"{lost} frames without a pose"] if lost else []),
     ]
     return " · ".join(phrases)
+
+
+def _describe(model: BodyModel) -> str:
+    person = model.person
+    if person is not None:
+        return f"stature {person.stature_m:.2f} m"
+    return f"a given body of {len(model.names)} parts"
+
+
+def _body_table(model: BodyModel) -> dict[str, object]:
+    """The body's entry of the summary."""
+    person = model.person
+    if person is None:
+        return {"parts": len(model.names), "extent_m": round(model.extent_m, 4)}
+    return {
+        "stature_m": person.stature_m,
+        "chest_girth_m": person.chest_girth_m,
+        "sex": person.sex,
+    }
 
 
 def _settings_toml(recording: Recording, output: Output, settings: Settings, estimator: str) -> str:
@@ -244,7 +264,6 @@ def _summary(
     motion = estimate.motion
     posed = {int(frame) for frame in motion.frames}
     first, count = recording.first, recording.frame_count
-    sizes = motion.model.sizes
     summary: dict[str, object] = {
         "voxelpose": __version__,
         "estimator": estimator,
@@ -259,11 +278,7 @@ def _summary(
             "with_pose": len(motion),
             "lost": [frame for frame in range(first, first + count) if frame not in posed],
         },
-        "body": {
-            "stature_m": sizes.stature_m,
-            "chest_girth_m": sizes.chest_girth_m,
-            "sex": sizes.sex,
-        },
+        "body": _body_table(motion.model),
         "quality": _quality(motion, recording.rig.names),
         "seconds": {
             **{name: round(value, 3) for name, value in seconds.items()},
@@ -280,8 +295,6 @@ def _summary(
 
 def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, float]]:
     """Ranges of the quality arrays over frames, and means of those per part, joint or camera."""
-    from silhouette_core.body.joints import LANDMARK_NAMES
-
     summary: dict[str, dict[str, float]] = {}
     for name, array in motion.quality.items():
         values = np.asarray(array, float)
@@ -291,7 +304,7 @@ def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, fl
                 summary[name] |= {"lower_quarter": round(float(np.nanquantile(values, 0.25)), 4)}
         columns = cameras if name == "camera_agreement" else motion.model.names
         if name.startswith(("joint_", "landmark_")):
-            columns = LANDMARK_NAMES
+            columns = motion.model.tree.landmark_names
         if values.ndim == 2 and values.shape[1] == len(columns):
             summary[name] = {
                 column: round(float(np.nanmean(values[:, k])), 4)

@@ -33,6 +33,7 @@ from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 
 VOXEL_M = 0.025
 _TOGETHER = 16  # frames
+_JOINED = 0.5  # of a given body's extent: pieces so near to each other are its
 _REPAIRS = "auto", "say", "off"
 
 
@@ -89,11 +90,16 @@ class MultiViewEstimator:
             # Refuses what is no person's, before any work is done.
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)
         known = body_of_motion(Path(options.body)) if options.body else None
+        given = None if known is None or known.person is not None else known
         set_threads(settings.threads)
         clock = StageClock()
         tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
         preparation = PreparationSettings(
-            options.voxel_size_m, options.tolerance, options.repair, tracking.match
+            options.voxel_size_m,
+            options.tolerance,
+            options.repair,
+            tracking.match,
+            *((0.0, True) if given is None else (_JOINED * given.extent_m, False)),
         )
         with prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared:
             store = prepared.store

@@ -41,9 +41,11 @@ class _Frames(msgspec.Struct):
 
 
 class _Body(msgspec.Struct):
-    stature_m: _Stature
+    stature_m: _Stature | None = None
     chest_girth_m: _Chest | None = None
     sex: _Sex = "unknown"
+    parts: _Count | None = None  # of a body that is not made from a person's measurements
+    extent_m: _Positive | None = None
 
 
 class _Stage(msgspec.Struct):
@@ -118,6 +120,9 @@ def load_summary(path: Path) -> dict[str, Any]:
     """
     content = parse_json(load_text(path, _LARGEST_BYTES), path)
     _checked(content, _Summary, path)
+    body = content["body"]
+    if body.get("stature_m") is None and body.get("parts") is None:
+        raise InputError(f"{path}: body lacks stature_m: {_REMEDY}")
     for kind, ranges in (
         ("quality", content["quality"]),
         ("seconds.stages", content["seconds"]["stages"]),

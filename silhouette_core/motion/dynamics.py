@@ -84,9 +84,9 @@ ROOT_STEP_RAD = 0.12
 POSE_STEP_SIGMA = np.concatenate([[ROOT_STEP_M] * 3, [ROOT_STEP_RAD] * 3, STEP_SIGMA_RAD])
 
 
-def _is_person(tree: KinematicTree) -> bool:
+def is_person_tree(tree: KinematicTree) -> bool:
     """Whether a tree is a person's, perhaps with parts added."""
-    return set(HUMAN.dof_names) <= set(tree.dof_names)
+    return {*HUMAN.names, *HUMAN.dof_names} <= {*tree.names, *tree.dof_names}
 
 
 @lru_cache(maxsize=16)
@@ -94,7 +94,7 @@ def usual_rad(tree: KinematicTree) -> np.ndarray:
     """(D,) standard deviation of a body's joint angles about `relaxed_rad`: wide where the body is
     no person's.
     """
-    if _is_person(tree):
+    if is_person_tree(tree):
         return _per_dof_rad(_USUAL_DEG, 10.0, tree)
     return np.full(len(tree.dofs), np.radians(_ANY_USUAL_DEG))
 
@@ -104,7 +104,7 @@ def relaxed_rad(tree: KinematicTree) -> np.ndarray:
     """(D,) joint angles of a body's resting stance: of other bodies than a person's at rest, or as
     near as the limits allow.
     """
-    table = _RELAXED_DEG if _is_person(tree) else {}
+    table = _RELAXED_DEG if is_person_tree(tree) else {}
     return np.clip(_per_dof_rad(table, 0.0, tree), *tree.dof_limits_rad.T)
 
 
@@ -113,7 +113,7 @@ def pose_step_sigma(tree: KinematicTree) -> np.ndarray:
     """(6 + D,) standard deviations of all coordinates of a body's step within 1 / `FPS`, in the
     order of `Pose.minus`.
     """
-    if _is_person(tree):
+    if is_person_tree(tree):
         angles = _per_dof_rad(_STEP_SIGMA_DEG, 3.0, tree)
     else:
         angles = np.full(len(tree.dofs), np.radians(_ANY_STEP_DEG))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import cv2
 import jinja2
@@ -75,10 +76,16 @@ def _line(outcome: Outcome, verdict: Verdict) -> dict[str, str]:
         "verdict": verdict.level,
         "reason": verdict.reason,
         "frames": "" if posed is None else f"{posed} of {posed + len(lost)}",
-        "stature_m": f"{outcome.summary['body']['stature_m']:.3f}" if outcome.summary else "",
+        "stature_m": _stature(outcome.summary),
         "seconds": f"{outcome.seconds:.1f}",
         **scores,
     }
+
+
+def _stature(summary: Mapping[str, Any] | None) -> str:
+    """Stature in metres; empty where there is no result, or the body is no person's."""
+    stature_m = summary["body"].get("stature_m") if summary else None
+    return "" if stature_m is None else f"{stature_m:.3f}"
 
 
 def _csv(lines: Sequence[dict[str, str]], columns: Sequence[str]) -> str:

@@ -10,7 +10,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.skeleton import Y_UP_FROM_WORLD, every_frame, local_rotations, part_ends
+from voxelpose.export.skeleton import (
+    Y_UP_FROM_WORLD,
+    ascii_name,
+    every_frame,
+    local_rotations,
+    part_ends,
+)
 
 CM_PER_M = 100.0
 _ORDER = "ZXY"
@@ -22,8 +28,8 @@ def write_bvh(motion: Motion, path: Path) -> None:
     Axis map: x_bvh = x, y_bvh = z, z_bvh = -y of the upright frame; centimetres. With all rotations
     zero the skeleton stands in the model's rest pose (upright, arms 45 degrees down), facing +z.
     Every joint has Z, X and Y rotations in degrees, applied as R = Rz Rx Ry; the root's position
-    precedes them. The 27 joints have the names of the body's parts; hands, toes and head end in end
-    sites. Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
+    precedes them. The joints, 27 of a person, have the names of the body's parts; the last ones end
+    in end sites. Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
 
     Frames without a pose between the first and the last pose are interpolated, since BVH cannot
     contain gaps.
@@ -95,7 +101,9 @@ def _write_joint(
     pad = "  " * depth
     parent = model.parents[part]
     offset = np.zeros(3) if parent < 0 else model.joints_m[part] - model.joints_m[parent]
-    file.write(f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {model.names[part]}\n{pad}{{\n")
+    file.write(
+        f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {ascii_name(model.names[part])}\n{pad}{{\n"
+    )
     file.write(f"{pad}  OFFSET {_numbers(offset)}\n")
     channels = "6 Xposition Yposition Zposition " if parent < 0 else "3 "
     file.write(f"{pad}  CHANNELS {channels}Zrotation Xrotation Yrotation\n")

@@ -35,7 +35,7 @@ def export_motion(
     Args:
         motion: at least one pose.
         folder: folder of the files; it is created if it does not exist.
-        formats: names out of `FORMATS`.
+        formats: names out of `FORMATS`. Of a body that is no person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
 
     Returns:
@@ -50,6 +50,8 @@ def export_motion(
         if name not in _WRITERS:
             raise InputError(f"there is no format {name!r}: the formats are {', '.join(FORMATS)}")
         files |= _WRITERS[name]
+    if motion.model.person is None:
+        files.pop("motion.mot", None)  # coordinates of a person's joints
     if not len(motion):
         raise InputError("no frame of this result has a pose: there is nothing to export")
     if not overwrite:

@@ -1,5 +1,8 @@
-"""joints.csv: the 15 joints of the HumanEva protocol, one row per frame and joint."""
+"""joints.csv: of a person the 15 joints of the HumanEva protocol, of another body its own
+landmarks; one row per frame and joint.
+"""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,31 +28,35 @@ def write_joints(motion: Motion, path: Path) -> None:
         path: the CSV file.
     """
     positions, confidence = motion.landmarks(), motion.landmark_confidence()
+    names = [name.replace(",", "_").replace('"', "_") for name in motion.model.tree.landmark_names]
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(_HEADER + "\n")
         for row, frame in enumerate(motion.frames):
             start = f"{frame},{motion.time_s[row]:.6f}"
-            for joint, name in enumerate(LANDMARK_NAMES):
+            for joint, name in enumerate(names):
                 x, y, z = positions[row, joint]
                 file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n")
 
 
-def read_joints(path: Path, count: int, offset: int = 0) -> NDArray[np.float64]:
+def read_joints(
+    path: Path, count: int, offset: int = 0, names: Sequence[str] = LANDMARK_NAMES
+) -> NDArray[np.float64]:
     """Reads joint positions.
 
     Args:
         path: the CSV file; it needs the columns frame, joint, x_m, y_m and z_m.
         count: number of frames to return; rows of other frames are ignored.
         offset: number added to the file's frame numbers.
+        names: L names of the joints.
 
     Returns:
-        (count, 15, 3) float64, world, metres, in the order of LANDMARK_NAMES; NaN where a joint has
+        (count, L, 3) float64, world, metres, in the order of the names; NaN where a joint has
         no row.
 
     Raises:
         InputError: the file cannot be read.
     """
-    number = {name: index for index, name in enumerate(LANDMARK_NAMES)}
+    number = {name: index for index, name in enumerate(names)}
     joints_m = np.full((count, len(number), 3), np.nan)
     for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
         try:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 
 Y_UP_FROM_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -42,7 +42,9 @@ def part_ends(model: BodyModel) -> NDArray[np.float64]:
         if len(points):
             distance = np.linalg.norm(points - model.joints_m[part], axis=1)
             ends[part] = points[distance >= np.quantile(distance, 0.95)].mean(axis=0)
-    ends[model.names.index("head")] = model.landmarks_m[LANDMARK_NAMES.index("head_top")]
+    if "head_top" in model.tree.landmark_names and "head" in model.names:
+        top = model.tree.landmark_names.index("head_top")
+        ends[model.names.index("head")] = model.landmarks_m[top]
     return ends
 
 
@@ -53,12 +55,12 @@ def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
         motion: T poses.
 
     Returns:
-        K names, and (T, K, 3) float64, world, metres: the 15 joints of joints.csv, the joints of
-        the other parts under the parts' names, and `_heel`, `_toe_tip` and `_finger_tip` of both
-        sides.
+        K names, and (T, K, 3) float64, world, metres: the joints of joints.csv, the joints of
+        the other parts under the parts' names, and of a person `_heel`, `_toe_tip` and
+        `_finger_tip` of both sides.
     """
     model = motion.model
-    names: list[str] = list(LANDMARK_NAMES)
+    names: list[str] = list(model.tree.landmark_names)
     parts, rest = list(model.landmark_part), list(model.landmarks_m)
     at_joint = {
         part
@@ -71,7 +73,7 @@ def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
             parts.append(part)
             rest.append(model.joints_m[part])
     ends = part_ends(model)
-    for side in ("left", "right"):
+    for side in ("left", "right") if is_person_tree(model.tree) else ():
         foot, toes, fingers = (
             model.names.index(f"{side}_{name}") for name in ("foot", "toes", "fingers")
         )
@@ -91,6 +93,11 @@ def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
 def every_frame(motion: Motion) -> NDArray[np.int64]:
     """Returns the numbers of all frames from the first to the last pose, with or without a pose."""
     return np.arange(motion.frames[0], motion.frames[-1] + 1)
+
+
+def ascii_name(name: str) -> str:
+    """A part's name in formats that hold ASCII words alone."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in "_-.") else "_" for c in name)
 
 
 def _surface(model: BodyModel, part: int) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.motion.motion import Motion
 
@@ -21,20 +20,24 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
         motion: T poses.
         path: the CSV file.
     """
-    names = [f"{joint}_{axis}_m" for joint in LANDMARK_NAMES for axis in "xyz"]
+    names = [f"{joint}_{axis}_m" for joint in motion.model.tree.landmark_names for axis in "xyz"]
     _write(motion, names, motion.landmarks().reshape(len(motion), -1), 6, path)
 
 
 def write_angles(motion: Motion, path: Path) -> None:
     """Writes angles.csv: frame,time_s,pelvis_tilt_deg,... with one row per pose.
 
-    The angles are those of `silhouette_core.motion.anatomical`, in degrees. Frames without a pose
-    have no row.
+    The angles are those of `silhouette_core.motion.anatomical`, in degrees; of a body that is not
+    made from a person's measurements, those of its own joints. Frames without a pose have no row.
 
     Args:
         motion: T poses.
         path: the CSV file.
     """
+    if motion.model.person is None:
+        names = [f"{name}_deg" for name in motion.model.dof_names]
+        _write(motion, names, np.degrees(motion.angles_rad), 3, path)
+        return
     angles = anatomical_angles(motion)
     _write(motion, [f"{name}_deg" for name in angles.names], angles.degrees, 3, path)
 
@@ -54,7 +57,10 @@ def write_npz(motion: Motion, path: Path) -> None:
         motion: T poses.
         path: the file.
     """
-    model, angles = motion.model, anatomical_angles(motion)
+    model, anatomical = motion.model, {}
+    if model.person is not None:
+        angles = anatomical_angles(motion)
+        anatomical = {"anatomical_deg": angles.degrees, "anatomical_names": np.array(angles.names)}
     rotation, origin = motion.parts()
     with path.open("wb") as file:  # savez would add .npz to a name without it
         np.savez_compressed(
@@ -68,14 +74,13 @@ def write_npz(motion: Motion, path: Path) -> None:
             root_quaternion=motion.root_quaternion,
             angles_rad=motion.angles_rad,
             angle_names=np.array(model.dof_names),
-            anatomical_deg=angles.degrees,
-            anatomical_names=np.array(angles.names),
+            **anatomical,
             part_names=np.array(model.names),
             part_rotation=rotation,
             part_origin=origin,
             parents=model.parents,
             rest_joints=model.joints_m,
-            landmark_names=np.array(LANDMARK_NAMES),
+            landmark_names=np.array(model.tree.landmark_names),
             landmarks=motion.landmarks(),
             landmark_confidence=motion.landmark_confidence(),
         )

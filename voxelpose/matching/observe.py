@@ -7,6 +7,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from calib.components import MaskComponents, label_components
 from calib.errors import InputError
@@ -114,6 +115,8 @@ class HullObserver:
         volume: where the body may be.
         voxel_size_m: of the fine window.
         rule: how many cameras may object to a voxel.
+        joined_m: pieces of a hull up to so far apart are one body's; 0: only those above one
+            another are. Thin arms of other bodies than a person's vanish between voxels.
     """
 
     def __init__(
@@ -122,9 +125,11 @@ class HullObserver:
         volume: VoxelGrid,
         voxel_size_m: float,
         rule: CarveRule | None = None,
+        joined_m: float = 0.0,
     ):
         """Keeps the settings."""
         self.views = views
+        self._joined_m = joined_m
         self.voxel_size_m = voxel_size_m
         self.rule = rule or CarveRule()
         self.volume = volume
@@ -151,7 +156,9 @@ class HullObserver:
     def components(self, masks: list[np.ndarray]) -> HullComponents:
         """Components of the coarse hull of the whole volume."""
         hull = carve(self.views.rig, masks, self._coarse, self.rule)
-        return HullComponents.from_voxels(_label_bodies(hull, self._coarse), self._coarse)
+        return HullComponents.from_voxels(
+            _label_bodies(hull, self._coarse, self._joined_m), self._coarse
+        )
 
     def window(self, components: HullComponents, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""
@@ -178,7 +185,7 @@ class HullObserver:
         near_m: np.ndarray | None,
     ) -> FrameObservation | None:
         """The body's component of a carved window, or None where it is too small for a body."""
-        voxels = _label_bodies(occupancy, grid)
+        voxels = _label_bodies(occupancy, grid, self._joined_m)
         body = HullComponents.from_voxels(voxels, grid).body(near_m)
         if body is None:
             return None
@@ -245,16 +252,20 @@ class HullObserver:
         return confirmed
 
 
-def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid) -> MaskComponents:
+def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> MaskComponents:
     """Components of a hull, where pieces above one another are one.
 
     A stripe of the wall's colour in one camera cuts a hull in two at its height, and what is above
-    a gap belongs to what is below it. People beside each other remain apart.
+    a gap belongs to what is below it. People beside each other remain apart, unless pieces up to
+    `joined_m` apart are one.
     """
     reach = round(0.5 * _GAP_M / grid.voxel_size_m)
     columns = occupancy.reshape(-1, occupancy.shape[2]).view(np.uint8)
     line = np.ones((1, 2 * reach + 1), np.uint8)
     joined = np.asarray(cv2.dilate(columns, line)).view(np.bool_).reshape(occupancy.shape)
+    if joined_m and occupancy.any():
+        apart = np.asarray(distance_transform_edt(~occupancy), float) * grid.voxel_size_m
+        joined = joined | (apart <= 0.5 * joined_m)
     labels = np.where(occupancy, label_components(joined).labels, 0)
     return MaskComponents(labels, np.bincount(labels[occupancy], minlength=1))
 

@@ -47,12 +47,16 @@ class PreparationSettings:
         tolerance: number of cameras that may be wrong about a voxel.
         repair: "auto", "say" or "off": what is done about cameras that do not agree.
         matching: of the search for which way is up.
+        joined_m: see `HullObserver`.
+        person: whether the body is a person.
     """
 
     voxel_size_m: float
     tolerance: int
     repair: str
     matching: MatchSettings = field(default_factory=MatchSettings)
+    joined_m: float = 0.0
+    person: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +115,7 @@ def prepare_silhouettes(
         check_plausible(by_camera, least=LEAST_CAMERAS)
         checked = work.check_cameras(Rig(tuple(lens.pinhole for lens in lenses)), times_s)
         reporter.stage("volume")
-        search = UpSearch(checked.rig, settings, preparation.matching)
+        search = UpSearch(checked.rig, settings, preparation.matching, preparation.person)
         upright = choose_upright(search, stores[0], work.observer, reporter)
         added = work.complete(upright.rig(checked.rig))
         for _ in range(_RECHECKS if checked.in_doubt else 0):
@@ -219,4 +223,5 @@ def observer_of(rig: Rig, store: MaskStore, settings: PreparationSettings) -> Hu
     require_foreground(rig, union, settings.tolerance)
     rule = body_rule(len(rig), settings.tolerance)
     grid = place_grid(rig, union, voxel_size_m=2 * settings.voxel_size_m, rule=rule)
-    return HullObserver(PinholeViews.from_rig(rig), grid, settings.voxel_size_m, rule)
+    views = PinholeViews.from_rig(rig)
+    return HullObserver(views, grid, settings.voxel_size_m, rule, settings.joined_m)

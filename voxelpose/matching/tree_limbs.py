@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import is_person_tree
 from voxelpose.matching.limbs import CHAINS, LIMBS, Limb
 
 _TURN_RAD = np.radians(40.0)
@@ -56,7 +56,7 @@ def chains_of(limbs: tuple[Limb, ...]) -> tuple[tuple[Limb, ...], ...]:
 
 def has_person_limbs(model: BodyModel) -> bool:
     """Whether a body has all parts and joint angles of a person, and perhaps others."""
-    return set(HUMAN.names) <= set(model.names) and set(HUMAN.dof_names) <= set(model.dof_names)
+    return is_person_tree(model.tree)
 
 
 def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:

@@ -43,11 +43,13 @@ class UpSearch:
         rig: pinhole cameras of the silhouettes, in the calibration's world.
         settings: for the body, and for up where it is stated.
         matching: settings of the pose search.
+        person: whether the body is a person, whose trunk may tell; else the cameras do.
     """
 
     rig: Rig
     settings: Settings
     matching: MatchSettings
+    person: bool = True
 
 
 def choose_upright(
@@ -75,7 +77,8 @@ def choose_upright(
     own = is_cameras_own(search.rig)
     if not own and not any(up @ Z_UP > np.cos(np.radians(20)) for up in possible):
         possible.append(Z_UP)
-    if len(possible) == 1 and (own or cameras_worth(search.rig, possible[0]) >= _SURE):
+    sure = own or not search.person or cameras_worth(search.rig, possible[0]) >= _SURE
+    if sure and (len(possible) == 1 or not search.person):
         up, reason = possible[0], "by how the cameras stand"
     else:
         reporter.stage("which way is up")

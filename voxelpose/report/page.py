@@ -15,6 +15,7 @@ import numpy as np
 from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.report.cameras import check_cameras
@@ -41,6 +42,7 @@ _ANGLES = (
     ("Trunk flexion", "bent forward", "trunk_flexion"),
     ("Pelvis tilt", "tipped forward", "pelvis_tilt"),
 )
+_MOST_CHARTS = 24
 _SETTINGS = {
     "recording": "folder of the videos, relative to this folder",
     "frames": "first frame, and one past the last",
@@ -168,9 +170,12 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
 def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | None]:
     """Charts of angles with their notes, of quality, and of parts over time."""
     motion = result.motion
-    values_deg = anatomical_angles(motion)
-    angles = []
+    given = motion.model.person is None
+    angles = _joint_charts(motion) if given else []
+    values_deg = None if given else anatomical_angles(motion)
     for k, (title, note, name) in enumerate(_ANGLES):
+        if values_deg is None:
+            break
         sides = {"left": LEFT, "right": RIGHT} if "{}" in name else {"": MIDDLE}
         curves = {side: (values_deg[name.format(side)], colour) for side, colour in sides.items()}
         chart = TimeChart(title, "degrees", curves)
@@ -192,6 +197,22 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
         else part_chart(np.asarray(overlap, float), labels, motion.time_s, "parts")
     )
     return angles, quality, parts
+
+
+def _joint_charts(motion: Motion) -> list[tuple[str, str]]:
+    """Charts of the joints of a body that is no person's, with their notes."""
+    charts, model = [], motion.model
+    for part, name in enumerate(model.names):
+        columns = np.flatnonzero((model.dof_part == part) & ~model.dof_fixed)
+        if not len(columns) or len(charts) == _MOST_CHARTS:
+            continue
+        curves = {
+            model.dofs[k][1].name: (np.degrees(motion.angles_rad[:, k]), colour)
+            for k, colour in zip(columns.tolist(), (MIDDLE, LEFT, RIGHT), strict=False)
+        }
+        chart = TimeChart(display_name(name), "degrees", curves)
+        charts.append((time_chart(chart, motion.time_s, f"angle{part}"), "0° is the rest pose"))
+    return charts
 
 
 def _part_table(result: Result) -> list[tuple[str, float, float]]:

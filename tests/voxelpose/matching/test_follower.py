@@ -166,7 +166,8 @@ def test_time_stretches_the_prediction():
     """A frame that was dropped doubles the step that is expected."""
     first, second = stance(PERSON), stance(PERSON, place_m=(0.1, 0.0))
     fit = type("Fit", (), {"pose": second, "error": 0.1})()
-    track = BodyTrack(None, 0.1, fit, (0.0, first))  # type: ignore[arg-type]
+    body = type("Body", (), {"model": PERSON})()
+    track = BodyTrack(body, 0.1, fit, (0.0, first))  # type: ignore[arg-type]
     one, two = (track.predicted(t).root_m[0] - second.root_m[0] for t in (0.2, 0.3))
     assert two == pytest.approx(2 * one)
     assert 0.05 < one < 0.1

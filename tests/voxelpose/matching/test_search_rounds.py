@@ -12,7 +12,8 @@ from voxelpose.matching.limbs import CHAINS
 from voxelpose.matching.pose_search import PoseFit, find_pose, move_limbs
 
 MODEL = fitting_model()
-BODY = SimpleNamespace(model=MODEL, body_volume=None)
+VOLUME = SimpleNamespace(is_person=True, chains=CHAINS)
+BODY = SimpleNamespace(model=MODEL, body_volume=VOLUME, root=None)
 FRAME = SimpleNamespace(grid=None, occupancy=None, observation=None)
 
 

@@ -32,13 +32,19 @@ _SIDES: tuple[Colour, ...] = (MIDDLE, LEFT, RIGHT)
 _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
-def skeleton_bones() -> list[tuple[int, int, Colour]]:
+def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
     """Lines of the skeleton.
 
+    Args:
+        model: the body.
+
     Returns:
-        For each line the joints at both ends (index of the part, 27 for the vertex of the head) and
-        the colour.
+        For each line the joints at both ends, as rows of `skeleton_joints`, and the colour.
     """
+    if model.names != PART_NAMES:
+        marks, first = model.tree.landmark_names, len(model.names)
+        bones = model.tree.landmark_bones.tolist()
+        return [(first + start, first + end, colour_of(marks[end])) for start, end in bones]
     joints = (*PART_NAMES, "head_top")
     chains = ["pelvis lumbar upper_thorax neck head head_top".split()]
     for side in ("left_", "right_"):
@@ -60,16 +66,17 @@ def skeleton_joints(
 
     Args:
         model: the body.
-        rotation: (27, 3, 3) world from part.
-        origin: (27, 3) metres.
+        rotation: (P, 3, 3) world from part.
+        origin: (P, 3) metres.
 
     Returns:
-        (28, 3) metres.
+        (28, 3) metres: the parts' joints and the vertex of the head; of a body that is no person's
+        (P + L, 3), the parts' joints and the landmarks.
     """
-    top = kinematics.landmarks(model, rotation[None], origin[None])[
-        0, LANDMARK_NAMES.index("head_top")
-    ]
-    return np.vstack([origin, top])
+    marks = kinematics.landmarks(model, rotation[None], origin[None])[0]
+    if model.names != PART_NAMES:
+        return np.vstack([origin, marks])
+    return np.vstack([origin, marks[LANDMARK_NAMES.index("head_top")]])
 
 
 def body_parts(
@@ -118,7 +125,7 @@ class FigurePainter:
         self.ideal = camera.pinhole(self.scale)
         self.size = self.ideal.size
         self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
-        self._bones = skeleton_bones()
+        self._bones = skeleton_bones(model)
 
     def resized(self, frame: Image) -> Image:
         """Copy of a recorded frame at the working size."""

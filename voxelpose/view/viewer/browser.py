@@ -12,14 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from calib.errors import InputError
-from voxelpose.matching.limbs import LIMBS, TORSO
 from voxelpose.view.serving.page_server import Address, PageServer
 from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene_renderer import PICTURES, Choice, SceneRenderer
 
 _NO_PART = "none"
-_PARTS = {display_name(limb.name): limb.name for limb in LIMBS if limb is not TORSO}
 _LAYERS = {
     "cameras": "Cameras",
     "hull": "Voxels",
@@ -166,9 +164,10 @@ class Browser:
                 if name == "hypotheses":
                     available = self.scenes.has_hypotheses
                 self._add_layer(name, label, available)
+        parts = {display_name(name): name for name in self.scenes.limb_names}
         with gui.add_folder("Where could a part be?", visible=fitted):
-            part = gui.add_dropdown("Part", (_NO_PART, *_PARTS))
-            part.on_update(lambda _: self._choose(part=_PARTS.get(part.value)))
+            part = gui.add_dropdown("Part", (_NO_PART, *parts))
+            part.on_update(lambda _: self._choose(part=parts.get(part.value)))
             self._area = gui.add_markdown(area_text(None, {}))
         with gui.add_folder("Colours"):
             gui.add_html(legend_html(self.scenes.has_hypotheses))
@@ -185,7 +184,9 @@ class Browser:
             middle, floor = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 0.0
         else:
             middle = np.median(motion.root_m, axis=0)
-            floor = float(middle[2] - _HIP_HEIGHT * motion.model.sizes.stature_m)
+            person = motion.model.person
+            floor = motion.floor_m if person is None else middle[2] - _HIP_HEIGHT * person.stature_m
+            floor = float(floor)
         self.server.scene.set_up_direction("+z")
         # Reflections and shadows cost more than they show.
         self.server.scene.configure_default_lights(cast_shadow=False)

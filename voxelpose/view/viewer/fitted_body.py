@@ -9,7 +9,7 @@ from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.view.images.figure import skeleton_joints
+from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.scene import BodyState
 
 
@@ -45,6 +45,8 @@ class FittedBody:
         return BodyState(
             kinematics.skin(model, rotation, origin),
             skeleton_joints(model, rotation, origin),
+            skeleton_bones(model),
+            model.names,
             unknown if overlap is None else np.asarray(overlap[row], float),
             *fractions,
         )

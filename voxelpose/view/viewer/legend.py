@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import PART_NAMES
 from voxelpose.matching.matcher import LimbArea
 from voxelpose.view.viewer.scene import Scene
 
@@ -91,7 +90,7 @@ def frame_html(scene: Scene) -> str:
             )
         weak = [
             display_name(name)
-            for name, overlap in zip(PART_NAMES, scene.body.overlap, strict=True)
+            for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
             if overlap < _WEAK
         ]
         if weak:

@@ -128,6 +128,12 @@ class ResultScenes:
         return None if self._fitted is None else self._fitted.row(frame)
 
     @property
+    def limb_names(self) -> tuple[str, ...]:
+        """Names of the limbs that have a movable area."""
+        limbs = () if self._fitted is None else self._fitted.volume.limbs[1:]
+        return tuple(limb.name for limb in limbs)
+
+    @property
     def has_hypotheses(self) -> bool:
         """Whether the result holds hypotheses of a monocular track."""
         return bool(self._hypotheses)

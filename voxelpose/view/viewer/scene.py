@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.export.hypotheses import Hypothesis
+from voxelpose.view.images.canvas import Colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +60,18 @@ class BodyState:
 
     Attributes:
         vertices_m: (V, 3) float64, its skin in the world.
-        joints_m: (28, 3) float64, the ends of `skeleton_bones`.
-        overlap: (27,) float64, fraction of each part inside the hull; NaN where unknown.
+        joints_m: (J, 3) float64, the ends of the bones.
+        bones: lines of the skeleton, see `skeleton_bones`.
+        part_names: P names.
+        overlap: (P,) float64, fraction of each part inside the hull; NaN where unknown.
         outline_agreement: of the frame, from 0 to 1; None where the estimator gave none.
         unexplained: fraction of the hull that no part covers; None where the estimator gave none.
     """
 
     vertices_m: NDArray[np.float64]
     joints_m: NDArray[np.float64]
+    bones: list[tuple[int, int, Colour]]
+    part_names: tuple[str, ...]
     overlap: NDArray[np.float64]
     outline_agreement: float | None
     unexplained: float | None

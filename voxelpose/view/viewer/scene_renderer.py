@@ -15,7 +15,6 @@ from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
 from voxelpose.matching.matcher import LimbArea
 from voxelpose.view.images.canvas import reduced
-from voxelpose.view.images.figure import skeleton_bones
 from voxelpose.view.viewer.legend import (
     AREA,
     DISPUTED,
@@ -157,7 +156,7 @@ class SceneRenderer:
         if body is None:
             self._api.remove_by_name("/skeleton")
             return
-        bones = skeleton_bones()
+        bones = body.bones
         ends = body.joints_m[np.array([bone[:2] for bone in bones])]
         colours = np.array([[colour[::-1]] * 2 for _, _, colour in bones], np.uint8)
         self._api.add_line_segments("/skeleton", ends, colours, thickness=0.015)
