@@ -33,8 +33,8 @@ OUT = ROOT / "out" / "given_body"
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))
 PEOPLE = {
     "walk4": MakeHumanPerson("male"),
-    "dance8": MakeHumanPerson("female", height=-0.2, weight=0.1, muscle=0.0),
-    "traffic4": MakeHumanPerson("male", height=0.3),
+    "dance8": MakeHumanPerson("female", height=-0.2, weight=0.2),
+    "traffic4": MakeHumanPerson("male", height=0.15),
 }
 BODIES = "estimated", "human", "cmu_mb"
 LIMBS = [
@@ -104,7 +104,8 @@ def main(rows: list[str]) -> int:
             result = OUT / f"{name}_{kind}"
             started = time.perf_counter()
             settings = Settings(stature_m=stature_m, options=options)
-            fit(recording, Output(result, overwrite=True, pictures=kind != "estimated"), settings, "multiview")
+            output = Output(result, overwrite=True, pictures=kind != "estimated")
+            fit(recording, output, settings, "multiview")
             per_frame_s = (time.perf_counter() - started) / recording.frame_count
             truth = read_truth(truth_file)
             joints = read_joints(result / "joints.csv", len(truth))

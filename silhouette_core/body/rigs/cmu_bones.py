@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,7 +139,7 @@ def human_rest(
     moved = dict(heads)
     for side in ("Left", "Right"):
         chain = [side + bone for bone in ("Arm", "ForeArm", "Hand", "FingerBase", "HandFinger1")]
-        for parent, bone in [*zip(chain, chain[1:], strict=False), (chain[2], side[0] + "Thumb")]:
+        for parent, bone in [*pairwise(chain), (chain[2], side[0] + "Thumb")]:
             moved[bone] = moved[parent] + turns[parent] @ (heads[bone] - heads[parent])
     turn = np.array([turns.get(name, np.eye(3)) for name in names])
     shift = np.array([moved[n] for n in names]) - np.einsum("bij,bj->bi", turn, heads_m)

@@ -63,11 +63,11 @@ class GltfDocument:
         if not isinstance(content, dict) or not isinstance(content.get("asset"), dict):
             raise InputError(f"{path} is no glTF: it lacks 'asset'; export it again")
         needed = content.get("extensionsRequired", [])
-        if not isinstance(needed, list) or (extra := [e for e in needed if e not in _KNOWN]):
-            raise InputError(
-                f"{path} needs {short(extra[0] if isinstance(needed, list) else needed)}: export it"
-                " without compression"
-            )
+        extra = (
+            [e for e in needed if str(e) not in _KNOWN] if isinstance(needed, list) else [needed]
+        )
+        if extra:
+            raise InputError(f"{path} needs {short(extra[0])}: export it without compression")
         return cls(path, content, buffers)
 
     def items(self, kind: str) -> list[dict[str, Any]]:
@@ -109,7 +109,7 @@ class GltfDocument:
         row = dtype.itemsize * int(np.prod(shape, dtype=int))
         count, stride = accessor.get("count"), view.get("byteStride", row)
         starts = [holder.get("byteOffset", 0) for holder in (view, accessor)]
-        length = view.get("byteLength")
+        length = view.get("byteLength", -1)
         if not all(type(n) is int and 0 <= n <= _LARGEST for n in (count, stride, length, *starts)):
             raise self.damaged(f"accessor {number} has a count or an offset that cannot be")
         buffer = self._buffer(view.get("buffer"))

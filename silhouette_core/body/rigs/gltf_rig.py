@@ -107,11 +107,12 @@ def _body(
     if not len(faces):
         raise InputError(f"{path} has a skinned mesh without an area: export it again")
     widest = max(surface.parts.shape[1] for surface in surfaces)
-    parts, weights = (
-        np.concatenate([np.pad(x, ((0, 0), (0, widest - x.shape[1]))) for x in columns])[kept]
-        for columns in ([s.parts for s in surfaces], [s.weights for s in surfaces])
+    room = [((0, 0), (0, widest - surface.parts.shape[1])) for surface in surfaces]
+    every = np.concatenate([np.pad(s.parts, more) for s, more in zip(surfaces, room, strict=True)])
+    shares = np.concatenate(
+        [np.pad(s.weights, more) for s, more in zip(surfaces, room, strict=True)]
     )
-    parts, weights = strongest_four(parts, weights)
+    parts, weights = strongest_four(every[kept], shares[kept])
     return BodyModel(
         joints_m=joints,
         vertices_m=vertices,
@@ -129,7 +130,7 @@ def _body(
 
 def _node_transforms(
     document: GltfDocument,
-) -> tuple[list[NDArray[np.float64]], list[int]]:
+) -> tuple[dict[int, NDArray[np.float64]], list[int]]:
     """World from node (4, 4) of every node, and the number of its parent, -1 without one."""
     nodes = document.items("nodes")
     if len(nodes) > _MOST_NODES:
@@ -137,12 +138,15 @@ def _node_transforms(
     above = [-1] * len(nodes)
     for number, node in enumerate(nodes):
         children = node.get("children", [])
-        for child in children if isinstance(children, list) else [None]:
+        if not isinstance(children, list):
+            raise document.damaged(f"node {number} has no list of children")
+        for child in children:
             document.item("nodes", child)
+            assert isinstance(child, int)
             if above[child] >= 0:
                 raise document.damaged(f"node {child} has two parents")
             above[child] = number
-    worlds: list[NDArray[np.float64] | None] = [None] * len(nodes)
+    worlds: dict[int, NDArray[np.float64]] = {}
     order = [number for number, parent in enumerate(above) if parent < 0]
     for number in order:
         local, parent = _local(document, nodes[number]), above[number]
@@ -152,12 +156,12 @@ def _node_transforms(
         worlds[number] = world
         order += nodes[number].get("children", [])
     if len(order) < len(nodes):
-        circle = next(number for number, world in enumerate(worlds) if world is None)
+        circle = next(number for number in range(len(nodes)) if number not in worlds)
         raise InputError(
             f"{document.path}: the rig is cyclic: node {circle} hangs on itself through its"
             " parents; break the circle"
         )
-    return [world for world in worlds if world is not None], above
+    return worlds, above
 
 
 def _local(document: GltfDocument, node: dict[str, Any]) -> NDArray[np.float64]:
@@ -202,10 +206,10 @@ def _node_names(document: GltfDocument, nodes: list[int]) -> dict[int, str]:
 
 def _joint_above(node: int, above: list[int], names: dict[int, str]) -> int:
     """The nearest joint among the nodes above one, -1 without."""
-    node = above[node]
-    while node >= 0 and node not in names:
-        node = above[node]
-    return node
+    higher = above[node]
+    while higher >= 0 and higher not in names:
+        higher = above[higher]
+    return higher
 
 
 def _bind_to_rest(

@@ -49,12 +49,10 @@ class RigBone:
     Attributes:
         parent: its parent's name, empty for the root.
         head: where the file says that it begins.
-        tail: where it says that it ends.
     """
 
     parent: str
     head: Mapping[str, Any]
-    tail: Mapping[str, Any]
 
 
 def read_base_mesh(folder: Path) -> BaseMesh:
@@ -146,11 +144,11 @@ def read_bones(folder: Path, rig: str) -> dict[str, RigBone]:
         raise InputError(f"{path} has no bones: give MakeHuman's own rig")
     result = {}
     for name, bone in bones.items():
-        ends = [bone.get(end) if isinstance(bone, dict) else None for end in ("head", "tail")]
-        parent = bone.get("parent") or "" if isinstance(bone, dict) else None
-        if not isinstance(parent, str) or not all(isinstance(end, dict) for end in ends):
-            raise InputError(f"{path}: the bone {short(name)} lacks parent, head or tail: mend it")
-        result[name] = RigBone(parent, *ends)
+        own = bone if isinstance(bone, dict) else {}
+        parent, head = own.get("parent") or "", own.get("head")
+        if not isinstance(parent, str) or not isinstance(head, dict):
+            raise InputError(f"{path}: the bone {short(name)} lacks its parent or head: mend it")
+        result[name] = RigBone(parent, head)
     return result
 
 
@@ -191,17 +189,17 @@ def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> N
 def place_of(
     path: Path, bone: str, place: Mapping[str, Any], mesh: BaseMesh, vertices_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Position (3,) float64 of an end of a bone in a shaped mesh.
+    """Position (3,) float64 of the head of a bone in a shaped mesh.
 
     Args:
         path: the rig's file, for messages.
         bone: the bone, for messages.
-        place: what the rig says of the end: the middle of a cube or of vertices, or a vertex.
+        place: what the rig says of it: the middle of a cube or of vertices, or a vertex.
         mesh: the base mesh.
         vertices_m: (N, 3) its vertices after shaping.
 
     Raises:
-        InputError: the end is none that the mesh has.
+        InputError: it is none that the mesh has.
     """
     strategy = place.get("strategy")
     if strategy == "CUBE":
@@ -214,7 +212,7 @@ def place_of(
         numbers = None
     if numbers is None or numbers.min() < 0:
         raise InputError(
-            f"{path}: the bone {short(bone)} begins or ends at {short(dict(place))}, which the base"
+            f"{path}: the bone {short(bone)} begins at {short(dict(place))}, which the base"
             " mesh does not have: give the rig of this mesh"
         )
     return vertices_m[numbers].mean(0)
@@ -226,7 +224,8 @@ def _rig_file(folder: Path, kind: str, rig: str) -> Path:
     if not rig.replace("_", "").isalnum() or not path.is_file():
         there = [file.name[len(kind) + 1 : -5] for file in sorted(standard.glob(f"{kind}.*.json"))]
         raise InputError(
-            f"{standard} has no {kind} of a rig {short(rig)}: there are {', '.join(there) or 'none'}"
+            f"{standard} has no {kind} of a rig {short(rig)}: there are"
+            f" {', '.join(there) or 'none'}"
         )
     return path
 
