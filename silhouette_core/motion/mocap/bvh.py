@@ -8,8 +8,6 @@ by Blender and MotionBuilder.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,31 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from calib.documents import load_text
 from calib.errors import InputError
+from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, BvhJoint, split_bvh
 
 LARGEST_CLIP = 300_000_000
 """Bytes of a clip of any format; an hour takes a tenth of it."""
-MOST_JOINTS = 1000
-"""Joints of a recorded skeleton; those with all fingers and helpers have some two hundred."""
-LARGEST_VALUE = 1e7
-"""Below which every angle, in degrees, and position, in any unit, stays."""
-_CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
-
-
-@dataclass
-class BvhJoint:
-    """Joint of the hierarchy.
-
-    Attributes:
-        name: name in the file.
-        parent: index of the parent, -1 for the root.
-        offset: (3,), position relative to the parent.
-        channels: axis and kind of each channel, in the file's order: ("X", "position"), ….
-    """
-
-    name: str
-    parent: int
-    offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    channels: list[tuple[str, str]] = field(default_factory=list)
 
 
 def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
@@ -60,19 +37,7 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
             stated, or values that are no numbers.
     """
     text = load_text(path, LARGEST_CLIP, errors="replace")
-    head, mark, tail = text.partition("MOTION")
-    if not mark or "HIERARCHY" not in head:
-        raise InputError(
-            f"{path} is no BVH, or cut off: it lacks"
-            f" {'MOTION' if 'HIERARCHY' in head else 'HIERARCHY'}"
-        )
-    try:
-        joints = _hierarchy(iter(re.sub(r"([{}])", r"\n\1\n", head).splitlines()))
-    except (ValueError, IndexError, StopIteration) as error:
-        raise InputError(
-            f"{path} has a damaged hierarchy: {str(error)[:200] or 'it ends too early'}: export it"
-            " again"
-        ) from error
+    joints, tail = split_bvh(text, path)
     stated = re.match(r"\s*Frames:\s*([0-9]{1,9})\s+Frame Time:\s*(\S+)", tail)
     if stated is None:
         raise InputError(f"{path} does not say 'Frames:' and 'Frame Time:' after MOTION")
@@ -133,46 +98,6 @@ def local_transforms(
                     joint.offset["XYZ".index(axis)] if joint.parent < 0 else 0.0
                 )
     return local, offsets
-
-
-def _hierarchy(lines: Iterator[str]) -> list[BvhJoint]:
-    joints: list[BvhJoint] = []
-    open_joints: list[int] = []  # -2: an end site
-    upcoming = -2
-    for line in lines:
-        word, _, rest = line.strip().partition(" ")
-        match word.upper():
-            case "ROOT" | "JOINT" if -2 not in open_joints[-1:]:
-                joints.append(BvhJoint(rest.strip(), open_joints[-1] if open_joints else -1))
-                upcoming = len(joints) - 1
-            case "END":
-                upcoming = -2
-            case "{":
-                open_joints.append(upcoming)
-            case "}":
-                open_joints.pop()
-            case "OFFSET" if open_joints[-1] >= 0:
-                joints[open_joints[-1]].offset = [float(x) for x in rest.split()]
-                if not all(abs(x) < LARGEST_VALUE for x in joints[open_joints[-1]].offset):
-                    raise ValueError(f"the OFFSET {rest.strip()[:60]} is no bone's")
-                if len(rest.split()) != 3:
-                    raise ValueError(
-                        f"the OFFSET of {joints[open_joints[-1]].name} has not three numbers"
-                    )
-            case "CHANNELS" if open_joints[-1] >= 0:
-                joints[open_joints[-1]].channels = _channels(rest.split())
-        if len(joints) > MOST_JOINTS:
-            raise ValueError(f"it has more than {MOST_JOINTS} joints")
-    if open_joints or not joints:
-        raise ValueError("it ends too early" if joints else "it has no ROOT")
-    return joints
-
-
-def _channels(words: list[str]) -> list[tuple[str, str]]:
-    matches = [_CHANNEL.match(word) for word in words[1:]]
-    if int(words[0]) != len(matches) or not all(matches):
-        raise ValueError(f"CHANNELS {' '.join(words)} cannot be")
-    return [(m[1].upper(), m[2].lower()) for m in matches if m]
 
 
 def _numbers(path: Path, text: str) -> NDArray[np.float64]:

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
-from silhouette_core.motion.mocap.bvh import LARGEST_CLIP, LARGEST_VALUE, MOST_JOINTS
+from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, MOST_JOINTS
+from silhouette_core.motion.mocap.bvh import LARGEST_CLIP
 
 # The CMU skeleton of the motion-prediction literature, for a skeleton.json without "names".
 _CMU = tuple(

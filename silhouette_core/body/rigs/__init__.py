@@ -1,0 +1,1 @@
+"""Readers of rigs: MakeHuman, glTF, URDF and BVH, each into a `BodyModel`."""

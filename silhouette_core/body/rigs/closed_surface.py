@@ -1,0 +1,76 @@
+"""Surfaces that enclose a volume, made of those that files hold.
+
+A surface is closed where every edge belongs to an even number of triangles: then every line crosses
+it an even number of times, by which points inside are told (`body.volume`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+_SAME = 1e-6  # of the extent: vertices so near are one
+
+
+def close_surface(
+    vertices: NDArray[np.float64], faces: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int]:
+    """Closed, outward oriented surface of triangles that may have seams and holes.
+
+    Vertices at one place are joined where seams are open; every hole is closed by triangles to the
+    middle of its edge; a piece whose volume is negative is turned over.
+
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3).
+
+    Returns:
+        `kept` (W,), the numbers of the vertices that the surface has, of which one at the end per
+        hole is the vertex next to its middle; faces (G, 3) of these; positions (W, 3); number of
+        holes.
+    """
+    faces = np.asarray(faces, np.int64)
+    if len(_open_edges(faces)):
+        grid = np.round(vertices / (_SAME * max(float(np.ptp(vertices, axis=0).max()), 1e-12)))
+        _, first, joined = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+        faces = first[joined.reshape(-1)][faces]
+        ends = faces, np.roll(faces, 1, axis=1)
+        faces = faces[(ends[0] != ends[1]).all(1)]
+    kept, faces = np.unique(faces, return_inverse=True)
+    faces, points = faces.reshape(-1, 3), vertices[kept]
+    edges = _open_edges(faces)
+    holes = _connected(edges, len(points))
+    for number in np.unique(holes):
+        own = edges[holes == number]
+        middle = points[np.unique(own)].mean(0)
+        near = np.unique(own)[((points[np.unique(own)] - middle) ** 2).sum(1).argmin()]
+        tip = np.full(len(own), len(points))
+        faces = np.concatenate([faces, np.stack([own[:, 1], own[:, 0], tip], axis=1)])
+        kept, points = np.append(kept, kept[near]), np.append(points, middle[None], axis=0)
+    return kept, _outward(points, faces), points, len(np.unique(holes))
+
+
+def _open_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges (E, 2) that belong to an odd number of triangles, in the direction of one of them."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, first, count = np.unique(
+        np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return edges[first[count % 2 == 1]]
+
+
+def _connected(edges: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Number of the connected group of each edge (E,)."""
+    links = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    return connected_components(links, directed=False)[1][edges[:, 0]]
+
+
+def _outward(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The faces, pieces of negative volume turned over."""
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    piece = _connected(ends, len(points))[: len(faces)]
+    a, b, c = (points[faces[:, k]] - points.mean(0) for k in range(3))
+    volume = np.bincount(piece, (a * np.cross(b, c)).sum(1))
+    return np.where((volume[piece] < 0)[:, None], faces[:, ::-1], faces)

@@ -1,0 +1,196 @@
+"""Checks of rigs that were read from files, whoever made them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+
+MOST_PARTS = 250
+"""Parts of a body; the image of part numbers holds 254."""
+MOST_VERTICES = 400_000
+"""Vertices or triangles of a body."""
+SMALLEST_M, LARGEST_M = 0.01, 100.0
+"""Smallest and largest extent of a body."""
+LONGEST_NAME = 80
+_SHORTEST_BONE = 1e-6  # of the extent
+_WEIGHT_TOLERANCE = 0.02  # weights in 8 bits, four of them
+
+
+def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS) -> list[str]:
+    """Names of the joints of a rig, every one after its parent.
+
+    Args:
+        path: the file, for messages.
+        parents: name of each joint -> name of its parent, empty for the root.
+        most: number of joints that there may be.
+
+    Raises:
+        InputError: there is no root or more than one, a parent is missing, joints hang in a
+            circle, there are too many, or a name cannot be one.
+    """
+    for name in parents:
+        _check_joint_name(path, name)
+    if len(parents) > most:
+        raise InputError(
+            f"{path} has {len(parents)} joints, and a body can have {most}: remove those that"
+            " move no surface"
+        )
+    for name, parent in parents.items():
+        if parent and parent not in parents:
+            raise InputError(
+                f"{path}: the joint {name!r} hangs on {short(parent)}, which the rig does not have:"
+                " connect it"
+            )
+    roots = [name for name, parent in parents.items() if not parent]
+    if len(roots) > 1:
+        raise InputError(
+            f"{path}: the rig is not connected: {roots[0]!r} and {roots[1]!r} both have no parent;"
+            " hang all on one root"
+        )
+    children: dict[str, list[str]] = {}
+    for name, parent in parents.items():
+        children.setdefault(parent, []).append(name)
+    order = list(roots)
+    for name in order:
+        order += children.get(name, [])
+    if len(order) < len(parents):
+        circle = next(name for name in parents if name not in order)
+        raise InputError(
+            f"{path}: the rig is cyclic: {circle!r} hangs on itself through its parents; break the"
+            " circle"
+        )
+    if not order:
+        raise InputError(f"{path} has no joint: give a file with a rig")
+    return order
+
+
+def check_rest(path: Path, joints_m: NDArray[np.floating], vertices_m: NDArray) -> None:
+    """Checks that a body at rest has the size of a body.
+
+    Args:
+        path: the file, for messages.
+        joints_m: (P, 3) joints.
+        vertices_m: (V, 3) surface, or what spans it.
+
+    Raises:
+        InputError: a number is not finite, or the body is far too small or large.
+    """
+    points = np.concatenate([joints_m, vertices_m])
+    if not np.isfinite(points).all():
+        raise InputError(f"{path} has positions that are not finite: export it again")
+    extent = float(np.ptp(points, axis=0).max())
+    if not SMALLEST_M <= extent <= LARGEST_M or np.abs(points).max() > 10 * LARGEST_M:
+        raise InputError(
+            f"{path}: its body would be {extent:.3g} m large: is its unit the metre? Bodies have"
+            f" {SMALLEST_M:g} to {LARGEST_M:g} m"
+        )
+
+
+def check_bones(
+    path: Path, names: list[str], parents: NDArray[np.integer], joints_m: NDArray[np.floating]
+) -> None:
+    """Checks that no joint lies where its parent does.
+
+    Args:
+        path: the file, for messages.
+        names: P names.
+        parents: (P,) index of the parent, -1 of the root.
+        joints_m: (P, 3) positions.
+
+    Raises:
+        InputError: a bone has no length.
+    """
+    here = np.flatnonzero(parents >= 0)
+    if not len(here):
+        return
+    length = np.linalg.norm(joints_m[here] - joints_m[parents[here]], axis=1)
+    shortest = int(length.argmin())
+    if length[shortest] < _SHORTEST_BONE * max(float(np.ptp(joints_m, axis=0).max()), 1e-9):
+        child = here[shortest]
+        raise InputError(
+            f"{path}: the bone from {names[parents[child]]!r} to {names[child]!r} has no length:"
+            " move the joint, or remove it"
+        )
+
+
+def normalised_weights(
+    path: Path, parts: NDArray[np.integer], weights: NDArray[np.floating], count: int
+) -> NDArray[np.float64]:
+    """Skin weights (V, K) float64 that sum to one, of those that a file holds.
+
+    Args:
+        path: the file, for messages.
+        parts: (V, K) number of each weight's part.
+        weights: (V, K) as in the file.
+        count: number of parts.
+
+    Raises:
+        InputError: weights are negative, are not finite or do not sum to one, or a part does not
+            exist.
+    """
+    if not np.isfinite(weights).all() or weights.min(initial=0) < 0:
+        raise InputError(f"{path} has skin weights that are negative or not finite: mend them")
+    if len(parts) and not (parts.min() >= 0 and parts.max() < count):
+        raise InputError(f"{path} has skin weights of joint {parts.max()}, but {count} joints")
+    sums = weights.sum(1, dtype=float)
+    off = np.abs(sums - 1)
+    if len(off) and off.max() > _WEIGHT_TOLERANCE:
+        worst = int(off.argmax())
+        raise InputError(
+            f"{path}: the skin weights of vertex {worst} sum to {sums[worst]:.3g} and not to 1 (so"
+            f" {np.count_nonzero(off > _WEIGHT_TOLERANCE)} vertices): normalise the weights"
+        )
+    return weights.astype(float) / sums[:, None]
+
+
+def strongest_four(
+    parts: NDArray[np.integer], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The four largest weights of each vertex, summing to 1.
+
+    Args:
+        parts: (V, K) number of each weight's part.
+        weights: (V, K).
+
+    Returns:
+        Parts (V, 4) int32 and weights (V, 4) float64, largest first.
+    """
+    if weights.shape[1] < 4:
+        room = ((0, 0), (0, 4 - weights.shape[1]))
+        parts, weights = np.pad(parts, room), np.pad(weights, room)
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
+    kept = np.take_along_axis(weights, order, axis=1)
+    kept /= kept.sum(1, keepdims=True)
+    own = np.take_along_axis(parts, order, axis=1)
+    return np.where(kept > 0, own, own[:, :1]).astype(np.int32), kept
+
+
+def part_of_faces(
+    faces: NDArray[np.integer], skin_parts: NDArray[np.int32], skin_weights: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """Part (F,) int32 with the largest weight over each face's corners."""
+    parts = skin_parts[faces].reshape(len(faces), -1)
+    weights = skin_weights[faces].reshape(len(faces), -1)
+    total = np.stack(
+        [(weights * (parts == parts[:, k : k + 1])).sum(1) for k in range(parts.shape[1])], axis=1
+    )
+    return np.take_along_axis(parts, total.argmax(1)[:, None], axis=1)[:, 0].astype(np.int32)
+
+
+def short(name: object) -> str:
+    """A name of a file's, quoted and not too long for a message."""
+    text = repr(str(name))
+    return text if len(text) <= LONGEST_NAME else text[:LONGEST_NAME] + "…'"
+
+
+def _check_joint_name(path: Path, name: str) -> None:
+    if not name or len(name) > LONGEST_NAME or not name.isprintable():
+        raise InputError(
+            f"{path} has a joint with the name {short(name)}: names have 1 to {LONGEST_NAME}"
+            " printable characters"
+        )
