@@ -51,7 +51,7 @@ from voxelpose.recording.folder import Recording
 OUT = Path(__file__).resolve().parents[1] / "out" / "bodies"
 _FRAMES = range(0, 45, 3)
 _JOINED_M = 0.5
-_STANCES, _WRONG_MM = 40, 30
+_STANCES, _WRONG_MM = 100, 30
 
 
 def length_m(name: str, model: BodyModel) -> float:
