@@ -1,6 +1,7 @@
 """Exports and pictures of a body that is no person's, in its own names."""
 
 import csv
+from dataclasses import replace
 
 import bvhio
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from calib.errors import InputError
 from tests.sources import ring
 from voxelpose.demo.example_motions import example_motion
+from voxelpose.export.bvh import write_bvh
 from voxelpose.export.formats import export_motion
 from voxelpose.export.joints import read_joints
 from voxelpose.export.mot import write_mot
@@ -68,3 +70,15 @@ def test_its_skeleton_is_drawn_between_its_landmarks():
     camera = ring(1, (320, 240)).cameras[0]
     blank = np.full((240, 320, 3), 90, np.uint8)
     assert (FigurePainter(model, camera).paint(blank, rotation, origin) != 90).any()
+
+
+def test_a_joint_turned_by_a_right_angle_is_written_without_a_warning(tmp_path, recwarn):
+    """Two of BVH's axes then coincide."""
+    lamp = example_motion("desk_lamp", 2)
+    angles = np.zeros_like(lamp.angles_rad)
+    angles[:, lamp.model.dof_names.index("shade.pitch")] = np.pi / 2
+    write_bvh(replace(lamp, angles_rad=angles), tmp_path / "motion.bvh")
+    assert not [w for w in recwarn if "Gimbal" in str(w.message)]
+    root = bvhio.readAsHierarchy(str(tmp_path / "motion.bvh")).loadPose(1)
+    bulb = next(joint for joint, _, _ in root.layout() if joint.Name == "shade")
+    assert np.isfinite(np.array(bulb.PositionWorld)).all()
