@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.rigid_parts import Box, Capsule, body_of_parts
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
 from silhouette_core.scoring.cpu import CPU
@@ -76,3 +78,18 @@ def test_a_held_root_stays_where_it_is_whatever_a_start_says():
         np.testing.assert_allclose(fit.pose.root_m, truth.root_m, atol=1e-4)
         np.testing.assert_allclose(fit.pose.root_rotation, truth.root_rotation, atol=1e-4)
     assert prior.pose is start and prior.sigma.min() == 0.1
+
+
+def test_a_rigid_object_without_joints_is_found():
+    tree = KinematicTree.from_parts((("case", "", ()),))
+    shapes = [
+        Box((-0.3, -0.15, -0.1), (0.3, 0.15, 0.1)),
+        Capsule((0.3, 0.1, 0.1), (0.3, 0.1, 0.4), 0.06),
+    ]
+    model = body_of_parts(tree, np.zeros((1, 3)), [shapes])
+    turn = Rotation.from_euler("zx", [50, 20], degrees=True).as_matrix()
+    truth = Pose(np.array([0.1, 0.2, 0.6]), turn, np.zeros(0))
+    found = find_pose(BodyGeometry.from_model(model, VOXEL_M, CPU), frame_of(model, truth), count=6)
+    assert np.linalg.norm(found[0].pose.root_m - truth.root_m) < 0.01
+    apart = Rotation.from_matrix(found[0].pose.root_rotation.T @ turn).magnitude()
+    assert np.degrees(apart) < 2

@@ -5,7 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.rigid_parts import Box, Capsule, body_of_parts
 from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, views
@@ -132,3 +134,59 @@ def test_movable_areas_of_an_animal_have_its_own_names():
     names = {area.limb.name for area in areas}
     assert set(LEGS) < names and "trunk" not in names
     assert all(len(area.disputed) <= len(area.voxels) for area in areas)
+
+
+def ball_arm() -> BodyModel:
+    """An upper arm in a ball joint, whose turn about itself shows in the forearm alone."""
+    ball = tuple(
+        Dof(name, axis, (-120.0, 120.0))
+        for name, axis in (("x", (1.0, 0, 0)), ("y", (0, 1.0, 0)), ("twist", (0, 0, 1.0)))
+    )
+    tree = KinematicTree.from_parts(
+        (
+            ("case", "", ()),
+            ("upper", "case", ball),
+            ("fore", "upper", (Dof("bend", (1.0, 0, 0), (0.0, 140.0)),)),
+        )
+    )
+    joints = np.array([[0, 0, 0.4], [0, 0, 0.75], [0, 0, 1.15]])
+    shapes = [
+        [Box((-0.2, -0.3, 0.0), (0.2, 0.3, 0.7))],
+        [Capsule((0, 0, 0.78), (0, 0, 1.12), 0.06)],
+        [Capsule((0, 0, 1.16), (0, 0, 1.5), 0.05)],
+    ]
+    return body_of_parts(tree, joints, shapes)
+
+
+def test_a_twist_leaves_the_bone_above_where_it_points():
+    arm = ball_arm()
+    volume = BodyVolume.from_model(arm, VOXEL_M)
+    _, upper, fore = volume.limbs
+    assert upper.angles == ("upper.x", "upper.y")
+    assert fore.angles == ("upper.twist", "fore.bend")
+    swung = posed(arm, {"upper.x": 70.0, "upper.y": -30.0})
+    samples = sample_angles(fore, swung.angles_rad, np.radians(20), None, arm.tree)
+    assert len(samples) > 30 and within_limits(samples, arm.tree).all()
+    assert np.ptp(samples[:, 2]) > np.radians(90)
+    rotation, _ = volume.placements(upper, swung, samples)
+    np.testing.assert_allclose(
+        rotation[:, :, 2], rotation[:1, :, 2].repeat(len(samples), 0), atol=1e-9
+    )
+    assert np.ptp(volume.placements(fore, swung, samples)[0][:, :, 2], axis=0).max() > 0.5
+
+
+def test_an_arm_in_a_ball_joint_is_matched():
+    arm = ball_arm()
+    truth = posed(arm, {"upper.x": 60.0, "upper.y": 25.0, "upper.twist": 70.0, "fore.bend": 80.0})
+    start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(arm.tree))
+    volume = BodyVolume.from_model(arm, VOXEL_M)
+    found = match(volume, *hull(views(), arm, truth, VOXEL_M), start).pose
+    tip = np.array([[0.0, 0.0, 0.35]])
+    ends = [
+        turn @ tip[0] + place
+        for turn, place in (
+            tuple(one[0] for one in volume.placements(volume.limbs[2], pose, pose.angles_rad[None]))
+            for pose in (found, truth)
+        )
+    ]
+    assert np.linalg.norm(ends[0] - ends[1]) < 0.15
