@@ -82,9 +82,11 @@ def score(name: str, motion: Motion, truth: Motion) -> dict[str, float]:
     }
 
 
-def fitted(name: str, grown_m: float = 0.0) -> dict[str, object]:
-    """Scores one example from four cameras, fitted with the body that was rendered or with one
-    whose surface lies `grown_m` outside of it.
+def fitted(
+    name: str, grown_m: float = 0.0, interference: bool = True, cameras: tuple[str, ...] = ()
+) -> dict[str, object]:
+    """Scores one example from four cameras, or some of them, fitted with the body that was rendered
+    or with one whose surface lies `grown_m` outside of it.
     """
     folder, body = recording_of(name), recording_of(name) / BODY
     truth, words = read_motion(folder / TRUE_MOTION), f"{name}_fit"
@@ -95,11 +97,13 @@ def fitted(name: str, grown_m: float = 0.0) -> dict[str, object]:
         body = OUT / f"{words}.safetensors"
         write_motion(grown, body)
     started = time.perf_counter()
-    output, settings = Output(OUT / words, overwrite=True), Settings(options={"body": str(body)})
-    result = fit(Recording.open(folder), output, settings)
+    options = {"body": str(body), "interference": interference}
+    output, settings = Output(OUT / words, overwrite=True), Settings(options=options)
+    result = fit(Recording.open(folder, cameras=list(cameras) or None), output, settings)
     seconds = round(time.perf_counter() - started, 1)
     errors = score(name, result.motion, truth)
-    return {"example": name, "grown_mm": 1000 * grown_m, **errors, "seconds": seconds}
+    told = {"grown_mm": 1000 * grown_m, "interference": interference, "cameras": len(cameras) or 4}
+    return {"example": name, **told, **errors, "seconds": seconds}
 
 
 def single_frames(cameras: tuple[str, ...]) -> list[dict[str, object]]:
@@ -204,7 +208,7 @@ def _error_mm(model: BodyModel, pose: Pose, true_m: np.ndarray) -> float:
 
 def main() -> None:
     """Prints the rows asked for."""
-    for name in EXAMPLES if len(sys.argv) == 1 else {*sys.argv[1:]} - {"spider"}:
+    for name in sys.argv[1:] or EXAMPLES:
         for grown_m in (0.0, _GROWN_M):
             print(json.dumps(fitted(name, grown_m)), flush=True)
     if len(sys.argv) == 1 or "quadruped" in sys.argv:
@@ -212,6 +216,10 @@ def main() -> None:
             for row in single_frames(cameras):
                 print(json.dumps(row), flush=True)
     if len(sys.argv) == 1 or "spider" in sys.argv:
+        for cameras in ((), ("cam_1", "cam_2", "cam_4"), ("cam_1", "cam_3")):
+            for interference in (True, False):
+                row = fitted("spider", interference=interference, cameras=cameras)
+                print(json.dumps(row), flush=True)
         for numbers in ((1, 2, 3, 4), (1, 2, 4), (1, 3)):
             for row in stances(numbers):
                 print(json.dumps(row), flush=True)
