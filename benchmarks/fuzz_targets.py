@@ -325,6 +325,23 @@ def _make_result(folder: Path) -> None:
     write_estimate(recording, Output(folder / "out", pictures=False), estimate, settings)
 
 
+def _make_given(folder: Path) -> None:
+    """A motion that holds its body: no person's."""
+    from silhouette_core.motion.motion_file import write_motion
+    from voxelpose.demo.example_motions import example_motion
+
+    write_motion(example_motion("desk_lamp", 3), folder / "given.safetensors")
+
+
+def _use_given(folder: Path, thorough: bool) -> None:
+    from silhouette_core.motion.motion_file import read_motion
+    from voxelpose.export.formats import export_motion
+
+    motion = read_motion(folder / "given.safetensors")
+    motion.landmark_confidence()
+    export_motion(motion, folder / "exported", ("bvh", "trc", "csv"), overwrite=True)
+
+
 def _use_motion(folder: Path, thorough: bool) -> None:
     from silhouette_core.motion.motion_file import read_motion
     from voxelpose.export.formats import export_motion
@@ -523,6 +540,7 @@ TARGETS: dict[str, FuzzTarget] = {
         for name in ("png", "jpg", "bmp", "tiff", "webp")
     },
     "motion": _result({"motion.safetensors": any_arrays}, _use_motion),
+    "given-body": FuzzTarget(_make_given, {"given.safetensors": any_arrays}, _use_given),
     "summary": _result({"summary.json": any_json}, _use_result),
     "settings": _result({"settings.toml": any_text}, _use_scenes),
     "library": FuzzTarget(

@@ -16,7 +16,7 @@ EXAMPLES = sorted(path.stem for path in FOLDER.glob("0*.py"))
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Runs the five examples in their order; returns where they wrote."""
+    """Runs the six examples in their order; returns where they wrote."""
     out = tmp_path_factory.mktemp("examples")
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(FOLDER))
@@ -28,7 +28,7 @@ def ran(tmp_path_factory):
 
 @pytest.mark.slow
 def test_every_example_draws_its_picture(ran):
-    assert len(EXAMPLES) == 5
+    assert len(EXAMPLES) == 6
     for name in EXAMPLES:
         picture = cv2.imread(str(ran / f"{name}.png"))
         assert picture is not None, name

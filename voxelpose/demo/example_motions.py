@@ -95,11 +95,24 @@ def _stick(t: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray
     return angles, *_still(t, (0.0, 0.0), -15.0)
 
 
+def _spider(t: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    angles = {}
+    for k, name in enumerate(("left_fore", "left_hind", "right_hind", "right_fore")):
+        angles |= {
+            f"{name}_upper.swing": _wave(t, -70, 70, 0.5, 0.21 * k),
+            f"{name}_upper.lift": _wave(t, -40, 10, 0.9, 0.37 * k),
+            f"{name}_lower.bend": _wave(t, -40, 30, 0.7, 0.29 * k),
+        }
+    place = np.stack([0.2 * np.sin(t), 0.1 * np.cos(t), 0.25 + 0.05 * np.sin(3 * t)], 1)
+    return angles, place, 30 * t
+
+
 _EXAMPLES: dict[str, tuple[Callable[[], BodyModel], _Curves, int]] = {
     "robot_arm": (example_bodies.robot_arm, _robot, 45),
     "quadruped": (example_bodies.quadruped, _quadruped, 45),
     "desk_lamp": (example_bodies.desk_lamp, _lamp, 30),
     "person_with_stick": (example_bodies.person_with_stick, _stick, 30),
+    "spider": (example_bodies.spider, _spider, 45),
 }
 EXAMPLES = tuple(_EXAMPLES)
 

@@ -1,5 +1,6 @@
 """Biovision hierarchy (BVH): skeletal animation for Blender, Maya, MotionBuilder and others."""
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
@@ -40,11 +41,11 @@ def write_bvh(motion: Motion, path: Path) -> None:
     """
     motion = motion.upright()
     local, root = _without_gaps(motion)
-    degrees = (
-        Rotation.from_matrix(local.reshape(-1, 3, 3))
-        .as_euler(_ORDER, degrees=True)
-        .reshape(len(local), -1, 3)
-    )
+    rotations = Rotation.from_matrix(local.reshape(-1, 3, 3))
+    with warnings.catch_warnings():
+        # Where two of the axes coincide, the third angle is zero, and the rotation right.
+        warnings.filterwarnings("ignore", "Gimbal lock")
+        degrees = rotations.as_euler(_ORDER, degrees=True).reshape(len(local), -1, 3)
     children = _children(motion.model)
     order = list(_depth_first(0, children))
     with path.open("w", encoding="ascii", newline="\n") as file:

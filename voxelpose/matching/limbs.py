@@ -196,6 +196,19 @@ def sample_grid(
     mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
     samples = np.repeat(angles_rad[:, None], len(mesh), axis=1)
     samples[..., columns] = mesh
+    for k, column in enumerate(columns):
+        joint = np.flatnonzero(tree.dof_part == tree.dof_part[column])
+        axes_of = tree.dof_axis[joint]
+        own = tree.names[tree.dof_part[column]] == limb.name
+        if own or len(joint) != 3 or not np.allclose(axes_of @ axes_of.T, np.eye(3), atol=1e-6):
+            continue
+        # A twist of the bone above, which stays where it points: turned about itself first.
+        swings = Rotation.from_rotvec(np.repeat(angles_rad[:, joint] @ axes_of, len(mesh), axis=0))
+        twists = np.tile(
+            (mesh[:, k] - middle[k])[:, None] * tree.dof_axis[column], (len(swings) // len(mesh), 1)
+        )
+        turned = (swings * Rotation.from_rotvec(twists)).as_rotvec() @ axes_of.T
+        samples[..., joint] = turned.reshape(*samples.shape[:2], 3)
     return samples
 
 
