@@ -4,10 +4,10 @@ Means and standard deviations over stature. Adults, at 1.756 m (men) and 1.629 m
 (Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel: Methods and Summary Statistics,
 NATICK/TR-15/007, 2014), tables of chest circumference, waist circumference (omphalion), buttock
 circumference, biacromial breadth, crotch height and weight, of 4082 men and 1986 women. Children,
-at 1.10 m: Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18 for Product Safety
-Design (UM-HSRI-77-17, 1977), ages 5 to 6. Both were recalled when this was written and rounded, and
-could not be compared with the printed tables; arm lengths, measured to joint centres, are those of
-the templates. Between and beyond these statures the ratios are interpolated by us.
+at 1.10 m: Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18 for Product
+Safety Design (UM-HSRI-77-17, 1977), ages 5 to 6. Both were recalled when this was written and
+rounded, and could not be compared with the printed tables; arm lengths, measured to joint centres,
+are those of the templates. Between and beyond these statures the ratios are interpolated by us.
 """
 
 import numpy as np
