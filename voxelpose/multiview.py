@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -14,10 +13,10 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
+from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.motion_file import body_of_motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
@@ -47,8 +46,8 @@ class _Options:
         tolerance: number of cameras that may be wrong about a voxel.
         repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
             it right where that is sure, "say" only tells, "off" does not look.
-        body: an earlier result of the same person, or any motion file that holds a body, which is
-            kept as it is; empty: the body is estimated.
+        body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
+            is estimated.
     """
 
     interference: bool = True
@@ -89,7 +88,7 @@ class MultiViewEstimator:
         if settings.stature_m is not None:
             # Refuses what is no person's, before any work is done.
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)
-        known = body_of_motion(Path(options.body)) if options.body else None
+        known = load_body(options.body) if options.body else None
         given = None if known is None or known.person is not None else known
         set_threads(settings.threads)
         clock = StageClock()

@@ -90,6 +90,7 @@ class _Summary(msgspec.Struct):
 class _Options(msgspec.Struct):
     voxel_size_m: Annotated[float, Meta(ge=0.005, le=0.1)] | None = None
     tolerance: Annotated[int, Meta(ge=0, le=100)] | None = None
+    body: _Name = ""
 
 
 class _Settings(msgspec.Struct):

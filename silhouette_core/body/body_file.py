@@ -21,12 +21,11 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 import tomlkit
-from msgspec import Meta
 
 from calib.atomic import write_whole
 from calib.documents import load_text, parse_toml
@@ -34,7 +33,7 @@ from calib.errors import InputError
 from silhouette_core.body.measured_body import body_from_measurements
 from silhouette_core.body.mesh_measurements import BodyMeasurements, measure_body
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
+from silhouette_core.body.sizes import SHAPE_AXES, TEMPLATE_CHANGES, BodySizes
 
 BODY_FORMAT = "voxelpose body 1"
 _LARGEST_BYTES = 100_000
@@ -42,16 +41,13 @@ _CHANGES = "chest_change", "waist_change", "hip_change", "thigh_change"
 _AXES = tuple(axis.name for axis in SHAPE_AXES)
 _DIGITS = 9
 
-_Deviation = Annotated[float, Meta(ge=-0.9, le=10)]
-_Positive = Annotated[float, Meta(gt=0, le=1000)]
-
 
 class _BodyFile(msgspec.Struct, forbid_unknown_fields=True):
     format: str
-    measurements: dict[str, _Positive]
+    measurements: dict[str, float]
     sex: str = "unknown"
-    template: dict[str, _Deviation] = {}
-    shape: dict[str, _Deviation] = {}
+    template: dict[str, float] = {}
+    shape: dict[str, float] = {}
 
 
 def read_body(path: Path) -> BodyModel:
@@ -98,12 +94,18 @@ def _checked(content: dict[str, Any], path: Path) -> _BodyFile:
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {error}; correct it") from None
     measures = tuple(field.name for field in fields(BodyMeasurements))
-    for table, names in (("measurements", measures), ("template", _CHANGES), ("shape", _AXES)):
-        for name in getattr(found, table):
+    for table, names, low, high in (
+        ("measurements", measures, 0.01, 1000.0),
+        ("template", _CHANGES, *TEMPLATE_CHANGES),
+        ("shape", _AXES, -0.9, 10.0),
+    ):
+        for name, value in getattr(found, table).items():
             if name not in names:
                 raise InputError(
                     f"{path}: [{table}] has no {name[:60]!r}: there are {', '.join(names)}"
                 )
+            if not low <= value <= high:
+                raise InputError(f"{path}: {name} is {value:g}: give {low:g} to {high:g}")
     if "stature_m" not in found.measurements:
         raise InputError(f"{path}: [measurements] lacks stature_m: add it, in metres")
     return found

@@ -25,6 +25,7 @@ from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.library.default import default_library
 from silhouette_core.library.pose_library import PoseLibrary, require_body
 from silhouette_core.library.store import read_library
+from silhouette_core.motion.body_source import load_body
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.backend import load_backend
 
@@ -43,6 +44,8 @@ class MonocularOptions:
         weighting: pixel weights of the silhouette distance.
         motion_model: "DM2" with the occlusion-aware eq. (5), "DM1" without.
         outline_only: whether what lies inside the outline is left out.
+        body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
+            is adapted to the person.
     """
 
     library: str = ""
@@ -51,12 +54,14 @@ class MonocularOptions:
     weighting: Weighting = "balanced"
     motion_model: str = "DM2"
     outline_only: bool = False
+    body: str = ""
 
     def __post_init__(self) -> None:
         for name, kind, what in (
             ("refine", bool, "true or false"),
             ("outline_only", bool, "true or false"),
             ("library", str, "the path of a file"),
+            ("body", str, "a name, or the path of a file"),
         ):
             if not isinstance(getattr(self, name), kind):
                 raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
@@ -119,7 +124,12 @@ class MonocularStages:
         if self._proposed and not settings.smooth:
             tracking = tracking.coarser()
         self.trajectory = PoseTrajectory(
-            tree, pinhole, tracking, settings.smooth, clock, _sexes(settings)
+            tree,
+            pinhole,
+            tracking,
+            settings.smooth,
+            clock,
+            () if options.body else _sexes(settings),
         )
         self._near_px: NDArray[np.float64] | None = None
         self._usual_px: float | None = None
@@ -156,6 +166,8 @@ class MonocularStages:
 
 def library_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> PoseLibrary:
     """Library scaled to the person; its silhouettes are relative to the stature."""
+    if options.body:
+        return _library_of(load_body(options.body), options, settings, reporter)
     stature = settings.stature_m
     if not options.library:
         if stature is None:
@@ -180,6 +192,20 @@ def library_for(options: MonocularOptions, settings: Settings, reporter: Reporte
     return _scaled(library, stature)
 
 
+def _library_of(
+    body: BodyModel, options: MonocularOptions, settings: Settings, reporter: Reporter
+) -> PoseLibrary:
+    """The library that is the nearest to a body, with that body."""
+    sizes = body.sizes
+    described = replace(
+        settings, stature_m=sizes.stature_m, chest_m=sizes.chest_girth_m, sex=sizes.sex
+    )
+    if options.library:  # its silhouettes are taken as they are, whatever body they show
+        described = replace(described, chest_m=None, sex="unknown")
+    library = library_for(replace(options, body=""), described, reporter)
+    return replace(library, model=body)
+
+
 def _sexes(settings: Settings) -> tuple[str, ...]:
     """Templates that are tried for the person's body."""
     return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
@@ -196,7 +222,11 @@ def _scaled(library: PoseLibrary, stature_m: float) -> PoseLibrary:
     sizes = library.model.sizes
     factor = stature_m / sizes.stature_m
     chest = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
-    return replace(library, model=BodyModel.from_sizes(BodySizes(stature_m, chest, sizes.sex)))
+    scaled = replace(sizes, stature_m=stature_m, chest_girth_m=chest)
+    model = BodyModel.from_sizes(scaled)
+    if not np.allclose(BodyModel.from_sizes(sizes).shape, library.model.shape):
+        model = model.reshaped(library.model.shape)  # made for a body of its own
+    return replace(library, model=model)
 
 
 def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:

@@ -10,11 +10,13 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.presets import body_preset
 from silhouette_core.estimator import Settings, load_estimator
 from silhouette_core.motion.kinematics import forward, landmarks
 from silhouette_core.progress import SilentReporter
 from tests.sources import GreySource, ring
 from voxelpose.demo.filming import make_recording
+from voxelpose.demo.measurements import person_of
 from voxelpose.evaluation import score_motion
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview import MultiViewEstimator
@@ -97,3 +99,24 @@ def test_nobody_in_the_pictures():
 
 def test_it_is_registered():
     assert isinstance(load_estimator("multiview"), MultiViewEstimator)
+
+
+@pytest.mark.slow
+def test_a_given_body_is_kept(tmp_path):
+    body = body_preset("9APP").body()
+    folder = make_recording(tmp_path / "walk", frames=FRAMES, person=person_of(body))
+    settings = Settings(threads=2, options={"body": "9APP"})
+    result = fit(Recording.open(folder), Output(tmp_path / "out", pictures=False), settings)
+    np.testing.assert_allclose(result.motion.model.vertices_m, body.vertices_m, atol=1e-9)
+    assert result.summary["body"]["stature_m"] == pytest.approx(1.42)
+    truth = json.loads((folder / "truth.json").read_text())["joints"]
+    joints = np.stack([truth[name] for name in LANDMARK_NAMES], axis=1)
+    assert score_motion(joints, result.motion.landmarks()).mpjpe_mm < 60
+
+
+def test_a_body_that_is_not_there(tmp_path):
+    source = GreySource(ring(2), 3)
+    with pytest.raises(InputError, match="there is no body nobody"):
+        MultiViewEstimator().estimate(
+            source, Settings(options={"body": "nobody"}), SilentReporter()
+        )

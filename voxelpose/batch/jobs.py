@@ -50,6 +50,7 @@ _OPTIONS = {
         "weighting": (str, "weighting"),
         "motion_model": (str, "motion_model"),
         "outline_only": (bool, "outline_only"),
+        "body": (str, "body"),
     },
 }
 _PLAIN_NAME = re.compile(r"[^\w.+-]+")

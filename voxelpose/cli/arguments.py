@@ -15,6 +15,15 @@ OptionalFile = Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")
 OptionalLength = Annotated[float | None, arg(metavar="M", help_behavior_hint="")]
 OptionalName = Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]
 Sex = Annotated[Literal["male", "female", "unknown"], arg(help="Sex, for the body's proportions.")]
+BodyName = Annotated[
+    str | None,
+    arg(
+        metavar="BODY",
+        help_behavior_hint="",
+        help="The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, or an"
+        " earlier result of the same person. Default: found in the pictures.",
+    ),
+]
 Frames = Annotated[
     str | None,
     arg(

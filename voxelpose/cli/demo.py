@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar
 from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import Threads
+from voxelpose.cli.arguments import BodyName, Threads
 
 _TRACKED = "cam_2"  # sees the performance from the front
 
@@ -24,6 +24,7 @@ No data and no network are needed. The recording shows a mannequin, whose shape 
 fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
 recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
 run compiles the program and makes a pose library, which takes most of its time.
+With --body the mannequin has the stature and girths of that body, which is fitted as it is.
 With --live a recording is played instead, again and again, as if cameras filmed it: the page in the
 browser shows what `voxelpose live` finds.
 
@@ -41,6 +42,7 @@ browser shows what `voxelpose live` finds.
     """Show live estimation, with a recording of six seconds, made once in OUT/live, as cameras."""
     browser: bool = True
     """Open the page of --live; --no-browser only prints its address."""
+    body: BodyName = None
     overwrite: bool = False
     """Replace an earlier demo in OUT."""
     threads: Threads = None
@@ -52,6 +54,8 @@ browser shows what `voxelpose live` finds.
 
         if not 1 <= self.frames <= 600:
             raise InputError(f"--frames {self.frames} is impossible: give 1 to 600")
+        if self.live and self.body is not None:
+            raise InputError("--body does not go with --live: leave one of them out")
         if self.live:
             return self._run_live()
         with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
@@ -60,15 +64,20 @@ browser shows what `voxelpose live` finds.
             from dataclasses import asdict
 
             from silhouette_core.estimator import Settings
+            from silhouette_core.motion.body_source import load_body, resolved_body
             from voxelpose.demo.filming import make_recording
+            from voxelpose.demo.measurements import person_of
             from voxelpose.evaluation import evaluate
             from voxelpose.fitting import Output, fit, track
             from voxelpose.recording.folder import Recording
             from voxelpose.recording.truth import TRUTH
             from voxelpose.version import __version__
 
-            settings = Settings(threads=self.threads)
-            recording = Recording.open(make_recording(folder / "recording", self.frames))
+            options = {} if self.body is None else {"body": resolved_body(self.body)}
+            settings = Settings(threads=self.threads, options=options)
+            person = None if self.body is None else person_of(load_body(self.body))
+            filmed = make_recording(folder / "recording", self.frames, person=person)
+            recording = Recording.open(filmed)
             result = fit(recording, Output(folder / "result"), settings, reporter=progress)
             truth = folder / "recording" / TRUTH
             score = evaluate(folder / "result", truth)

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from voxelpose.cli.arguments import (
+    BodyName,
     Fps,
     Frames,
     OptionalLength,
@@ -35,6 +36,7 @@ class EstimationArguments:
     """Height in metres. Default: from subject.toml, else estimated (fit) or 1.70 (track)."""
     chest: OptionalLength = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
+    body: BodyName = None
     sex: Sex = "unknown"
     frames: Frames = None
     unit: Unit = None
@@ -73,6 +75,7 @@ class EstimationArguments:
             progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.estimator import Settings
+            from silhouette_core.motion.body_source import resolved_body
             from voxelpose.fitting import Output, fit
             from voxelpose.recording.folder import Recording
 
@@ -85,7 +88,8 @@ class EstimationArguments:
                 up=up_direction(self.up),
                 threads=self.threads,
                 backend=self.backend,
-                options=options,
+                options=dict(options)
+                | ({} if self.body is None else {"body": resolved_body(self.body)}),
             )
             frames = frames_of(self.frames)
             recording = Recording.open(self.recording, frames, cameras, self.unit, self.fps)

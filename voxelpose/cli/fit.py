@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
@@ -25,6 +24,7 @@ overlay videos and contact_sheet.png.
   voxelpose fit walk --out walk_fit --stature 1.75
   voxelpose fit walk --out walk_fit --frames 0:100 --overwrite
   voxelpose fit run --out run_fit --body walk_fit
+  voxelpose fit run --out run_fit --body 92A5
 """
 
     cameras: Cameras = None
@@ -37,8 +37,6 @@ overlay videos and contact_sheet.png.
     repair: Literal["auto", "say", "off"] = "auto"
     """Cameras that were turned or come late, by the silhouettes: put right where that is sure, only
     say so, or do not look."""
-    body: Annotated[Path | None, arg(metavar="RESULT", help_behavior_hint="")] = None
-    """Earlier result of the same person, whose body is kept as it is."""
     estimator: Annotated[str, arg(metavar="NAME")] = "multiview"
     """Estimator to run; `voxelpose doctor` lists those that are installed."""
 
@@ -53,6 +51,4 @@ overlay videos and contact_sheet.png.
             options["tolerance"] = self.tolerance
         if self.repair != "auto":
             options["repair"] = self.repair
-        if self.body is not None:
-            options["body"] = str(self.body.resolve())
         return self.estimate(camera_names(self.cameras), options, self.estimator)

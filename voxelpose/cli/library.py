@@ -8,7 +8,14 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from voxelpose.cli.arguments import OptionalFile, OptionalLength, OptionalName, Sex, Threads
+from voxelpose.cli.arguments import (
+    BodyName,
+    OptionalFile,
+    OptionalLength,
+    OptionalName,
+    Sex,
+    Threads,
+)
 
 
 @dataclass(frozen=True)
@@ -23,6 +30,7 @@ number of processes and machines build together.
 
   voxelpose library build mocap --out me.vplib --stature 1.75
   voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
+  voxelpose library build mocap --out man.vplib --body 92A5
   voxelpose library build mocap --out large.vplib --poses 1100000 --yaw-step 10 --workers 8
 """
 
@@ -33,10 +41,11 @@ number of processes and machines build together.
     out: Annotated[Path, arg(metavar="LIB")]
     """File to be made. An earlier library of this name is replaced once the new one is complete."""
     stature: Annotated[float, arg(metavar="M")] = 1.75
-    """Height of the person in metres."""
+    """Height of the person in metres, unless --body states it."""
     chest: OptionalLength = None
     """Chest girth in metres. Default: average for the stature."""
     sex: Sex = "unknown"
+    body: BodyName = None
     poses: Annotated[int, arg(metavar="N")] = 60000
     """Maximum number of samples: poses times views. Similar poses are left out until it is met."""
     yaw_step: Annotated[float, arg(metavar="DEG")] = 15.0
@@ -73,6 +82,7 @@ number of processes and machines build together.
             from silhouette_core.jit import set_threads
             from silhouette_core.library.from_motion import make_library, read_clips
             from silhouette_core.library.pose_library import LARGEST_WHOLE, LibrarySettings
+            from silhouette_core.motion.body_source import load_body
             from silhouette_core.workers import open_workers
 
             set_threads(self.threads)
@@ -85,7 +95,11 @@ number of processes and machines build together.
                 proposal=self.proposal,
                 tree=self.tree or ("whole" if self.poses <= LARGEST_WHOLE else "views"),
             )
-            model = BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
+            model = (
+                BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
+                if self.body is None
+                else load_body(self.body)
+            )
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
             with open_workers(self.workers, self.cluster) as workers:
                 library = make_library(clips, model, self.out, settings, progress, workers)

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.body.mesh_measurements import measure_body
+from silhouette_core.body.model import BodyModel
 from voxelpose.demo.mannequin import BONE_NAMES, RING, SHIRT, STATURE_M, TROUSERS, Mannequin
 
 # The standard actor: heights of sole, hip joint, base of the neck, vertex of the head and hair, m.
@@ -72,6 +74,13 @@ class Measurements:
             cloth_m=float(rng.uniform(0.004, 0.018)),
             sole_m=float(rng.uniform(0.005, 0.010)),
         )
+
+
+def person_of(body: BodyModel) -> Measurements:
+    """Stature and girths of a body; the proportions are those of the standard actor."""
+    taken = measure_body(body).known()
+    names = "stature_m", "chest_girth_m", "waist_girth_m", "hip_girth_m"
+    return Measurements(**{name: taken[name] for name in names})
 
 
 def tailor(measurements: Measurements) -> Mannequin:

@@ -9,6 +9,7 @@ from benchmarks.silhouette_source import SilhouetteSource
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.upright import UprightFrame
+from silhouette_core.body.body_file import write_body
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.filter import trajectory
@@ -193,3 +194,12 @@ def test_the_calibrations_axes_change_nothing(track, tracked, filmed):
     )
     for (_, _, there), (_, _, here) in zip(other.hypotheses, tracked.hypotheses, strict=True):
         np.testing.assert_allclose(turned.points(there), here, atol=1e-4)
+
+
+def test_a_given_body_is_kept(track, filmed, tmp_path):
+    person = body(0.5 * SHAPE_SIGMA)
+    write_body(person, tmp_path / "body.toml")
+    motion = track(filmed[1], body=str(tmp_path / "body.toml")).motion
+    np.testing.assert_allclose(motion.model.vertices_m, person.vertices_m, atol=1e-9)
+    with pytest.raises(InputError, match="there is no body nobody"):
+        track(filmed[1], body="nobody")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from silhouette_core.body.presets import body_preset
 from silhouette_core.library.store import read_library
 from tests.clips import waving
 from voxelpose.cli import run
@@ -51,6 +52,18 @@ def test_build_and_info(clips, desk, capsys):
     assert run(["library", "info", str(desk / "me.vplib"), "--png", str(desk / "sheet.png")]) == 0
     assert "stature 1.7 m" in capsys.readouterr().out
     assert (desk / "sheet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_build_for_a_named_body(clips, desk, capsys):
+    out = desk / "man.vplib"
+    words = [str(clips), "--out", str(out), *SMALL[:-2], "--body", "104E6"]
+    assert run(["library", "build", *words]) == 0
+    body = body_preset("104E6").body()
+    made = read_library(out).model
+    np.testing.assert_allclose(made.vertices_m, body.vertices_m, atol=1e-6)
+    assert "stature 1.75 m, chest 1.04 m, sex male" in capsys.readouterr().out
+    assert run(["library", "build", *words[:-1], "nobody"]) == 2
+    assert "there is no body nobody" in capsys.readouterr().err
 
 
 def test_build_with_a_tree_for_every_view(clips, desk, capsys):
