@@ -74,6 +74,9 @@ def read_makehuman_table(path: Path) -> BodyModel:
     folder, rig = table.get("folder"), table.get("rig", CMU)
     if not isinstance(folder, str) or not isinstance(rig, str) or not folder.isprintable():
         raise InputError(f'{path}: [makehuman] needs folder = "…", and a rig\'s name if any')
-    person = MakeHumanPerson(**{name: table[name] for name in measures if name in table})
+    try:
+        person = MakeHumanPerson(**{name: table[name] for name in measures if name in table})
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     human = rig == _HUMAN_TREE
     return read_makehuman(path.parent / folder, person, CMU if human else rig, human)
