@@ -128,3 +128,33 @@ def _body(
     joints = np.array([joint for _, _, joint, _, _ in parts], float)
     landmarks = np.concatenate([joints, [point for _, point in ends.values()]])
     return body_of_parts(tree, joints, [shapes for *_, shapes in parts], landmarks)
+
+
+def spider() -> BodyModel:
+    """Body of 0.3 m with four long legs around it, all of which can reach where others are."""
+    parts: list[_Part] = [
+        ("trunk", "", (0, 0, 0.45), (), [
+            Capsule((0, 0.06, 0.45), (0, -0.10, 0.45), 0.11),
+            Capsule((0, -0.20, 0.47), (0, -0.22, 0.47), 0.06),
+        ]),
+    ]  # fmt: skip
+    ends = {}
+    for name, azimuth_deg in (
+        ("left_fore", -40.0), ("left_hind", 40.0), ("right_fore", -140.0), ("right_hind", 140.0)
+    ):  # fmt: skip
+        x, y = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
+
+        def at(reach_m: float, height_m: float, x=x, y=y) -> tuple[float, float, float]:
+            return float(reach_m * x), float(reach_m * y), height_m
+
+        down = (float(-y), float(x), 0.0)  # a positive turn lowers the leg
+        parts += [
+            (f"{name}_upper", "trunk", at(0.09, 0.45), (
+                Dof("swing", _Z, (-80.0, 80.0)), Dof("lift", down, (-60.0, 60.0))
+            ), [Capsule(at(0.12, 0.45), at(0.42, 0.50), 0.035, 0.03)]),
+            (f"{name}_lower", f"{name}_upper", at(0.44, 0.50), (
+                Dof("bend", down, (-50.0, 60.0)),
+            ), [Capsule(at(0.45, 0.48), at(0.56, 0.08), 0.03, 0.022)]),
+        ]  # fmt: skip
+        ends[f"{name}_tip"] = (f"{name}_lower", at(0.565, 0.06))
+    return _body(parts, ends)

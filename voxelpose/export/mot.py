@@ -69,12 +69,13 @@ def write_mot(motion: Motion, path: Path) -> None:
 
 def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
     """Returns the coordinates of a MOT file by name, (T,) float64 each, degrees and metres."""
+    stature_m = motion.model.sizes.stature_m  # refuses a body that is no person's
     motion = motion.upright()
     rotations = joint_rotations(motion)
     names = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
     columns = dict(zip(names, _rotation_angles(rotations["pelvis"]), strict=True))
     hips = motion.landmarks()[:, _HIPS].mean(axis=1) @ LAB_FROM_WORLD.T
-    offset = _HIPS_IN_PELVIS_M * motion.model.sizes.stature_m / _MODEL_STATURE_M
+    offset = _HIPS_IN_PELVIS_M * stature_m / _MODEL_STATURE_M
     pelvis = hips - rotations["pelvis"] @ offset
     columns |= {f"pelvis_t{axis}": values for axis, values in zip("xyz", pelvis.T, strict=True)}
     for side in ("right", "left"):

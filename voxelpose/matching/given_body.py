@@ -74,6 +74,11 @@ def start_given(
             " carve RECORDING --frame 0 --out hull.ply`, and check the background pictures, the"
             " calibration and the body's size"
         )
+    for group in sorted({group for fit in fits.values() for group in fit.stopped}):
+        reporter.note(
+            f"the joint search of {', '.join(group)} stopped at its bound of memory or work: the"
+            " best of what it had tried stands (larger voxels make it shorter)"
+        )
     smallest = min(fit.error for fit in fits.values())
     return body, {t: fit for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
 

@@ -8,7 +8,8 @@ first complete choice that leaves the queue.
 Before the search, placements are discarded that cannot belong to a better choice than a good one
 already known; parts that then no longer overlap are decided separately. Only voxels that several
 parts still compete for are kept as sets; of two placements, one that is better whatever the other
-parts take dominates the other. All of it is exact.
+parts take dominates the other. All of it is exact, unless the search of a large group comes to the
+bound of its memory: then the best choice found so far stands, and the result says so.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import heapq
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +26,46 @@ from voxelpose.matching.kernels.bits import count_common, count_new, find_domina
 
 # Where less than this fraction of the placements remains, they are reduced again before the search.
 _REDUCE_AGAIN = 0.9
+MOST_BYTES = 200_000_000
+"""Memory that partial choices of one search may take."""
+_MOST_EXTENDED = 100_000  # partial choices: minutes
+_ENTRY_BYTES = 400  # of a partial choice, beside its voxels
+
+
+class JointChoice(NamedTuple):
+    """Result of a joint search.
+
+    Attributes:
+        choice: the chosen placement of each part.
+        score: of them together.
+        exact: whether no combination is better; False: the search stopped at a bound.
+    """
+
+    choice: tuple[int, ...]
+    score: float
+    exact: bool
+
+
+class _Memory:
+    """Memory of partial choices and work on them, and whether they did not suffice."""
+
+    def __init__(self, most_bytes: int):
+        self.most, self.left, self.extended, self.exceeded = most_bytes, most_bytes, 0, False
+
+    def begin(self) -> None:
+        """Starts a search, with nothing kept of an earlier one."""
+        self.left = self.most
+
+    def take(self, taken: np.ndarray) -> None:
+        """Counts one partial choice."""
+        self.left -= taken.nbytes + _ENTRY_BYTES
+        self.exceeded |= self.left < 0
+
+    def give(self, taken: np.ndarray) -> None:
+        """Counts one that is done."""
+        self.left += taken.nbytes + _ENTRY_BYTES
+        self.extended += 1
+        self.exceeded |= self.extended > _MOST_EXTENDED
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +95,9 @@ class _Part:
         return _Part(self.number, self.rows[kept], self.bits[kept], self.gain[kept])
 
 
-def best_together(bits: list[np.ndarray], costs: list[np.ndarray]) -> tuple[tuple[int, ...], float]:
+def best_together(
+    bits: list[np.ndarray], costs: list[np.ndarray], most_bytes: int = MOST_BYTES
+) -> JointChoice:
     r"""Best combination of placements of several parts, matched at once.
 
     .. math::
@@ -69,10 +113,11 @@ def best_together(bits: list[np.ndarray], costs: list[np.ndarray]) -> tuple[tupl
         bits: for each of n parts (K_i, W) uint64, the voxels that each of its K_i placements
             covers.
         costs: for each part (K_i,) float64, at least 0: what each placement costs by itself.
+        most_bytes: memory that partial choices may take; beyond it the search stops.
 
     Returns:
-        The chosen placement of each part, and the score. Of equally good choices always the same;
-        the result does not depend on threads.
+        The chosen placement of each part, the score, and whether that is exact. Of equally good
+        choices always the same; the result does not depend on threads.
 
     Raises:
         ValueError: no part, or a part without placements.
@@ -86,9 +131,10 @@ def best_together(bits: list[np.ndarray], costs: list[np.ndarray]) -> tuple[tupl
         _Part(i, np.arange(len(rows)), np.ascontiguousarray(rows), -np.asarray(cost, float))
         for i, (rows, cost) in enumerate(zip(bits, costs, strict=True))
     ]
-    chosen = _solve(parts)  # step (4)
+    memory = _Memory(most_bytes)
+    chosen = _solve(parts, memory)  # step (4)
     choice = tuple(chosen[i] for i in range(len(parts)))
-    return choice, group_score(bits, costs, choice)
+    return JointChoice(choice, group_score(bits, costs, choice), not memory.exceeded)
 
 
 def enumerate_together(
@@ -164,7 +210,7 @@ def interference_groups(areas: Sequence[np.ndarray]) -> list[list[int]]:
     return [[i for i, own in enumerate(label) if own == group] for group in sorted(set(label))]
 
 
-def _solve(parts: list[_Part]) -> dict[int, int]:
+def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
     """Best placement of every part, by the part's number."""
     nothing = np.zeros(parts[0].bits.shape[1], np.uint64)
     alone = [part.gains(nothing) for part in parts]
@@ -180,18 +226,18 @@ def _solve(parts: list[_Part]) -> dict[int, int]:
     fewer = [part.only(mask) for part, mask in zip(parts, kept, strict=True)]
     groups = interference_groups([np.bitwise_or.reduce(part.bits, axis=0) for part in fewer])
     if len(groups) > 1:
-        solved = [_solve([fewer[i] for i in group]) for group in groups]
+        solved = [_solve([fewer[i] for i in group], memory) for group in groups]
         return {number: row for group in solved for number, row in group.items()}
     reduced = [_undominated(part) for part in _contested(fewer)]
     if sum(len(part.rows) for part in reduced) < _REDUCE_AGAIN * sum(
         len(part.rows) for part in parts
     ):
-        return _solve(reduced)
+        return _solve(reduced, memory)
     # The part that can explain most is decided first: its choice restricts the others most.
     empty = np.zeros(reduced[0].bits.shape[1], np.uint64)
     order = sorted(range(len(reduced)), key=lambda i: (-reduced[i].gains(empty).max(), i))
     ordered = [reduced[i] for i in order]
-    better = _search(ordered, score)
+    better = _search(ordered, score, memory)
     if better is not None:
         parts, known = ordered, better
     return {part.number: int(part.rows[k]) for part, k in zip(parts, known, strict=True)}
@@ -244,14 +290,17 @@ def _undominated(part: _Part) -> _Part:
     return part.only(np.sort(order[~dominated]))
 
 
-def _search(parts: list[_Part], score: float) -> list[int] | None:
+def _search(parts: list[_Part], score: float, memory: _Memory) -> list[int] | None:
     """Best-first search: the placements with the best score above the given one, or None."""
     best = None
     ticket = itertools.count()
     start = np.zeros(parts[0].bits.shape[1], np.uint64)
     queue = [(-np.inf, next(ticket), 0.0, [], start)]
-    while queue:
+    memory.begin()
+    memory.take(start)
+    while queue and not memory.exceeded:
         negative, _, reached, chosen, taken = heapq.heappop(queue)
+        memory.give(taken)
         if -negative <= score:
             break
         depth = len(chosen)
@@ -263,6 +312,7 @@ def _search(parts: list[_Part], score: float) -> list[int] | None:
         if bound < -negative and queue and bound < -queue[0][0]:
             # The bound inherited from the parent was too high: back into the queue with its own.
             heapq.heappush(queue, (-bound, next(ticket), reached, chosen, taken))
+            memory.take(taken)
             continue
         for k in np.argsort(-gains[0], kind="stable"):
             total = reached + float(gains[0][k])
@@ -271,14 +321,9 @@ def _search(parts: list[_Part], score: float) -> list[int] | None:
             if depth + 1 == len(parts):
                 best, score = [*chosen, int(k)], total
                 break
-            heapq.heappush(
-                queue,
-                (
-                    -(total + later),
-                    next(ticket),
-                    total,
-                    [*chosen, int(k)],
-                    taken | parts[depth].bits[k],
-                ),
-            )
+            union = taken | parts[depth].bits[k]
+            heapq.heappush(queue, (-(total + later), next(ticket), total, [*chosen, int(k)], union))
+            memory.take(union)
+            if memory.exceeded:
+                break
     return best

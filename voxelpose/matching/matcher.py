@@ -45,12 +45,15 @@ class Match:
         score: explained voxels less the cost of parts in empty space.
         explained: fraction of the hull's voxels that some part covers.
         groups: the limbs matched jointly, in the order in which they were decided.
+        stopped: those of the groups whose joint search stopped at a bound, so that a better
+            combination may exist.
     """
 
     pose: Pose
     score: float
     explained: float
     groups: tuple[tuple[str, ...], ...]
+    stopped: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +150,16 @@ def match(
             groups = _interfering(candidates)
         # All groups of a level are matched on the voxels that the levels before left.
         choices = [  # step (1), (4)
-            best_together([c.bits for c in group], [c.cost for c in group])[0] for group in groups
+            best_together([c.bits for c in group], [c.cost for c in group]) for group in groups
         ]
         before = search.pose.angles_rad
-        for group, choice in zip(groups, choices, strict=True):
-            search.decide(group, choice, before)
+        for group, found in zip(groups, choices, strict=True):
+            search.decide(group, found.choice, before)
+            if not found.exact:
+                search.stopped.append(search.groups[-1])
     explained = int(np.bitwise_count(search.taken).sum()) / max(len(search.voxel_set), 1)
-    return Match(search.pose, search.score, explained, tuple(search.groups))
+    groups = tuple(search.groups), tuple(search.stopped)
+    return Match(search.pose, search.score, explained, *groups)
 
 
 def movable_areas(
@@ -212,6 +218,7 @@ class _Search:
         self.taken = np.zeros(self.voxel_set.words, np.uint64)
         self.score = 0.0
         self.groups: list[tuple[str, ...]] = []
+        self.stopped: list[tuple[str, ...]] = []
 
     def selectable(self) -> list[LimbPlacements]:
         """Placements of each limb that is not decided yet, but whose parent is."""

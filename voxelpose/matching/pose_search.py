@@ -101,10 +101,12 @@ class PoseFit:
     Attributes:
         pose: the pose.
         error: XOR over OR of silhouettes and pose, mean of the cameras.
+        stopped: groups of limbs whose joint search stopped at a bound on the way to the pose.
     """
 
     pose: Pose
     error: float
+    stopped: tuple[tuple[str, ...], ...] = ()
 
 
 def find_pose(
@@ -132,7 +134,9 @@ def find_pose(
     # first fit stands.
     again = _matches(body, frame, [fit.pose for fit in first[:3]], settings)
     ranked = sorted([*again, *first], key=_error)
-    moved = [move_limbs(body, frame.observation, fit) for fit in ranked[:2]]
+    moved = [
+        replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in ranked[:2]
+    ]
     return sorted([*moved, *ranked[2:]], key=_error)
 
 
@@ -208,7 +212,8 @@ def _matches(
     volume = body.body_volume
     matched = [match(volume, frame.grid, frame.occupancy, start, settings) for start in placements]
     starts = [RefineStart(found.pose, SEARCHED) for found in matched]
-    return refine_fits(body, frame.observation, starts)
+    fits = refine_fits(body, frame.observation, starts)
+    return [replace(fit, stopped=found.stopped) for fit, found in zip(fits, matched, strict=True)]
 
 
 def _error(fit: PoseFit) -> float:

@@ -42,7 +42,8 @@ def score_of(bits, costs, choice):
 @settings(max_examples=150, deadline=None)
 def test_search_is_as_good_as_trying_everything(group):
     bits, costs = group
-    choice, score = best_together(bits, costs)
+    choice, score, exact = best_together(bits, costs)
+    assert exact
     assert score == pytest.approx(enumerate_together(bits, costs)[1])
     assert score_of(bits, costs, choice) == pytest.approx(score)
 
@@ -56,7 +57,7 @@ def test_two_parts_that_both_like_the_same_voxels_share_them_out():
         int(np.argmax(np.bitwise_count(part)[:, 0] - cost))
         for part, cost in zip(bits, costs, strict=True)
     ] == [0, 0]
-    assert best_together(bits, costs) == ((1, 0), 6.0)
+    assert best_together(bits, costs) == ((1, 0), 6.0, True)
 
 
 def test_thousands_of_placements_of_three_parts():
@@ -66,8 +67,8 @@ def test_thousands_of_placements_of_three_parts():
         np.packbits(rng.random((2000, 512)) < 0.05, axis=1, bitorder="little").view(np.uint64)
         for _ in range(3)
     ]
-    choice, score = best_together(bits, [np.full(2000, 1.5)] * 3)
-    assert score_of(bits, [np.full(2000, 1.5)] * 3, choice) == score
+    choice, score, exact = best_together(bits, [np.full(2000, 1.5)] * 3)
+    assert exact and score_of(bits, [np.full(2000, 1.5)] * 3, choice) == score
     # No single exchange is better.
     for part in range(3):
         others = np.bitwise_or.reduce([bits[i][choice[i]] for i in range(3) if i != part])
@@ -132,3 +133,16 @@ def test_a_placement_falls_only_to_one_that_is_better_whatever_is_taken():
     for taken in rng.integers(0, 2**12, 200).astype(np.uint64):
         score = gain + np.bitwise_count(rows[:, 0] & ~taken)
         assert score[~dominated].max() == score.max()
+
+
+def test_a_search_that_stops_at_its_bound_says_so_and_keeps_a_good_choice():
+    """Four parts with overlapping sets, none of which can be discarded beforehand."""
+    rng = np.random.default_rng(5)
+    density = rng.uniform(0.2, 0.3, (4, 150, 1))
+    sets = rng.random((4, 150, 512)) < density
+    bits = [np.packbits(part, axis=1, bitorder="little").view(np.uint64) for part in sets]
+    costs = [np.zeros(150)] * 4
+    stopped, whole = best_together(bits, costs, most_bytes=20_000), best_together(bits, costs)
+    assert not stopped.exact and whole.exact
+    assert stopped.score == pytest.approx(score_of(bits, costs, stopped.choice))
+    assert 0.9 * whole.score < stopped.score <= whole.score

@@ -34,7 +34,8 @@ def matched(monkeypatch) -> list[Pose]:
 
     def match(volume, grid, occupancy, start, settings):
         starts.append(start)
-        return SimpleNamespace(pose=start.moved(np.eye(6 + MODEL.dof_count)[0] * 0.1))
+        moved = start.moved(np.eye(6 + MODEL.dof_count)[0] * 0.1)
+        return SimpleNamespace(pose=moved, stopped=())
 
     def refine_fits(body, observation, begun):
         x = [one.pose.root_m[0] for one in begun]

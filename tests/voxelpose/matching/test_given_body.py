@@ -1,0 +1,78 @@
+"""Search for bodies that are no person's, and a root that stands still."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
+from silhouette_core.scoring.cpu import CPU
+from tests.voxelpose.matching.matching_scenes import hull, joint_errors_m, photograph, views
+from voxelpose.demo.example_motions import example_motion
+from voxelpose.matching.given_body import still_root
+from voxelpose.matching.observe import FrameObservation
+from voxelpose.matching.pose_search import BodyGeometry, find_pose, refine_fits
+
+VOXEL_M = 0.03
+
+
+def frame_of(model: BodyModel, truth: Pose) -> FrameObservation:
+    seen_by = views()
+    return FrameObservation(
+        seen_by, photograph(seen_by, model, truth), *hull(seen_by, model, truth, VOXEL_M)
+    )
+
+
+def pose_of(motion, t: int) -> Pose:
+    rotation = motion.parts()[0][t, 0]
+    return Pose(motion.root_m[t], rotation, motion.angles_rad[t])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["robot_arm", "quadruped", "desk_lamp"])
+def test_a_body_is_found_anywhere_without_a_prior(name):
+    motion = example_motion(name, 20)
+    truth = pose_of(motion, 13)
+    body = BodyGeometry.from_model(motion.model, VOXEL_M, CPU)
+    found = find_pose(body, frame_of(motion.model, truth), count=6)
+    assert joint_errors_m(motion.model, found[0].pose, motion.model, truth).mean() < 0.02
+    assert found[0].error < 0.06 and not found[0].stopped
+
+
+def moved_root(pose: Pose, shift_m, turn_deg: float) -> Pose:
+    turn = Rotation.from_euler("z", turn_deg, degrees=True).as_matrix()
+    return Pose(pose.root_m + shift_m, turn @ pose.root_rotation, pose.angles_rad)
+
+
+@pytest.mark.slow
+def test_a_still_root_is_placed_by_all_frames_together():
+    motion = example_motion("robot_arm", 31)
+    poses = [pose_of(motion, t) for t in (0, 15, 30)]
+    frames = [frame_of(motion.model, pose) for pose in poses]
+    body = BodyGeometry.from_model(motion.model, VOXEL_M, CPU)
+    starts = [
+        moved_root(pose, np.array([0.03, -0.02, 0.01]) * k, 3.0 * k)
+        for k, pose in enumerate(poses, -1)
+    ]
+    root = still_root(body, frames, starts)
+    assert np.linalg.norm(root.root_m - poses[0].root_m) < 0.004
+    turn = Rotation.from_matrix(root.root_rotation.T @ poses[0].root_rotation).magnitude()
+    assert np.degrees(turn) < 0.5
+
+
+def test_a_held_root_stays_where_it_is_whatever_a_start_says():
+    motion = example_motion("robot_arm", 2)
+    truth = pose_of(motion, 1)
+    frame = frame_of(motion.model, truth)
+    body = replace(BodyGeometry.from_model(motion.model, VOXEL_M, CPU), root=truth)
+    start = moved_root(truth, np.array([0.2, 0.1, 0.0]), 20.0)
+    prior = PosePrior(start, np.full(6 + motion.model.dof_count, 0.1))
+    settings = RefineSettings(reaches_m=(0.1, 0.08))
+    for begun in (RefineStart(start, settings), RefineStart(start, settings, prior)):
+        (fit,) = refine_fits(body, frame.observation, [begun])
+        np.testing.assert_allclose(fit.pose.root_m, truth.root_m, atol=1e-4)
+        np.testing.assert_allclose(fit.pose.root_rotation, truth.root_rotation, atol=1e-4)
+    assert prior.pose is start and prior.sigma.min() == 0.1

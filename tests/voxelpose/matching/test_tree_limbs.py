@@ -1,0 +1,134 @@
+"""Limbs of bodies that are no person's, and the matching of their parts."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import relaxed_rad
+from silhouette_core.motion.pose import Pose
+from tests.voxelpose.matching.matching_scenes import fitting_model, hull, joint_errors_m, views
+from voxelpose.demo.example_bodies import person_with_stick, quadruped, robot_arm, spider
+from voxelpose.matching import joint_search, matcher
+from voxelpose.matching.body_volume import BodyVolume
+from voxelpose.matching.limbs import CHAINS, LIMBS, sample_angles, within_limits
+from voxelpose.matching.matcher import MatchSettings, match, movable_areas
+
+ROBOT, DOG, SPIDER = robot_arm(), quadruped(), spider()
+VOXEL_M = 0.03
+LEGS = tuple(f"{side}_{end}_upper" for end in ("fore", "hind") for side in ("left", "right"))
+
+
+def posed(model: BodyModel, turns_deg: dict[str, float]) -> Pose:
+    angles = relaxed_rad(model.tree).copy()
+    for name, degrees in turns_deg.items():
+        angles[model.dof_names.index(name)] = np.radians(degrees)
+    return Pose(model.joints_m[0], np.eye(3), angles)
+
+
+def test_a_turn_that_does_not_show_is_sampled_with_the_next_part():
+    limbs = BodyVolume.from_model(ROBOT, VOXEL_M).limbs
+    assert [(limb.name, limb.parts, limb.angles) for limb in limbs] == [
+        ("base", ("base", "turret"), ()),
+        ("upper_link", ("upper_link",), ("turret.yaw", "upper_link.pitch")),
+        ("forearm_link", ("forearm_link", "wrist_1"), ("forearm_link.pitch",)),
+        ("wrist_2", ("wrist_2",), ("wrist_1.roll", "wrist_2.pitch")),
+        ("gripper", ("gripper",), ("gripper.roll",)),
+    ]
+    assert [limb.parent for limb in limbs] == [
+        None,
+        "base",
+        "upper_link",
+        "forearm_link",
+        "wrist_2",
+    ]
+
+
+def test_all_limbs_of_an_animal_begin_at_its_trunk():
+    volume = BodyVolume.from_model(DOG, VOXEL_M)
+    first = [limb.name for limb in volume.limbs if limb.parent == "trunk"]
+    assert sorted(first) == sorted(("neck", "tail", *LEGS))
+    assert sum(len(limb.parts) for limb in volume.limbs) == len(DOG.names)
+    chains = [tuple(limb.name for limb in chain) for chain in volume.chains]
+    assert ("tail",) in chains and ("left_hind_upper", "left_hind_lower") in chains
+    assert len(chains) == 10
+
+
+def test_a_person_keeps_its_limbs_and_carries_what_is_added():
+    volume = BodyVolume.from_model(fitting_model(), 0.05)
+    assert volume.limbs == LIMBS and volume.chains == CHAINS and volume.is_person
+    armed = BodyVolume.from_model(person_with_stick(), 0.05)
+    forearm = next(limb for limb in armed.limbs if limb.name == "right_forearm")
+    assert forearm.parts[-1] == "stick" and armed.is_person
+    assert len(armed.points["right_forearm"]) > len(volume.points["right_forearm"])
+
+
+@pytest.mark.parametrize("model", [ROBOT, DOG], ids=["robot", "dog"])
+@pytest.mark.parametrize("step_deg", [15.0, 0.5])
+def test_samples_stay_within_limits_and_are_bounded(model, step_deg):
+    middle = relaxed_rad(model.tree)
+    for limb in BodyVolume.from_model(model, 0.05).limbs[1:]:
+        found = sample_angles(limb, middle, np.radians(step_deg), None, model.tree)
+        np.testing.assert_array_equal(found[0], middle)
+        assert within_limits(found, model.tree).all() and 5 < len(found) <= 2501
+        own = [model.dof_names.index(name) for name in limb.angles]
+        assert (np.delete(found, own, 1) == np.delete(middle, own)).all()
+        for k in own:
+            np.testing.assert_allclose(
+                [found[1:, k].min(), found[1:, k].max()], model.dof_limits_rad[k]
+            )
+
+
+def test_a_robot_is_matched_part_by_part():
+    truth = posed(ROBOT, {
+        "turret.yaw": 40.0, "upper_link.pitch": -30.0, "forearm_link.pitch": 40.0,
+        "wrist_2.pitch": 50.0,
+    })  # fmt: skip
+    volume = BodyVolume.from_model(ROBOT, VOXEL_M)
+    start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(ROBOT.tree))
+    found = match(volume, *hull(views(), ROBOT, truth, VOXEL_M), start)
+    assert joint_errors_m(ROBOT, start, ROBOT, truth).max() > 0.5
+    assert joint_errors_m(ROBOT, found.pose, ROBOT, truth).max() < 0.12
+    assert found.groups[0] == ("base",) and not found.stopped
+
+
+def sprawled(seed: int) -> Pose:
+    """The spider with its legs anywhere."""
+    low, high = 0.9 * SPIDER.dof_limits_rad.T
+    angles = np.random.default_rng(seed).uniform(low, high)
+    return Pose(SPIDER.joints_m[0], np.eye(3), angles)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_four_legs_interfere_at_once_and_are_matched_together(seed):
+    volume, truth = BodyVolume.from_model(SPIDER, VOXEL_M), sprawled(seed)
+    start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(SPIDER.tree))
+    seen = hull(views(), SPIDER, truth, VOXEL_M)
+    found = match(volume, *seen, start)
+    assert set(LEGS) in [set(group) for group in found.groups] and not found.stopped
+    alone = match(volume, *seen, start, MatchSettings(interference=False))
+    assert all(len(group) == 1 for group in alone.groups)
+    for result in (found, alone):
+        assert within_limits(result.pose.angles_rad, SPIDER.tree)
+    assert joint_errors_m(SPIDER, found.pose, SPIDER, truth).mean() < 0.09
+
+
+def test_a_stopped_search_is_told_with_its_group(monkeypatch):
+    volume, truth = BodyVolume.from_model(SPIDER, VOXEL_M), sprawled(0)
+    start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(SPIDER.tree))
+    small = partial(joint_search.best_together, most_bytes=0)
+    monkeypatch.setattr(matcher, "best_together", small)
+    found = match(volume, *hull(views(2), SPIDER, truth, VOXEL_M), start)
+    assert found.stopped and set(found.stopped) <= set(found.groups)
+    assert all(len(group) > 1 for group in found.stopped)
+
+
+def test_movable_areas_of_an_animal_have_its_own_names():
+    truth = posed(DOG, {})
+    areas = movable_areas(
+        BodyVolume.from_model(DOG, VOXEL_M), *hull(views(), DOG, truth, VOXEL_M), truth
+    )
+    names = {area.limb.name for area in areas}
+    assert set(LEGS) < names and "trunk" not in names
+    assert all(len(area.disputed) <= len(area.voxels) for area in areas)
