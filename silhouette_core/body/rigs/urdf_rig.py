@@ -147,12 +147,13 @@ def _parsed(path: Path) -> Any:
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
     declared = text.partition("?>")[2] if text.lstrip().startswith("<?xml") else text
     try:
-        return yourdfpy.URDF.load(
-            io.BytesIO(declared.strip().encode()),
-            load_meshes=False,
-            build_scene_graph=False,
-            build_collision_scene_graph=False,
-        ).robot
+        with np.errstate(all="ignore"):
+            return yourdfpy.URDF.load(
+                io.BytesIO(declared.strip().encode()),
+                load_meshes=False,
+                build_scene_graph=False,
+                build_collision_scene_graph=False,
+            ).robot
     # It raises whatever a missing element or a word in the place of a number leads to.
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:150]

@@ -95,6 +95,10 @@ def _twice(content):
     content["nodes"][2]["name"] = "low"
 
 
+def _empty(content):
+    content["meshes"][0]["primitives"] = []
+
+
 def _compressed(content):
     content["extensionsRequired"] = ["KHR_draco_mesh_compression"]
 
@@ -114,6 +118,7 @@ def _elsewhere(content):
         (_far_too_large, "unit"),
         (_beyond, "beyond its buffer"),
         (_twice, "rename"),
+        (_empty, "without triangles"),
         (_compressed, "without compression"),
         (_elsewhere, "beside it"),
     ],
