@@ -127,6 +127,10 @@ def _read_robot(path: Path, say: Callable[[str], None]) -> tuple[_Robot, dict[st
             world[link][:3, :3] = _FACING
             continue
         origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, float)
+        if not np.abs(origin).max() < 1e6 or not np.abs(joint.axis).max() < 1e6:
+            raise InputError(
+                f"{path}: joint {short(joint.name)} has an origin or axis far too large"
+            )
         world[link] = world[joint.parent] @ origin
         part[link] = link if joint.type in _TURNS else part[joint.parent]
         if joint.type in _STILL[1:]:
