@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks import rig_fuzz_targets as rigs
 from benchmarks.mutations import (
     Mutation,
     any_arrays,
@@ -494,6 +495,12 @@ def _result(mutations: dict[str, Mutation], use: Callable[[Path, bool], None]) -
     return FuzzTarget(_make_result, {f"out/{name}": one for name, one in mutations.items()}, use)
 
 
+def _urdf(mesh: str) -> FuzzTarget:
+    mutations = {"arm.urdf": any_text, f"part.{mesh}": any_bytes if mesh == "stl" else any_text}
+    make = partial(rigs.write_urdf, mesh=mesh)
+    return FuzzTarget(make, mutations, partial(rigs.use_rig, name="arm.urdf"))
+
+
 TARGETS: dict[str, FuzzTarget] = {
     "calibration-toml": _rig_target("rig.toml", any_text),
     "calibration-json": _rig_target("rig.json", any_json),
@@ -539,6 +546,32 @@ TARGETS: dict[str, FuzzTarget] = {
         )
         for name in ("png", "jpg", "bmp", "tiff", "webp")
     },
+    "rig-bvh": FuzzTarget(
+        rigs.write_bvh_rig,
+        {"leg.bvh": any_text, "leg.rig.toml": any_text},
+        partial(rigs.use_rig, name="leg.bvh"),
+    ),
+    "rig-gltf": FuzzTarget(
+        rigs.write_gltf, {"box.gltf": any_json}, partial(rigs.use_rig, name="box.gltf")
+    ),
+    "rig-glb": FuzzTarget(
+        rigs.write_box_glb, {"box.glb": any_bytes}, partial(rigs.use_rig, name="box.glb")
+    ),
+    "rig-urdf-stl": _urdf("stl"),
+    "rig-urdf-obj": _urdf("obj"),
+    "rig-urdf-dae": _urdf("dae"),
+    "rig-urdf-ply": _urdf("ply"),
+    "rig-makehuman": FuzzTarget(
+        rigs.write_makehuman,
+        {
+            "body.toml": any_text,
+            "data/3dobjs/base.obj": any_text,
+            "data/rigs/standard/rig.two.json": any_json,
+            "data/rigs/standard/weights.two.json": any_json,
+            "data/targets/macrodetails/caucasian-male-young.target": any_text,
+        },
+        partial(rigs.use_rig, name="body.toml"),
+    ),
     "motion": _result({"motion.safetensors": any_arrays}, _use_motion),
     "given-body": FuzzTarget(_make_given, {"given.safetensors": any_arrays}, _use_given),
     "summary": _result({"summary.json": any_json}, _use_result),

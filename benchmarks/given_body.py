@@ -1,11 +1,11 @@
 """Fits shared recordings with the body that they show: python -m benchmarks.given_body [NAME ...]
 
 The bodies are MakeHuman's, by the parameters with which ../shared/data was rendered as far as the
-truth tells them (stature and lengths of the limbs agree to 0.02 mm; weight and muscle, which do not
-change them, are those of the smallest silhouette error). Every recording is fitted without a body
-(row NAME:estimated), with the given one on the human tree (NAME:human) and with the given one on
-MakeHuman's own rig (NAME:cmu_mb). body_mm is the mean error of the lengths of the ten limb bones of
-the body that was fitted, and so no error of the pose. Results in out/given_body/ROW.
+truth tells them: stature and lengths of the limbs agree to 0.02 mm. They do not tell weight and
+muscle, which are taken as average. Every recording is fitted without a body (row NAME:estimated),
+with the given one on the human tree (NAME:human) and with the given one on MakeHuman's own rig
+(NAME:cmu_mb). body_mm is the mean error of the lengths of ten bones of the limbs and hips of the
+body that was fitted, and so no error of the pose. Results in out/given_body/ROW.
 """
 
 import json
@@ -33,7 +33,7 @@ OUT = ROOT / "out" / "given_body"
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))
 PEOPLE = {
     "walk4": MakeHumanPerson("male"),
-    "dance8": MakeHumanPerson("female", height=-0.2, weight=0.2),
+    "dance8": MakeHumanPerson("female", height=-0.2),
     "traffic4": MakeHumanPerson("male", height=0.15),
 }
 BODIES = "estimated", "human", "cmu_mb"

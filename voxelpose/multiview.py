@@ -88,7 +88,7 @@ class MultiViewEstimator:
         if settings.stature_m is not None:
             # Refuses what is no person's, before any work is done.
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)
-        known = load_body(options.body) if options.body else None
+        known = load_body(options.body, reporter.note) if options.body else None
         given = None if known is None or known.person is not None else known
         set_threads(settings.threads)
         clock = StageClock()

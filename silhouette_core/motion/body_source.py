@@ -1,22 +1,29 @@
-"""A person's body by what a user calls it: a preset's name, a body file, or an earlier result."""
+"""A body by what a user calls it: a preset's name, a body file, a rig, or an earlier result."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from silhouette_core.body.body_file import read_body
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.presets import body_preset, body_presets
+from silhouette_core.body.rigs.rig_formats import RIG_SUFFIXES, is_makehuman, read_rig_body
 from silhouette_core.motion.motion_file import body_of_motion
 
+_TOML = ".toml"
+_LARGEST_BYTES = 1_000_000
 
-def load_body(spec: str) -> BodyModel:
+
+def load_body(spec: str, say: Callable[[str], None] = lambda line: None) -> BodyModel:
     """The body that a text names.
 
     Args:
-        spec: name of a preset; else the path of a body.toml, of a result folder, or of its
-            motion.safetensors.
+        spec: name of a preset; else the path of a body.toml, of a rig as `read_rig_body` takes it,
+            of a result folder, or of its motion.safetensors.
+        say: receives a line about everything that is left out of a rig.
 
     Raises:
         InputError: there is no such body, or its file cannot be read.
@@ -28,9 +35,20 @@ def load_body(spec: str) -> BodyModel:
     if not path.exists():
         names = ", ".join(preset.name for preset in body_presets())
         raise InputError(
-            f"there is no body {spec}: give one of {names}; or a body.toml, or an earlier result"
+            f"there is no body {spec}: give one of {names}; or a body.toml, a rig, or an earlier"
+            " result"
         )
-    return read_body(path) if path.suffix.lower() == ".toml" else body_of_motion(path)
+    if _is_rig(path):
+        return read_rig_body(path, say)
+    return read_body(path) if path.suffix.lower() == _TOML else body_of_motion(path)
+
+
+def _is_rig(path: Path) -> bool:
+    if path.is_dir():
+        return is_makehuman(path)
+    if path.suffix.lower() == _TOML:
+        return "makehuman" in parse_toml(load_text(path, _LARGEST_BYTES), path)
+    return path.suffix.lower() in RIG_SUFFIXES
 
 
 def resolved_body(spec: str) -> str:

@@ -100,7 +100,7 @@ class GltfDocument:
         """
         accessor = self.item("accessors", number)
         code, kind = accessor.get("componentType"), accessor.get("type")
-        if kind not in types or code not in _COMPONENTS:
+        if kind not in types or type(code) is not int or code not in _COMPONENTS:
             raise self.damaged(f"accessor {number} has type {short(kind)}, not {'/'.join(types)}")
         if "sparse" in accessor or "bufferView" not in accessor:
             raise InputError(f"{self.path} has sparse accessors: export it without them")

@@ -86,6 +86,8 @@ def read_gltf(path: Path) -> BodyModel:
             surfaces.append(_surface_of(document, primitive, parts, moves))
             if sum(len(s.vertices) + len(s.faces) for s in surfaces) > 2 * MOST_VERTICES:
                 raise InputError(f"{path} has more than {MOST_VERTICES} vertices: simplify it")
+    if not surfaces:
+        raise InputError(f"{path} has a skinned mesh without triangles: export it again")
     table = read_rig_table(path)
     table.check_joints(path, order)
     tree = KinematicTree.from_parts(

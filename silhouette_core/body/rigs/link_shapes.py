@@ -95,7 +95,7 @@ def _mesh(path: Path, mesh: Any) -> Any:
     if file.stat().st_size > _LARGEST_MESH:
         raise InputError(f"{file} is larger than {_LARGEST_MESH / 1e6:.0f} MB: simplify it")
     try:
-        with file.open("rb") as stream:
+        with file.open("rb") as stream, np.errstate(all="ignore"):
             loaded = trimesh.load_mesh(stream, file_type=file.suffix[1:].lower(), process=False)
         count = len(loaded.faces) if len(loaded.vertices) else 0
         usable = count and np.isfinite(loaded.vertices).all()

@@ -31,6 +31,7 @@ from silhouette_core.body.rigs.rig_checks import (
     normalised_weights,
     parents_first,
     part_of_faces,
+    short,
     strongest_four,
 )
 from silhouette_core.body.rigs.rig_dofs import ball_joint
@@ -64,13 +65,17 @@ class MakeHumanPerson:
 
     def __post_init__(self) -> None:
         if self.sex not in ("male", "female"):
-            raise InputError(f"MakeHuman has no sex {self.sex!r}: give male or female")
+            raise InputError(f"MakeHuman has no sex {short(self.sex)}: give male or female")
         if self.origin not in ORIGINS:
-            raise InputError(f"MakeHuman has no origin {self.origin!r}: give {', '.join(ORIGINS)}")
+            raise InputError(
+                f"MakeHuman has no origin {short(self.origin)}: give {', '.join(ORIGINS)}"
+            )
         for name in ("height", "weight", "muscle"):
             value = getattr(self, name)
             if not isinstance(value, int | float) or not -1 <= value <= 1:
-                raise InputError(f"MakeHuman's {name} {value!r} is not from -1 to 1: 0 is average")
+                raise InputError(
+                    f"MakeHuman's {name} {short(value)} is not from -1 to 1: 0 is average"
+                )
 
 
 def read_makehuman(

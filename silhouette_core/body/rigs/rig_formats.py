@@ -33,7 +33,7 @@ def read_rig_body(path: Path, say: Callable[[str], None] = lambda line: None) ->
         InputError: there is no such file, it is damaged, or no body can be made of it.
     """
     if path.is_dir():
-        if not (path / "3dobjs" / "base.obj").is_file():
+        if not is_makehuman(path):
             raise InputError(f"{path} is no MakeHuman data folder: it lacks 3dobjs/base.obj")
         return read_makehuman(path)
     match path.suffix.lower():
@@ -49,6 +49,11 @@ def read_rig_body(path: Path, say: Callable[[str], None] = lambda line: None) ->
         f"{path} is no rig that is read here: give {', '.join(RIG_SUFFIXES[:-1])}, or MakeHuman's"
         " data folder"
     )
+
+
+def is_makehuman(folder: Path) -> bool:
+    """Whether a folder is one of MakeHuman's data."""
+    return (folder / "3dobjs" / "base.obj").is_file()
 
 
 def read_makehuman_table(path: Path) -> BodyModel:
@@ -74,6 +79,9 @@ def read_makehuman_table(path: Path) -> BodyModel:
     folder, rig = table.get("folder"), table.get("rig", CMU)
     if not isinstance(folder, str) or not isinstance(rig, str) or not folder.isprintable():
         raise InputError(f'{path}: [makehuman] needs folder = "…", and a rig\'s name if any')
-    person = MakeHumanPerson(**{name: table[name] for name in measures if name in table})
+    try:
+        person = MakeHumanPerson(**{name: table[name] for name in measures if name in table})
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     human = rig == _HUMAN_TREE
     return read_makehuman(path.parent / folder, person, CMU if human else rig, human)

@@ -127,6 +127,10 @@ def _read_robot(path: Path, say: Callable[[str], None]) -> tuple[_Robot, dict[st
             world[link][:3, :3] = _FACING
             continue
         origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, float)
+        if not np.abs(origin).max() < 1e6 or not np.abs(joint.axis).max() < 1e6:
+            raise InputError(
+                f"{path}: joint {short(joint.name)} has an origin or axis far too large"
+            )
         world[link] = world[joint.parent] @ origin
         part[link] = link if joint.type in _TURNS else part[joint.parent]
         if joint.type in _STILL[1:]:
@@ -147,12 +151,13 @@ def _parsed(path: Path) -> Any:
     logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
     declared = text.partition("?>")[2] if text.lstrip().startswith("<?xml") else text
     try:
-        return yourdfpy.URDF.load(
-            io.BytesIO(declared.strip().encode()),
-            load_meshes=False,
-            build_scene_graph=False,
-            build_collision_scene_graph=False,
-        ).robot
+        with np.errstate(all="ignore"):
+            return yourdfpy.URDF.load(
+                io.BytesIO(declared.strip().encode()),
+                load_meshes=False,
+                build_scene_graph=False,
+                build_collision_scene_graph=False,
+            ).robot
     # It raises whatever a missing element or a word in the place of a number leads to.
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:150]

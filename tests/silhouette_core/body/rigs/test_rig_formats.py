@@ -1,0 +1,22 @@
+"""The reader is chosen by what is given."""
+
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.body.rigs.rig_formats import read_rig_body
+
+
+def test_every_format_has_its_reader(rig_files, tmp_path):
+    for write in (rig_files.write_bvh_rig, rig_files.write_gltf, rig_files.write_box_glb):
+        write(tmp_path)
+    rig_files.write_urdf(tmp_path, "stl")
+    rig_files.write_makehuman(tmp_path)
+    names = ["leg.bvh", "box.gltf", "box.glb", "arm.urdf", "body.toml"]
+    roots = [read_rig_body(tmp_path / name).names[0] for name in names]
+    assert roots == ["hip", "low", "low", "base", "low"]
+
+
+@pytest.mark.parametrize("name", ["a.fbx", "nothing.glb", "."])
+def test_anything_else_is_refused_by_name(tmp_path, name):
+    with pytest.raises(InputError, match=str(tmp_path)):
+        read_rig_body(tmp_path / name)
