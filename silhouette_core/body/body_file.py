@@ -7,6 +7,9 @@
     stature_m = 1.78
     waist_girth_m = 0.82
 
+    [standard_errors]   # optional: of the measurements, told and not read
+    waist_girth_m = 0.02
+
     [template]          # optional: changes of the template, see `template_warp`
     waist_change = 0.06
 
@@ -19,6 +22,7 @@ that has the measurements.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -33,7 +37,7 @@ from calib.errors import InputError
 from silhouette_core.body.measured_body import body_from_measurements
 from silhouette_core.body.mesh_measurements import BodyMeasurements, measure_body
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import SHAPE_AXES, TEMPLATE_CHANGES, BodySizes
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, TEMPLATE_CHANGES, BodySizes
 
 BODY_FORMAT = "voxelpose body 1"
 _LARGEST_BYTES = 100_000
@@ -46,6 +50,7 @@ class _BodyFile(msgspec.Struct, forbid_unknown_fields=True):
     format: str
     measurements: dict[str, float]
     sex: str = "unknown"
+    standard_errors: dict[str, float] = {}
     template: dict[str, float] = {}
     shape: dict[str, float] = {}
 
@@ -62,24 +67,38 @@ def read_body(path: Path) -> BodyModel:
     return _made(_checked(parse_toml(load_text(path, _LARGEST_BYTES), path), path), path)
 
 
-def write_body(body: BodyModel, path: Path, comment: str = "") -> None:
+def write_body(
+    body: BodyModel,
+    path: Path,
+    comment: str = "",
+    standard_errors: Mapping[str, float] | None = None,
+) -> None:
     """Writes a body as body.toml, from which it is made again exactly.
 
     Args:
-        body: one made from the templates.
+        body: one made from the templates. Its measurements are told without its clothes.
         path: the file.
         comment: a line at its head.
+        standard_errors: of the measurements, by name, in their units.
     """
     document = tomlkit.document()
     if comment:
         document.add(tomlkit.comment(" ".join(comment.split())))
     document["format"] = BODY_FORMAT
     document["sex"] = body.sizes.sex
-    taken = measure_body(body).known() | {"stature_m": body.sizes.stature_m}
+    taken = measure_body(unclothed(body)).known() | {"stature_m": body.sizes.stature_m}
     document["measurements"] = {name: round(value, _DIGITS) for name, value in taken.items()}
+    if standard_errors:
+        rounded = {name: round(value, 4) for name, value in standard_errors.items()}
+        document["standard_errors"] = rounded
     document["template"] = dict(zip(_CHANGES, body.sizes.changes, strict=True))
     document["shape"] = dict(zip(_AXES, body.shape.tolist(), strict=True))
     write_whole(path, tomlkit.dumps(document))
+
+
+def unclothed(body: BodyModel) -> BodyModel:
+    """The same body without its clothes."""
+    return body.reshaped(np.where(IS_CLOTHING, 0.0, body.shape))
 
 
 def _checked(content: dict[str, Any], path: Path) -> _BodyFile:

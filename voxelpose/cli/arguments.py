@@ -20,8 +20,8 @@ BodyName = Annotated[
     arg(
         metavar="BODY",
         help_behavior_hint="",
-        help="The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, or an"
-        " earlier result of the same person. Default: found in the pictures.",
+        help="The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, an"
+        " earlier result of the same person, or for fit a rig. Default: found in the pictures.",
     ),
 ]
 Frames = Annotated[

@@ -119,7 +119,7 @@ def test_refinement_finds_the_pose_of_somebody_else(surface, seed):
     before, after = (joint_errors_m(surface.model, pose, body, truth) for pose in (start, result))
     assert 0.14 < before.max() < 0.25
     assert after.mean() < 0.03 and after.max() < 0.07
-    assert after.mean() < 0.25 * before.mean()
+    assert after.mean() < 0.27 * before.mean()
     assert silhouette_error(surface.model, result, seen) < 0.6 * silhouette_error(
         surface.model, start, seen
     )

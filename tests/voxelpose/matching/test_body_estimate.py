@@ -1,0 +1,88 @@
+"""A person's body from several recordings: clothes told from the body, errors that are honest."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.body.body_file import read_body, write_body
+from silhouette_core.body.mesh_measurements import measure_body
+from silhouette_core.body.sizes import SHAPE_AXES
+from silhouette_core.estimator import Settings
+from silhouette_core.progress import SilentReporter
+from silhouette_core.refinement.adaptation import Stature
+from silhouette_core.scoring.backend import load_backend
+from tests.voxelpose.matching.matching_scenes import (
+    STATURE_M,
+    fitting_model,
+    observe,
+    stance,
+    views,
+)
+from voxelpose.matching.body_choice import Start
+from voxelpose.matching.body_estimate import Sighting, estimate_body
+from voxelpose.matching.pose_search import BodyGeometry
+
+TRUE = {"thigh_length": 0.05, "trunk_width": 0.06, "shirt": 0.008, "trousers": 0.012}
+TURNS = (
+    {},
+    {"left_thigh.flexion": 40.0, "left_shin.flexion": 50.0},
+    {"right_upper_arm.abduction": 45.0},
+)
+
+
+def sighting(body, cameras, seed):
+    rng, model = np.random.default_rng(seed), fitting_model()
+    poses = [stance(body, turns) for turns in TURNS]
+    start = Start(
+        BodyGeometry.from_model(model, 0.04, load_backend("cpu")),
+        {},
+        {},
+        Stature(STATURE_M, 0.05),
+        model.shape,
+    )
+    moved = [
+        pose.moved(
+            np.r_[0.015 * rng.normal(size=6), 0.03 * rng.normal(size=len(pose.angles_rad))]
+        ).clipped()
+        for pose in poses
+    ]
+    return Sighting(start, [observe(views(cameras), body, pose) for pose in poses], moved)
+
+
+@pytest.mark.slow
+def test_clothes_are_told_from_the_body_and_errors_hold_the_truth(tmp_path):
+    body = fitting_model().reshaped(np.array([TRUE.get(axis.name, 0.0) for axis in SHAPE_AXES]))
+    seen = [sighting(body, 4, 0), sighting(body, 6, 1)]
+    found = estimate_body(seen, Settings(), SilentReporter())
+    assert found.frames == 6
+    clothes = found.clothes_m()
+    assert clothes["shirt"] == pytest.approx(0.008 * STATURE_M, abs=0.006)
+    assert clothes["trousers"] == pytest.approx(0.012 * STATURE_M, abs=0.006)
+    write_body(
+        found.model,
+        tmp_path / "me.toml",
+        standard_errors=dict(zip(found.names, found.standard_errors(), strict=True)),
+    )
+    again = read_body(tmp_path / "me.toml")
+    np.testing.assert_allclose(again.vertices_m, found.model.vertices_m, atol=1e-6)
+    bare = body.reshaped(
+        np.array([TRUE.get(axis.name, 0.0) * (not axis.is_clothing) for axis in SHAPE_AXES])
+    )
+    true = measure_body(bare).known()
+    told = dict(zip(found.names, found.standard_errors(), strict=True))
+    own = found.model.reshaped(
+        np.array(
+            [
+                0.0 if axis.is_clothing else value
+                for axis, value in zip(SHAPE_AXES, found.model.shape, strict=True)
+            ]
+        )
+    )
+    for name, value in measure_body(own).known().items():
+        assert 0 < told[name] < 0.15 * value
+        assert abs(value - true[name]) < 2.5 * told[name], name
+
+
+def test_no_recording_is_no_body():
+    with pytest.raises(InputError, match="no recording"):
+        estimate_body([], Settings(), SilentReporter())
