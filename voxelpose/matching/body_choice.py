@@ -25,7 +25,7 @@ from voxelpose.matching.pose_search import (
     PoseFit,
     find_pose,
 )
-from voxelpose.matching.stature_search import HULL_SIGMA, stature_candidates
+from voxelpose.matching.stature_search import ADULT_M, HULL_SIGMA, stature_candidates, unusual_by
 from voxelpose.matching.tracking import PoseTracker
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
@@ -33,6 +33,7 @@ _CLEAR = 1.4  # an anchor is used where its error is below this many times the s
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
 _OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so much smaller
 _CLEARLY = 0.75  # the same for a body that is not of the hull's height
+_UNUSUAL = 1.8  # standard deviations of a stature from which an adult's is tried as well
 _REBASED, _SAME_STATURE, _OTHER_STATURE = 2, 0.02, 0.04  # relative differences
 
 
@@ -109,6 +110,10 @@ def choose_body(
         if _mean_error(best) > _CLEARLY * _mean_error(other):
             best = other
     if settings.stature_m is None:
+        if unusual_by(best.stature.metres) > _UNUSUAL:
+            # Somebody bent over fills the hull of a giant, too.
+            adult = search.start(Stature(ADULT_M, HULL_SIGMA * ADULT_M))
+            best = min([best, adult], key=_mean_error)
         reporter.note(
             f"no stature given: about {best.stature.metres:.2f} m by the hull (--stature makes"
             " every joint more accurate)"

@@ -24,7 +24,9 @@ _VARIES = 1.1  # the hull's largest height over its usual one from which both ar
 # Tried on a stature estimated from the hull: arms overhead or a crouch falsify it.
 _SCALES = (0.93, 1.0, 1.07)
 # Of adults. Who hangs, sits or lies all the time is taken for one who does not, if by little.
-_ADULT_M, _ADULT_SIGMA_M, _UNUSUAL = 1.70, 0.12, 0.01
+ADULT_M = 1.70
+"""Stature of an adult."""
+_ADULT_SIGMA_M, _UNUSUAL = 0.12, 0.01
 _FAR = 1.15  # factor from which two statures are not alike
 
 
@@ -57,8 +59,8 @@ def stature_candidates(
         for height in shown
     ]
     bodies = _Bodies(settings.chest_m, voxel_size_m, backend)
-    unusual = not any(_alike(height, _ADULT_M) for height in shown)
-    searched = [bodies.of(height) for height in [*shown, *([_ADULT_M] if unusual else [])]]
+    unusual = not any(_alike(height, ADULT_M) for height in shown)
+    searched = [bodies.of(height) for height in [*shown, *([ADULT_M] if unusual else [])]]
     starts = [_starts(frame, searched, matching) for frame in looked_at]
     compared = [bodies.scaled(body, scale) for body in searched for scale in _SCALES]
     if settings.chest_m is None and len(looked_at[0].masks) >= GIRTH_CAMERAS:
@@ -67,8 +69,7 @@ def stature_candidates(
         compared += [bodies.filling(volume_m3, body) for body in compared]
 
     def error(body: BodyGeometry) -> float:
-        deviation = (body.model.sizes.stature_m - _ADULT_M) / _ADULT_SIGMA_M
-        return (1 + _UNUSUAL * deviation**2) * sum(
+        return (1 + _UNUSUAL * unusual_by(body.model.sizes.stature_m) ** 2) * sum(
             min((fit.error for fit in refine_fits(body, frame.observation, begun)), default=np.inf)
             for frame, begun in zip(looked_at, starts, strict=True)
         )
@@ -78,6 +79,11 @@ def stature_candidates(
     high = [metres for metres in ranked if any(_alike(metres, k) for k in (middle, tallest))]
     chosen = ranked[:1] if ranked[0] in high else [ranked[0], *high[:1]]
     return [Stature(metres, HULL_SIGMA * metres) for metres in chosen]
+
+
+def unusual_by(metres: float) -> float:
+    """By how many standard deviations a stature differs from an adult's."""
+    return abs(metres - ADULT_M) / _ADULT_SIGMA_M
 
 
 @dataclass(frozen=True)
