@@ -111,7 +111,7 @@ def choose_body(
             best = other
     if settings.stature_m is None:
         if unusual_by(best.stature.metres) > _UNUSUAL:
-            # Somebody bent over fills the hull of a giant, too.
+            # Who reaches up or bends over fills the hull of a giant, too.
             adult = search.start(Stature(ADULT_M, HULL_SIGMA * ADULT_M))
             best = min([best, adult], key=_mean_error)
         reporter.note(
