@@ -7,7 +7,7 @@ import pytest
 
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import SilentReporter
-from silhouette_core.refinement.adaptation import stature_of
+from silhouette_core.refinement.adaptation import Stature, stature_of
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.matching.matching_scenes import (
     STATURE_M,
@@ -18,6 +18,7 @@ from tests.voxelpose.matching.matching_scenes import (
 )
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching import body_choice
 from voxelpose.matching.body_choice import choose_body
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
@@ -62,3 +63,22 @@ def test_somebody_who_sits_all_the_time_is_no_child():
             masks.put(t, photograph(seen_by, body, pose))
         start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
+    """A stature of 2.1 m that the hull suggested does not stay where an adult's fits better."""
+    body, seen_by = other_body(), views(4)
+    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
+    monkeypatch.setattr(body_choice, "stature_candidates", lambda *_: [Stature(2.1, 0.05 * 2.1)])
+    monkeypatch.setattr(body_choice, "_REBASED", 0)
+    raised = {f"{side}_upper_arm.abduction": 130.0 for side in ("left", "right")}
+    with (
+        closing(MaskStore([camera.size for camera in seen_by.rig], 2)) as masks,
+        closing(ObservationStore(observer, masks)) as store,
+    ):
+        for t in range(2):
+            pose = stance(body, raised | {"lumbar.flexion": 10.0 * t})
+            masks.put(t, photograph(seen_by, body, pose))
+        start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
+    assert start.stature.metres == pytest.approx(1.70, rel=0.03)
