@@ -1,7 +1,8 @@
 """Files of a MakeHuman data folder: base mesh, shape targets, rigs and their skin weights.
 
 The folder is MakeHuman's `data` (CC0), as in its own installation or in MPFB: 3dobjs/base.obj,
-rigs/standard/rig.NAME.json and weights.NAME.json, and the files .target (or .target.gz) in targets/macrodetails.
+rigs/standard/rig.NAME.json and weights.NAME.json, and the files
+.target (or .target.gz) in targets/macrodetails.
 Lengths are in decimetres there, y up; here they become metres, z up, facing -y.
 """
 
