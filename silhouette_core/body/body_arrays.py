@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.shape import ShapeSpace
 
 BODY_TYPES = {
     "joints_m": "F64",
@@ -80,14 +79,9 @@ def body_from_arrays(arrays: Mapping[str, NDArray], text: str) -> BodyModel:
     weights = arrays["skin_weights"]
     if weights.min() < 0 or abs(weights.sum(1) - 1).max() > 1e-6:
         raise ValueError("body.skin_weights do not sum to 1")
-    rest = arrays["joints_m"], arrays["vertices_m"], arrays["landmarks_m"]
-    return BodyModel(
-        **{name: arrays[name] for name in BODY_TYPES},
-        space=ShapeSpace.rigid(*rest),
-        shape=np.zeros(0),
-        person=None,
-        tree=tree,
-    )
+    rest = ("joints_m", "vertices_m", "faces", "face_part")
+    skin = arrays["skin_parts"], weights
+    return BodyModel.as_given(tree, *(arrays[name] for name in rest), skin, arrays["landmarks_m"])
 
 
 def _tree(text: str) -> KinematicTree:

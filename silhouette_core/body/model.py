@@ -110,6 +110,42 @@ class BodyModel:
             )
         return body.reshaped(shape)
 
+    @classmethod
+    def as_given(
+        cls,
+        tree: KinematicTree,
+        joints_m: np.ndarray,
+        vertices_m: np.ndarray,
+        faces: np.ndarray,
+        face_part: np.ndarray,
+        skin: tuple[np.ndarray, np.ndarray],
+        landmarks_m: np.ndarray,
+    ) -> BodyModel:
+        """Body that is not made from a person's measurements, and keeps its shape.
+
+        Args:
+            tree: parts, degrees of freedom and landmarks.
+            joints_m: (P, 3) float64.
+            vertices_m: (V, 3) float64.
+            faces: (F, 3) integers.
+            face_part: (F,) integers.
+            skin: (V, 4) parts that move each vertex, and their weights.
+            landmarks_m: (L, 3) float64.
+        """
+        return cls(
+            joints_m=joints_m,
+            vertices_m=vertices_m,
+            faces=faces.astype(np.int32),
+            face_part=face_part.astype(np.int32),
+            skin_parts=skin[0],
+            skin_weights=skin[1],
+            landmarks_m=landmarks_m,
+            space=ShapeSpace.rigid(joints_m, vertices_m, landmarks_m),
+            shape=np.zeros(0),
+            person=None,
+            tree=tree,
+        )
+
     def reshaped(self, shape: np.ndarray) -> BodyModel:
         """This body with other deviations along the shape axes.
 

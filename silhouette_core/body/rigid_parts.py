@@ -10,7 +10,6 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.shape import ShapeSpace
 
 _EDGES = 50  # per extent of the body, so that the surface has vertices wherever it is touched
 _FEWEST_AROUND = 12
@@ -102,18 +101,9 @@ def body_of_parts(
     skin[:, 0] = np.repeat(number, points_of)
     weights = np.zeros((len(points), 4))
     weights[:, 0] = 1.0
-    return BodyModel(
-        joints_m=joints,
-        vertices_m=points,
-        faces=np.concatenate(faces).astype(np.int32),
-        face_part=np.repeat(number, faces_of).astype(np.int32),
-        skin_parts=skin,
-        skin_weights=weights,
-        landmarks_m=marks,
-        space=ShapeSpace.rigid(joints, points, marks),
-        shape=np.zeros(0),
-        person=None,
-        tree=tree,
+    part = np.repeat(number, faces_of)
+    return BodyModel.as_given(
+        tree, joints, points, np.concatenate(faces), part, (skin, weights), marks
     )
 
 
@@ -167,18 +157,17 @@ def with_part(
     vertices = np.concatenate([model.vertices_m, piece.vertices_m])
     landmarks = np.concatenate([model.landmarks_m, np.array([*marks.values()], float)])
     skin = np.where(piece.skin_weights > 0, number, 0).astype(np.int32)
-    return BodyModel(
-        joints_m=joints,
-        vertices_m=vertices,
-        faces=np.concatenate([model.faces, piece.faces + len(model.vertices_m)]).astype(np.int32),
-        face_part=np.append(model.face_part, piece.face_part + number).astype(np.int32),
-        skin_parts=np.concatenate([model.skin_parts, skin]),
-        skin_weights=np.concatenate([model.skin_weights, piece.skin_weights]),
-        landmarks_m=landmarks,
-        space=ShapeSpace.rigid(joints, vertices, landmarks),
-        shape=np.zeros(0),
-        person=None,
-        tree=larger,
+    return BodyModel.as_given(
+        larger,
+        joints,
+        vertices,
+        np.concatenate([model.faces, piece.faces + len(model.vertices_m)]),
+        np.append(model.face_part, piece.face_part + number),
+        (
+            np.concatenate([model.skin_parts, skin]),
+            np.concatenate([model.skin_weights, piece.skin_weights]),
+        ),
+        landmarks,
     )
 
 

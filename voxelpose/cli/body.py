@@ -235,14 +235,14 @@ file is taken by --body of fit and track, for the person in the same clothes.
         from silhouette_core.body.mesh_measurements import measure_body
         from silhouette_core.estimator import Settings
         from voxelpose.cli.progress import Progress
-        from voxelpose.matching.body_estimate import estimate_body, sight
+        from voxelpose.matching.body_estimate import estimate_body, posed_frames
         from voxelpose.recording.folder import Recording
 
         settings = Settings(stature_m=self.stature, sex=self.sex)
         opened = [Recording.open(folder) for folder in self.recordings]
         with Progress() as progress:
             progress.note_compilation()
-            seen = [sight(recording, settings, progress) for recording in opened]
+            seen = [posed_frames(recording, settings, progress) for recording in opened]
             found = estimate_body(seen, settings, progress)
         bare = unclothed(found.model)
         names = tuple(measure_body(bare).known())

@@ -39,7 +39,7 @@ _FORMAL = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class PosedFrames:
     """Frames of one recording that show a person well.
 
     Attributes:
@@ -102,7 +102,7 @@ def _measured(model: BodyModel, shape: np.ndarray) -> np.ndarray:
     return np.array(list(measure_body(bare).known().values()))
 
 
-def sight(source: FrameSource, settings: Settings, reporter: Reporter) -> Sighting:
+def posed_frames(source: FrameSource, settings: Settings, reporter: Reporter) -> PosedFrames:
     """Poses of a recording's clearest frames.
 
     Args:
@@ -133,11 +133,11 @@ def sight(source: FrameSource, settings: Settings, reporter: Reporter) -> Sighti
         frames = clear_frames(tracker, FRAMES)
         seen = [frame.observation for frame in frames.values()]
         poses = [pose for t in frames if (pose := tracker.poses[t]) is not None]
-    return Sighting(start, seen, poses)
+    return PosedFrames(start, seen, poses)
 
 
 def estimate_body(
-    sightings: Sequence[Sighting], settings: Settings, reporter: Reporter
+    recordings: Sequence[PosedFrames], settings: Settings, reporter: Reporter
 ) -> BodyEstimate:
     """Body of a person who was seen in one or several recordings.
 
@@ -145,21 +145,21 @@ def estimate_body(
     explains them best is taken.
 
     Args:
-        sightings: of the recordings.
+        recordings: their clear frames.
         settings: what is known of the person.
         reporter: told the progress.
 
     Raises:
         InputError: there is no recording.
     """
-    if not sightings:
+    if not recordings:
         raise InputError("no recording of the person: give one or more")
-    starts = [sighting.start for sighting in sightings]
+    starts = [recording.start for recording in recordings]
     precision = np.array([1 / start.stature.sigma_m**2 for start in starts])
     metres = float(np.average([start.stature.metres for start in starts], weights=precision))
     stature = Stature(metres, float(max(precision) ** -0.5))
-    observations = [one for sighting in sightings for one in sighting.observations]
-    poses = [pose for sighting in sightings for pose in sighting.poses]
+    observations = [one for recording in recordings for one in recording.observations]
+    poses = [pose for recording in recordings for pose in recording.poses]
     reporter.stage("body", len(starts))
     found = []
     for start in starts:

@@ -26,7 +26,6 @@ from silhouette_core.body.rigs.rig_checks import (
     strongest_four,
 )
 from silhouette_core.body.rigs.rig_dofs import read_rig_table
-from silhouette_core.body.shape import ShapeSpace
 
 _MOST_NODES = 10_000
 _MOST_SETS = 4  # of four weights each
@@ -115,19 +114,8 @@ def _body(
         [np.pad(s.weights, more) for s, more in zip(surfaces, room, strict=True)]
     )
     parts, weights = strongest_four(every[kept], shares[kept])
-    return BodyModel(
-        joints_m=joints,
-        vertices_m=vertices,
-        faces=faces.astype(np.int32),
-        face_part=part_of_faces(faces, parts, weights),
-        skin_parts=parts,
-        skin_weights=weights,
-        landmarks_m=joints,
-        space=ShapeSpace.rigid(joints, vertices, joints),
-        shape=np.zeros(0),
-        person=None,
-        tree=tree,
-    )
+    part = part_of_faces(faces, parts, weights)
+    return BodyModel.as_given(tree, joints, vertices, faces, part, (parts, weights), joints)
 
 
 def _node_transforms(

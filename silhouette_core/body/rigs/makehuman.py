@@ -35,7 +35,6 @@ from silhouette_core.body.rigs.rig_checks import (
     strongest_four,
 )
 from silhouette_core.body.rigs.rig_dofs import ball_joint
-from silhouette_core.body.shape import ShapeSpace
 
 CMU = "cmu_mb"
 ORIGINS = ("african", "asian", "caucasian")
@@ -147,18 +146,10 @@ class _Skin:
         """The body on a tree whose parts are these bones."""
         every = np.broadcast_to(np.arange(self.weights.shape[1]), self.weights.shape)
         parts, weights = strongest_four(every, self.weights)
-        return BodyModel(
-            joints_m=self.heads_m,
-            vertices_m=self.vertices_m,
-            faces=self.faces.astype(np.int32),
-            face_part=part_of_faces(self.faces, parts, weights),
-            skin_parts=parts,
-            skin_weights=weights,
-            landmarks_m=landmarks_m,
-            space=ShapeSpace.rigid(self.heads_m, self.vertices_m, landmarks_m),
-            shape=np.zeros(0),
-            person=None,
-            tree=tree,
+        part = part_of_faces(self.faces, parts, weights)
+        skin = parts, weights
+        return BodyModel.as_given(
+            tree, self.heads_m, self.vertices_m, self.faces, part, skin, landmarks_m
         )
 
     def on_cmu_tree(self, parents: NDArray[np.int32]) -> BodyModel:

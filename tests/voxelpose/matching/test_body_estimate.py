@@ -19,7 +19,7 @@ from tests.voxelpose.matching.matching_scenes import (
     views,
 )
 from voxelpose.matching.body_choice import Start
-from voxelpose.matching.body_estimate import Sighting, estimate_body
+from voxelpose.matching.body_estimate import PosedFrames, estimate_body
 from voxelpose.matching.pose_search import BodyGeometry
 
 TRUE = {"thigh_length": 0.05, "trunk_width": 0.06, "shirt": 0.008, "trousers": 0.012}
@@ -30,7 +30,7 @@ TURNS = (
 )
 
 
-def sighting(body, cameras, seed):
+def posed(body, cameras, seed):
     rng, model = np.random.default_rng(seed), fitting_model()
     poses = [stance(body, turns) for turns in TURNS]
     start = Start(
@@ -46,13 +46,13 @@ def sighting(body, cameras, seed):
         ).clipped()
         for pose in poses
     ]
-    return Sighting(start, [observe(views(cameras), body, pose) for pose in poses], moved)
+    return PosedFrames(start, [observe(views(cameras), body, pose) for pose in poses], moved)
 
 
 @pytest.mark.slow
 def test_clothes_are_told_from_the_body_and_errors_hold_the_truth(tmp_path):
     body = fitting_model().reshaped(np.array([TRUE.get(axis.name, 0.0) for axis in SHAPE_AXES]))
-    seen = [sighting(body, 4, 0), sighting(body, 6, 1)]
+    seen = [posed(body, 4, 0), posed(body, 6, 1)]
     found = estimate_body(seen, Settings(), SilentReporter())
     assert found.frames == 6
     clothes = found.clothes_m()
