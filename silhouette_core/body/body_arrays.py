@@ -79,9 +79,11 @@ def body_from_arrays(arrays: Mapping[str, NDArray], text: str) -> BodyModel:
     weights = arrays["skin_weights"]
     if weights.min() < 0 or abs(weights.sum(1) - 1).max() > 1e-6:
         raise ValueError("body.skin_weights do not sum to 1")
-    rest = ("joints_m", "vertices_m", "faces", "face_part")
+    joints, vertices, faces, part = (
+        arrays[name] for name in ("joints_m", "vertices_m", "faces", "face_part")
+    )
     skin = arrays["skin_parts"], weights
-    return BodyModel.as_given(tree, *(arrays[name] for name in rest), skin, arrays["landmarks_m"])
+    return BodyModel.as_given(tree, joints, vertices, faces, part, skin, arrays["landmarks_m"])
 
 
 def _tree(text: str) -> KinematicTree:
