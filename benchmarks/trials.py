@@ -14,8 +14,6 @@ import argparse
 import json
 import os
 import re
-import subprocess
-import sys
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.drawn import SHARED, drawn
 from benchmarks.expected_error import reliability_rows, sample
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.batch.batch_tables import write_tables
@@ -35,7 +34,6 @@ from voxelpose.reliability import verdict_of
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "trials"
-SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))
 RESULTS = ROOT / "docs" / "results.md"
 RECIPES = ROOT / "datasets" / "made" / "recipes.toml"
 GROUPS = {"careful": (1, 201, 240), "careless": (2, 301, 340)}
@@ -75,13 +73,7 @@ def recordings(group: str, seeds: Sequence[int] | None) -> list[Path]:
         several = [item for item in read_recipes(RECIPES).items() if len(item[1].cameras) > 1]
         return [recipe.render(folder / name) for name, recipe in several]
     level, first, last = GROUPS[group]
-    chosen = list(seeds or range(first, last + 1))
-    missing = [str(k) for k in chosen if not (folder / str(k) / "truth.json").is_file()]
-    if missing:
-        draw = SHARED / "render" / "draw.py"
-        command = [sys.executable, draw.name, folder, *missing, "--level", str(level)]
-        subprocess.run(command, cwd=draw.parent, check=True, stdout=subprocess.DEVNULL)
-    return [folder / str(k) for k in chosen]
+    return drawn(folder, seeds or range(first, last + 1), level)
 
 
 def run(group: str, seeds: Sequence[int] | None) -> list[Trial]:

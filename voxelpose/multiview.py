@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
-from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.body_source import is_result, load_body
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
@@ -46,8 +46,8 @@ class _Options:
         tolerance: number of cameras that may be wrong about a voxel.
         repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
             it right where that is sure, "say" only tells, "off" does not look.
-        body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
-            is estimated.
+        body: the body, as `load_body` names it; empty: it is estimated. Of a person's, only the
+            clothes are, unless it is an earlier result, which wears those of its recording.
     """
 
     interference: bool = True
@@ -145,13 +145,13 @@ def _track(
     if known is not None and known.person is None:
         return _track_given(observations, settings, tracking, known, clock, reporter)
     with clock("first poses"):
-        start = choose_body(observations, settings, tracking.match, reporter, known)
+        kept = known is not None and is_result(str(settings.options["body"]))
+        start = choose_body(observations, settings, tracking.match, reporter, known, kept)
     tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
     _follow(tracker, start.poses, start.errors, clock, reporter)
-    if known is None:
-        reporter.stage("proportions")
-        with clock("proportions"):
-            refit(tracker, start)
+    reporter.stage("proportions")
+    with clock("proportions"):
+        refit(tracker, start)
     reporter.stage("refinement", len(observations))
     tracker.polish()
     facts = {

@@ -51,6 +51,12 @@ def _is_rig(path: Path) -> bool:
     return path.suffix.lower() in RIG_SUFFIXES
 
 
+def is_result(spec: str) -> bool:
+    """Whether the text names an earlier result, whose body wears the clothes of its recording."""
+    path = Path(spec)
+    return body_preset(spec) is None and not _is_rig(path) and path.suffix.lower() != _TOML
+
+
 def resolved_body(spec: str) -> str:
     """The same text with a path made absolute, as settings keep it."""
     return spec if body_preset(spec) is not None else str(Path(spec).resolve())

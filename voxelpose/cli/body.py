@@ -211,7 +211,7 @@ class FitBody:
 
 From the silhouettes of one or several recordings of the same person by two or more calibrated
 cameras, any motion. Clothes are told apart from the body, as a thickness of shirt and trousers. The
-file is taken by --body of fit and track, for the person in the same clothes.
+file is taken by --body of fit, which finds the clothes again, and of track, which keeps them.
 
   voxelpose body fit walk --out me.toml
   voxelpose body fit walk turn jump --out me.toml --stature 1.75

@@ -24,7 +24,7 @@ No data and no network are needed. The recording shows a mannequin, whose shape 
 fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
 recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
 run compiles the program and makes a pose library, which takes most of its time.
-With --body the mannequin has the stature and girths of that body, which is fitted as it is.
+With --body the mannequin has the stature and girths of that body, with which it is fitted.
 With --live a recording is played instead, again and again, as if cameras filmed it: the page in the
 browser shows what `voxelpose live` finds.
 

@@ -8,7 +8,14 @@ import numpy as np
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import CHESTS_M, SHAPE_AXES, STATURES_M, BodySizes
+from silhouette_core.body.sizes import (
+    CHESTS_M,
+    IS_CLOTHING,
+    SHAPE_AXES,
+    SHAPE_SIGMA,
+    STATURES_M,
+    BodySizes,
+)
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
@@ -31,6 +38,7 @@ from voxelpose.matching.tracking import PoseTracker
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
 _CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
+_KNOWN_SIGMA = 1e-4  # relative, of all of a known body but its clothes
 _OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so much smaller
 _CLEARLY = 0.75  # the same for a body that is not of the hull's height
 _UNUSUAL = 1.8  # standard deviations of a stature from which an adult's is tried as well
@@ -47,6 +55,7 @@ class Start:
         errors: frame -> its silhouette error.
         stature: given or estimated.
         expected_shape: (K,) the shape that the measurements alone suggest.
+        covariance: (K, K) of that prior; None: the body stays as it is.
     """
 
     body: BodyGeometry
@@ -54,6 +63,7 @@ class Start:
     errors: dict[int, float]
     stature: Stature
     expected_shape: np.ndarray
+    covariance: np.ndarray | None
 
     @property
     def shape_names(self) -> tuple[str, ...]:
@@ -67,6 +77,7 @@ def choose_body(
     matching: MatchSettings,
     reporter: Reporter,
     known: BodyModel | None = None,
+    keep_clothes: bool = False,
 ) -> Start:
     """Searches anchor frames without a prior, and adapts a body to them.
 
@@ -75,7 +86,8 @@ def choose_body(
         settings: for stature, chest girth and sex, as far as known.
         matching: settings of the full search.
         reporter: receives the progress.
-        known: the person's body, which is then kept as it is; None: it is adapted.
+        known: the person's body, of which only the clothes are then adapted; None: all of it is.
+        keep_clothes: the known body's clothes are kept, too.
 
     Raises:
         InputError: no frame shows a body.
@@ -93,13 +105,9 @@ def choose_body(
     reporter.stage("first poses", len(frames) + 1)
     voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
     if known is not None:
-        body = BodyGeometry.from_model(known, voxel_size_m, backend)
-        stature = Stature(known.sizes.stature_m, _GIVEN_SIGMA_M)
-        fits = _clear_fits(body, frames, matching)
         reporter.advance(len(frames) + 1)
-        poses = {t: fit.pose for t, fit in fits.items()}
-        errors = {t: fit.error for t, fit in fits.items()}
-        return Start(body, poses, errors, stature, known.shape)
+        body = BodyGeometry.from_model(known, voxel_size_m, backend)
+        return _known_start(body, frames, matching, voxel_size_m, keep_clothes)
     if settings.stature_m is not None:
         candidates = [Stature(settings.stature_m, _GIVEN_SIGMA_M)]
     else:
@@ -184,6 +192,27 @@ class _BodySearch:
         return min(side_by_side(adapted, sizes), key=_mean_error)
 
 
+def _known_start(
+    body: BodyGeometry,
+    frames: dict[int, FrameObservation],
+    matching: MatchSettings,
+    voxel_size_m: float,
+    keep_clothes: bool,
+) -> Start:
+    """Start with a person's known body, whose clothes are adapted unless they are kept."""
+    model = body.model
+    fits = _clear_fits(body, frames, matching)
+    poses = {t: fit.pose for t, fit in fits.items()}
+    errors = {t: fit.error for t, fit in fits.items()}
+    stature = Stature(stature_of(model), _GIVEN_SIGMA_M)
+    if keep_clothes:
+        return Start(body, poses, errors, stature, model.shape, None)
+    sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, _KNOWN_SIGMA)
+    expected = np.where(IS_CLOTHING, 0.0, model.shape)
+    prior = expected, np.diag(sigma**2)
+    return _adapted(body, frames, poses, stature, voxel_size_m, prior)
+
+
 def _clear_fits(
     body: BodyGeometry, frames: dict[int, FrameObservation], matching: MatchSettings
 ) -> dict[int, PoseFit]:
@@ -216,7 +245,11 @@ def clear_frames(tracker: PoseTracker, count: int) -> dict[int, FrameObservation
 
 
 def refit(tracker: PoseTracker, start: Start) -> None:
-    """Adapts the tracker's body again, to clear frames of the whole recording."""
+    """Adapts the tracker's body again, to clear frames of the whole recording; a body that stays as
+    it is, is left so.
+    """
+    if start.covariance is None:
+        return
     frames = clear_frames(tracker, _MOST_ADAPTED)
     surface, _ = adapt_shape(
         tracker.body.surface,
@@ -224,6 +257,7 @@ def refit(tracker: PoseTracker, start: Start) -> None:
         [pose for t in frames if (pose := tracker.poses[t]) is not None],
         start.stature,
         start.expected_shape,
+        start.covariance,
     )
     voxel_size_m = tracker.observations.observer.voxel_size_m
     backend = tracker.body.body_volume.backend
@@ -236,12 +270,16 @@ def _adapted(
     poses: dict[int, Pose],
     stature: Stature,
     voxel_size_m: float,
+    prior: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Start:
-    """Start with a body whose proportions are adapted to posed frames."""
-    backend, expected = body.body_volume.backend, body.model.shape
+    """Start with a body whose proportions are adapted to posed frames; their prior's mean and
+    covariance are the body's shape and `SHAPE_SIGMA` where none is given.
+    """
+    backend = body.body_volume.backend
+    expected, covariance = prior or (body.model.shape, np.diag(SHAPE_SIGMA**2))
     observations = [frames[t].observation for t in poses]
     surface, adapted = adapt_shape(
-        body.surface, observations, list(poses.values()), stature, expected
+        body.surface, observations, list(poses.values()), stature, expected, covariance
     )
     errors = [
         silhouette_error(surface.model, pose, observation, backend)
@@ -253,4 +291,5 @@ def _adapted(
         dict(zip(poses, errors, strict=True)),
         stature,
         expected,
+        covariance,
     )

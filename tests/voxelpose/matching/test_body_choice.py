@@ -5,8 +5,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES
 from silhouette_core.estimator import Settings
-from silhouette_core.progress import SilentReporter
+from silhouette_core.progress import SilentReporter, StageClock
 from silhouette_core.refinement.adaptation import Stature, stature_of
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.matching.matching_scenes import (
@@ -19,12 +20,13 @@ from tests.voxelpose.matching.matching_scenes import (
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching import body_choice
-from voxelpose.matching.body_choice import choose_body
+from voxelpose.matching.body_choice import choose_body, refit
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.observe import HullObserver
 from voxelpose.matching.stature_search import stature_candidates
+from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
 CROUCH = {
@@ -82,3 +84,30 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
             masks.put(t, photograph(seen_by, body, pose))
         start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
     assert start.stature.metres == pytest.approx(1.70, rel=0.03)
+
+
+@pytest.mark.slow
+def test_of_a_known_body_only_the_clothes_are_adapted():
+    known, seen_by = other_body(), views(4)
+    clothes = np.array(
+        [{"shirt": 0.008, "trousers": 0.014}.get(axis.name, 0) for axis in SHAPE_AXES]
+    )
+    dressed = known.reshaped(np.where(IS_CLOTHING, clothes, known.shape))
+    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
+    with (
+        closing(MaskStore([camera.size for camera in seen_by.rig], 3)) as masks,
+        closing(ObservationStore(observer, masks)) as store,
+    ):
+        for t in range(3):
+            pose = stance(dressed, {"lumbar.flexion": 10.0 * t})
+            masks.put(t, photograph(seen_by, dressed, pose))
+        at = store, Settings(), MatchSettings(), SilentReporter(), known
+        start, kept = choose_body(*at), choose_body(*at, keep_clothes=True)
+        tracking = PoseTrackerSettings(30.0, MatchSettings())
+        tracker = PoseTracker(kept.body, store, tracking, StageClock(), lambda: None)
+        refit(tracker, kept)
+    shape = start.body.model.shape
+    np.testing.assert_allclose(shape[~IS_CLOTHING], known.shape[~IS_CLOTHING], atol=1e-3)
+    np.testing.assert_allclose(shape[IS_CLOTHING], clothes[IS_CLOTHING], atol=0.004)
+    assert tracker.body is kept.body
+    np.testing.assert_array_equal(kept.body.model.shape, known.shape)

@@ -39,6 +39,7 @@ def posed(body, cameras, seed):
         {},
         Stature(STATURE_M, 0.05),
         model.shape,
+        None,
     )
     moved = [
         pose.moved(

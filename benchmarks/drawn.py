@@ -1,0 +1,33 @@
+"""Recordings that ../shared/render (or that of $VOXELPOSE_SHARED) draws at random."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+CLIPS = SHARED / "data" / "mocap"
+
+
+def drawn(folder: Path, seeds: Sequence[int], level: int, clip: str | None = None) -> list[Path]:
+    """Recordings of some seeds, drawn if they are not there.
+
+    Args:
+        folder: of the recordings.
+        seeds: a recording each.
+        level: 0 clean, 1 filmed carefully, 2 carelessly.
+        clip: recorded motion; None: drawn, too.
+
+    Raises:
+        subprocess.CalledProcessError: a recording could not be drawn, as from a clip too short.
+    """
+    missing = [str(k) for k in seeds if not (folder / str(k) / "truth.json").is_file()]
+    if missing:
+        draw = SHARED / "render" / "draw.py"
+        command = [sys.executable, draw.name, str(folder), *missing, "--level", str(level)]
+        command += [] if clip is None else ["--clip", clip]
+        subprocess.run(command, cwd=draw.parent, check=True, stdout=subprocess.DEVNULL)
+    return [folder / str(k) for k in seeds]
