@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.drawn import CLIPS, drawn
+from benchmarks.drawn import drawn
 from benchmarks.given_body import LIMBS as LIMBS_AND_HIPS
 from silhouette_core.body.body_file import read_body, unclothed, write_body
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -35,17 +35,21 @@ OUT = Path(__file__).resolve().parents[1] / "out" / "body_fit"
 LIMBS = LIMBS_AND_HIPS[:8]
 
 
-def later_recording(seed: int, first: Path) -> Path:
-    """Recording of the same person with another kind of motion, drawn by the seed."""
-    drawn_clip = json.loads((first / "scene.json").read_text())["clip"]
-    clips = sorted(path.stem for path in CLIPS.glob("cmu_*/*"))
-    others = [clip for clip in clips if clip.rsplit("_", 1)[0] != drawn_clip.rsplit("_", 1)[0]]
-    for clip in np.random.default_rng(seed).permutation(others):
-        try:
-            return drawn(OUT / "later", [seed], 1, str(clip))[0]
-        except subprocess.CalledProcessError:
-            continue  # a clip too short, or that leaves the room
-    raise SystemExit(f"no other clip can be drawn for seed {seed}")
+def later_clips(earlier: Sequence[Path]) -> list[str]:
+    """For each recording, the clip of the next one that shows another kind of motion."""
+    clips = [json.loads((folder / "scene.json").read_text())["clip"] for folder in earlier]
+    kinds = [clip.rsplit("_", 1)[0] for clip in clips]
+    if len(set(kinds)) < 2:
+        raise SystemExit("these seeds show one kind of motion only: give more of them")
+    count = len(clips)
+    return [
+        next(
+            clips[(k + step) % count]
+            for step in range(1, count)
+            if kinds[(k + step) % count] != kinds[k]
+        )
+        for k in range(count)
+    ]
 
 
 def body_of(seed: int, recording: Path) -> Path:
@@ -92,9 +96,10 @@ def main() -> None:
     print("| seed | stature, % | limbs, mean % | root_mm without | with | change, % |")
     print("|---|---|---|---|---|---|")
     rows = []
-    for seed in range(first, last + 1):
-        earlier = drawn(OUT / "earlier", [seed], 1)[0]
-        later = later_recording(seed, earlier)
+    seeds = range(first, last + 1)
+    recordings = drawn(OUT / "earlier", seeds, 1)
+    for seed, earlier, clip in zip(seeds, recordings, later_clips(recordings), strict=True):
+        later = drawn(OUT / "later", [seed], 1, clip)[0]
         path = body_of(seed, earlier)
         stature, limbs = size_errors(read_body(path), earlier)
         without, given = root_mm(later, "without", {}), root_mm(later, "with", {"body": str(path)})

@@ -25,6 +25,7 @@ import numpy as np
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.posterior import landmark_sigma_m
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.matching.girth import stoutness_of
@@ -74,11 +75,13 @@ class FrameEvidence:
         joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
             square, the mean over the cameras that have the joint before them.
         outside: share of the body's volume outside the hull.
+        joint_sigma_m: (15,) float64, standard deviations of the joints by the outlines, m.
     """
 
     camera_error: np.ndarray
     joint_error: np.ndarray
     outside: float
+    joint_sigma_m: np.ndarray
 
 
 def frame_evidence(
@@ -112,7 +115,9 @@ def frame_evidence(
         near.append(shares)
     known = np.isfinite(near)
     sums = np.where(known, near, 0.0).sum(axis=0)
-    return FrameEvidence(np.array(errors), sums / np.maximum(known.sum(axis=0), 1), outside)
+    joint_error = sums / np.maximum(known.sum(axis=0), 1)
+    sigma_m = landmark_sigma_m(body.surface, frame.observation, pose)
+    return FrameEvidence(np.array(errors), joint_error, outside, sigma_m)
 
 
 def half_turn_ratio(

@@ -87,6 +87,7 @@ def motion_quality(
         np.full(len(tracker.observations.observer.views.rig), np.nan),
         np.full(len(body.model.landmarks_m), np.nan),
         np.nan,
+        np.full(len(body.model.landmarks_m), np.nan),
     )
     evidence = [nothing if one is None else one[1] for one in found]
     camera_error = np.stack([frame.camera_error for frame in evidence])
@@ -105,6 +106,7 @@ def motion_quality(
         "outline_agreement": 1 - camera_error.mean(axis=1),
         "camera_agreement": 1 - camera_error,
         "joint_disagreement": joint_error,
+        "joint_sigma_mm": 1000 * np.stack([frame.joint_sigma_m for frame in evidence]),
     }
     if body.model.person is None:  # the regression is of people
         return MotionQuality(arrays, ratio)
