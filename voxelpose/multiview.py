@@ -22,7 +22,8 @@ from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.carving.bounds import check_tolerance
-from voxelpose.matching.body_choice import choose_body, refit
+from voxelpose.matching.body_choice import choose_body
+from voxelpose.matching.body_refit import refit
 from voxelpose.matching.given_body import start_given
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
@@ -151,13 +152,13 @@ def _track(
     _follow(tracker, start.poses, start.errors, clock, reporter)
     reporter.stage("proportions")
     with clock("proportions"):
-        refit(tracker, start)
+        refit(tracker, start, known is None and settings.sex == "unknown")
     reporter.stage("refinement", len(observations))
     tracker.polish()
     facts = {
         "stature_m": stature_of(tracker.body.model),
         "stature_given": settings.stature_m is not None or known is not None,
-        "sex_template": start.body.model.sizes.sex,
+        "sex_template": tracker.body.model.sizes.sex,
         "shape": dict(
             zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
         ),

@@ -21,7 +21,8 @@ from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
-from voxelpose.matching.body_choice import Start, choose_body, clear_frames
+from voxelpose.matching.body_choice import Start, choose_body
+from voxelpose.matching.body_refit import clear_frames
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.prepared_silhouettes import PreparationSettings, prepare_silhouettes
