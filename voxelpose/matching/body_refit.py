@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.refinement.adaptation import adapt_shape
+from silhouette_core.refinement.adaptation import Stature, adapt_shape
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.matching.body_choice import Start
 from voxelpose.matching.observe import FrameObservation
-from voxelpose.matching.pose_search import BodyGeometry
+from voxelpose.matching.pose_search import BodyGeometry, sampled_vertices
 from voxelpose.matching.tracking import PoseTracker
 
 _FRAMES = 12
@@ -28,15 +28,19 @@ _NECK = LANDMARK_NAMES.index("neck")
 
 
 @dataclass(frozen=True, eq=False)
-class _Refit:
+class AdaptedBody:
     """A body adapted to some frames.
 
     Attributes:
         surface: of the body.
-        cost: negative logarithm of its posterior probability, up to a constant.
+        poses: of the frames, refined on it.
+        error: mean silhouette error in the frames.
+        cost: negative logarithm of the body's posterior probability, up to a constant.
     """
 
     surface: Surface
+    poses: list[Pose]
+    error: float
     cost: float
 
 
@@ -75,45 +79,61 @@ def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
     backend, own = tracker.body.body_volume.backend, tracker.body.model
     templates = [(tracker.body.surface, start.expected_shape)]
     if any_sex:
-        other = BodyModel.from_sizes(replace(own.sizes, sex=_OTHER_SEX[own.sizes.sex]))
-        shaped = BodyGeometry.from_model(other.reshaped(own.shape), voxel_size_m, backend)
-        templates.append((shaped.surface, other.shape))
+        other = replace(own.sizes, sex=_OTHER_SEX[own.sizes.sex])
+        templates.append(shaped_template(other, own.shape))
 
-    def adapted(template: tuple[Surface, np.ndarray]) -> _Refit:
-        moved = [_with_joints_of(template[0].model, own, pose) for pose in poses]
-        return _refitted(*template, observations, moved, start, backend)
+    def adapted(template: tuple[Surface, np.ndarray]) -> AdaptedBody:
+        moved = [with_joints_of(template[0].model, own, pose) for pose in poses]
+        prior = template[1], start.covariance
+        return adapted_to(template[0], prior, observations, moved, start.stature, backend)
 
     best = min(side_by_side(adapted, templates), key=lambda one: one.cost)
     tracker.body = BodyGeometry.from_surface(best.surface, voxel_size_m, backend)
     if best.surface.model.sizes.sex != own.sizes.sex:
         tracker.poses = [
-            None if pose is None else _with_joints_of(best.surface.model, own, pose)
+            None if pose is None else with_joints_of(best.surface.model, own, pose)
             for pose in tracker.poses
         ]
 
 
-def _refitted(
+def shaped_template(sizes: BodySizes, shape: np.ndarray) -> tuple[Surface, np.ndarray]:
+    """Surface of the template of some sizes with deviations (K,), and the deviations (K,) that the
+    sizes alone suggest.
+    """
+    template = BodyModel.from_sizes(sizes)
+    return Surface(template.reshaped(shape), taken=sampled_vertices(sizes.sex)), template.shape
+
+
+def adapted_to(
     surface: Surface,
-    expected: np.ndarray,
+    prior: tuple[np.ndarray, np.ndarray],
     observations: list[Observation],
-    poses: Sequence[Pose],
-    start: Start,
+    poses: list[Pose],
+    stature: Stature,
     backend: Backend,
-) -> _Refit:
-    covariance = start.covariance
-    surface, poses = adapt_shape(
-        surface, observations, list(poses), start.stature, expected, covariance
-    )
+) -> AdaptedBody:
+    """Adapts a body to frames, and says how probable it is.
+
+    Args:
+        surface: of the initial body.
+        prior: (K,) mean and (K, K) covariance of its deviations.
+        observations: the frames.
+        poses: of each.
+        stature: the person's height.
+        backend: measures the silhouette errors.
+    """
+    expected, covariance = prior
+    surface, poses = adapt_shape(surface, observations, poses, stature, expected, covariance)
     errors = [
         silhouette_error(surface.model, pose, observation, backend)
         for pose, observation in zip(poses, observations, strict=True)
     ]
-    deviation = surface.model.shape - expected
+    error, deviation = float(np.mean(errors)), surface.model.shape - expected
     unusual = 0.5 * float(deviation @ np.linalg.solve(covariance, deviation))
-    return _Refit(surface, _INDEPENDENT * float(np.log(np.mean(errors))) + unusual)
+    return AdaptedBody(surface, poses, error, _INDEPENDENT * float(np.log(error)) + unusual)
 
 
-def _with_joints_of(model: BodyModel, other: BodyModel, pose: Pose) -> Pose:
+def with_joints_of(model: BodyModel, other: BodyModel, pose: Pose) -> Pose:
     """A pose of another body with the root where a body has it whose neck is in the same place."""
     higher = (other.landmarks_m[_NECK] - other.joints_m[0]) - (
         model.landmarks_m[_NECK] - model.joints_m[0]
