@@ -53,7 +53,7 @@ def print_result(result: Result) -> None:
     console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
     console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
     colour = "green" if verdict.level == "reliable" else "yellow"
-    words = f": {plain(verdict.reason)}" if verdict.reason else ""
+    words = plain(str(verdict).removeprefix(verdict.level))
     console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
 
 

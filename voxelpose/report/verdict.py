@@ -54,6 +54,7 @@ def findings(result: Result, cameras: CameraCheck | None = None) -> list[Finding
         _lost(result),
         *_outlines(result),
         *_parts(result),
+        *_joints(result),
         *_cameras(cameras or CameraCheck()),
     ]
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
@@ -163,6 +164,23 @@ def _parts(result: Result) -> list[Finding]:
             f"Often outside the carved hull: {listed}.",
             "Thin parts are lost where one camera's silhouette has a hole: check it in voxelpose"
             " view. Arms held against the trunk are occluded by it: cameras at other heights help.",
+        )
+    ]
+
+
+def _joints(result: Result) -> list[Finding]:
+    """Joints that are said to be uncertain."""
+    verdict: Any = result.summary.get("verdict", {})
+    listed = [display_name(name) for name in verdict.get("uncertain", ())]
+    if not listed:
+        return []
+    return [
+        Finding(
+            "look",
+            "Joints",
+            f"More likely than not farther than 30 mm from the truth: {', '.join(listed)}.",
+            "The outlines say little of them: silhouettes that miss them, a limb that is held"
+            " against the body, or unusual proportions. Look at them in the video first.",
         )
     ]
 
