@@ -29,7 +29,7 @@ from silhouette_core.library.library_check import check_library, check_library_s
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.proposal.pose_proposal import PoseProposal
 
-VERSION = 2
+VERSION = 3
 _FORMAT = "voxelpose pose library"
 _TYPES = {
     "BOOL": np.bool_,

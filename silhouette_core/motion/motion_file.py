@@ -20,7 +20,7 @@ from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.motion.motion import Motion
 
 MOTION = "motion.safetensors"
-_FORMAT = "voxelpose motion 2"
+_FORMAT = "voxelpose motion 3"
 _QUALITY, _BODY = "quality.", "body."
 _TYPES = {
     "root_m": "F64",
