@@ -1,10 +1,11 @@
 """Errors to be expected of fitted poses, by what can be seen of them without the truth.
 
 A frame's evidence are the shares of the silhouettes that body and silhouettes do not have in common
-(the mean and the median over the cameras), the same near every joint, the body's part outside the
-hull, how many of its angles are at their limits, how much worse the recording is explained by
-bodies turned half round, and how stout the body is: loose clothes make it stouter. Logistic
-regression on it gives probabilities, and linear regression of log(error + 3 mm) the median error:
+(the mean and the median over the cameras), the same near every joint, how uncertain the outlines
+leave the joint, the body's part outside the hull, how many of its angles are at their limits, how
+much worse the recording is explained by bodies turned half round, and how stout the body is.
+Logistic regression on it gives probabilities, and linear regression of log(error + 3 mm) the median
+error:
 
 .. math::
 
@@ -40,28 +41,30 @@ RIGHT_MM = 80.0
 _SQUARE_M = 0.12  # half the side of the square around a joint
 ADDED_MM = 3.0
 _LEAST = 0.01  # share below which a joint's surroundings count as alike
+_USUAL_SIGMA_M = 0.01
 _TURNS = (1.0, 4.0)  # range of the half-turn ratio
 _AT_LIMIT_RAD = 0.02
 _ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
 
-# Constants of the 15 joints, then the weights of: log of the share near the joint, log of the mean
-# share, log of the median one, log of the half-turn ratio, share of the body outside the hull,
-# share of the angles at their limits, stoutness.
+# Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
+# standard deviation over a centimetre, log of the mean share, log of the median one, log of the
+# half-turn ratio, share of the body outside the hull, share of the angles at their limits,
+# stoutness.
 NEAR_WEIGHTS = np.array(
     (
         "-4.554 -5.359 -3.873 -2.708 -5.314 -3.74 -2.198 -2.826 -2.995 -4.002 -3.781 -3.957 "
-        "-3.776 -3.889 -4.032 -0.988 0.801 -1.792 0.976 -3.456 -9.215 -2.224"
+        "-3.776 -3.889 -4.032 -0.988 0.0 0.801 -1.792 0.976 -3.456 -9.215 -2.224"
     ).split(),
     float,
 )
 ERROR_WEIGHTS = np.array(
     (
         "5.028 5.054 4.582 4.242 5.047 4.559 4.245 4.469 4.43 4.684 4.591 4.716 4.66 4.605 4.734 "
-        "0.303 -0.483 0.701 -0.346 1.359 8.834 0.448"
+        "0.303 0.0 -0.483 0.701 -0.346 1.359 8.834 0.448"
     ).split(),
     float,
 )
-# A constant, then the weights of the same without the share near the joint. Too few of the
+# A constant, then the weights of the same without those of the joint. Too few of the
 # recordings that the others come from are wrong: these are of earlier ones, without the last two.
 RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0".split(), float)
 
@@ -173,6 +176,7 @@ class MotionEvidence:
     Attributes:
         camera_error: (T, C) float64, as in `FrameEvidence`; rows of NaN where there is none.
         joint_error: (T, 15) float64, likewise.
+        joint_sigma_m: (T, 15) float64, likewise.
         outside: (T,) float64, likewise.
         at_limits: (T,) float64, share of the joint angles that are at an end of their range.
         half_turn: median half-turn ratio of the recording.
@@ -181,27 +185,35 @@ class MotionEvidence:
 
     camera_error: np.ndarray
     joint_error: np.ndarray
+    joint_sigma_m: np.ndarray
     outside: np.ndarray
     at_limits: np.ndarray
     half_turn: float
     stoutness: float
 
     @classmethod
-    def from_motion(
-        cls,
-        motion: Motion,
-        camera_error: np.ndarray,
-        joint_error: np.ndarray,
-        outside: np.ndarray,
-        half_turn: float,
-    ) -> MotionEvidence:
-        """Evidence of which a motion itself holds the rest."""
+    def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
+        """Evidence of a motion with its quality.
+
+        Args:
+            motion: the motion of a person by several cameras.
+            half_turn: median half-turn ratio.
+        """
+        quality = motion.quality
         low, high = motion.model.dof_limits_rad.T
         angles, free = motion.angles_rad, high > low
         at_end = (angles <= low + _AT_LIMIT_RAD) | (angles >= high - _AT_LIMIT_RAD)
         at_limits = (at_end & free).mean(axis=1)
         stoutness = stoutness_of(motion.model)
-        return cls(camera_error, joint_error, outside, at_limits, half_turn, stoutness)
+        return cls(
+            1 - quality["camera_agreement"],
+            quality["joint_disagreement"],
+            quality["joint_sigma_mm"] / 1000,
+            quality["outside"],
+            at_limits,
+            half_turn,
+            stoutness,
+        )
 
 
 def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
@@ -215,7 +227,7 @@ def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
 
 
 def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
-    """Regressors of the joints (T, 15, 22) and of the frames (T, 7), in the weights' order."""
+    """Regressors of the joints (T, 15, 23) and of the frames (T, 7), in the weights' order."""
     camera_error = np.maximum(evidence.camera_error, 1e-3)
     mean = np.log(camera_error.mean(axis=1))
     middle = np.log(np.median(camera_error, axis=1))
@@ -224,9 +236,11 @@ def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
     shared = [mean, middle, turn, evidence.outside, evidence.at_limits, stout]
     frames = np.stack([np.ones(len(mean)), *shared], axis=1)
     near = np.log(evidence.joint_error + _LEAST)
+    sigma = np.log(evidence.joint_sigma_m / _USUAL_SIGMA_M)
     constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
     of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)
-    return np.concatenate([constants, near[..., None], of_frame], axis=2), frames
+    of_joint = np.stack([near, sigma], axis=2)
+    return np.concatenate([constants, of_joint, of_frame], axis=2), frames
 
 
 def logistic(value: np.ndarray) -> np.ndarray:
