@@ -87,7 +87,6 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     assert start.stature.metres == pytest.approx(1.70, rel=0.03)
 
 
-@pytest.mark.slow
 def test_of_a_known_body_only_the_clothes_are_adapted():
     known, seen_by = other_body(), views(4)
     clothes = np.array(

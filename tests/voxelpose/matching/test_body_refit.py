@@ -42,7 +42,6 @@ def body_of(sex):
     return BodyModel.from_sizes(BodySizes(STATURE_M, sex=sex))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("sex", ["male", "female"])
 def test_the_other_template_is_taken_where_it_is_more_probable(sex):
     """Tracking began with the other sex's body, whose hips are elsewhere."""
