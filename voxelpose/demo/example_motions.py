@@ -20,8 +20,9 @@ from voxelpose.demo import example_bodies
 from voxelpose.demo.filming import write_video
 from voxelpose.demo.mannequin import COLOURS_BGR
 from voxelpose.demo.room import FilmCamera, demo_rig
+from voxelpose.recording.truth import TRUE_MOTION
 
-BODY, TRUE_MOTION = "body.safetensors", "truth.safetensors"
+BODY = "body.safetensors"
 _FPS, _EMPTY_FRAMES = 15, 24
 _Curves = Callable[[np.ndarray], tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]]
 

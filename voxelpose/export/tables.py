@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.joints import column_names
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
@@ -90,7 +91,7 @@ def _write(
     motion: Motion, names: list[str], table: NDArray[np.float64], digits: int, path: Path
 ) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(["frame", "time_s", *names]) + "\n")
+        file.write(",".join(["frame", "time_s", *column_names(names)]) + "\n")
         for frame, time_s, row in zip(motion.frames.tolist(), motion.time_s, table, strict=True):
             file.write(
                 f"{frame},{time_s:.6f}," + ",".join(f"{value:.{digits}f}" for value in row) + "\n"
