@@ -93,6 +93,5 @@ def _write(
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(["frame", "time_s", *column_names(names)]) + "\n")
         for frame, time_s, row in zip(motion.frames.tolist(), motion.time_s, table, strict=True):
-            file.write(
-                f"{frame},{time_s:.6f}," + ",".join(f"{value:.{digits}f}" for value in row) + "\n"
-            )
+            cells = [str(frame), f"{time_s:.6f}", *(f"{value:.{digits}f}" for value in row)]
+            file.write(",".join(cells) + "\n")

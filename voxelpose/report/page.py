@@ -21,9 +21,9 @@ from voxelpose.recording.frame_reader import read_still
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
+from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, noun_of, overall
 from voxelpose.results import Result
-from voxelpose.view.images.canvas import reduced
+from voxelpose.view.images.canvas import has_sides, reduced
 from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
@@ -60,7 +60,7 @@ _SETTINGS = {
 _FILES = {
     "contact_sheet.png": "the contact sheet above, larger",
     "overlay_*.webm": "the fitted body drawn over the whole videos, for every browser and player",
-    "joints.csv": "positions of 15 joints in every frame, metres, with a confidence",
+    "joints.csv": "positions of the joints in every frame, metres, with a confidence",
     "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
     "motion.safetensors": "joint angles, root and quality, for programs",
     "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
@@ -164,6 +164,10 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         ],
         "left": LEFT,
         "right": RIGHT,
+        "noun": noun_of(result),
+        "sided": has_sides(result.motion.model.names),
+        "parts_count": len(result.motion.model.names),
+        "anatomical": result.motion.model.person is not None,
     }
 
 
