@@ -91,6 +91,12 @@ def _beyond(content):
     content["accessors"][0]["count"] = 10**8
 
 
+def _negative(content):
+    accessor = {"bufferView": 0, "componentType": 5120, "type": "SCALAR", "count": 36}
+    content["accessors"].append(accessor)  # numbers of points, read as whole ones with a sign
+    content["meshes"][0]["primitives"][0]["indices"] = len(content["accessors"]) - 1
+
+
 def _twice(content):
     content["nodes"][2]["name"] = "low"
 
@@ -117,6 +123,7 @@ def _elsewhere(content):
         (_half_weights, "sum to"),
         (_far_too_large, "unit"),
         (_beyond, "beyond its buffer"),
+        (_negative, "do not exist"),
         (_twice, "rename"),
         (_empty, "without triangles"),
         (_compressed, "without compression"),
