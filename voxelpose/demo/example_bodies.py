@@ -14,7 +14,7 @@ from silhouette_core.body.rigs.rig_formats import read_rig_body
 from silhouette_core.body.sizes import BodySizes
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-ROBOT_ARM = Path(str(resources.files(__package__) / "robot_arm.urdf"))
+ROBOT_ARM = Path(str(resources.files("voxelpose.demo") / "robot_arm.urdf"))
 """The robot arm's file."""
 QUADRUPED_LENGTH_M = 0.88
 """Length of the quadruped's trunk from chest to rump: its body length."""

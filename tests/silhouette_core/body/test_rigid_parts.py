@@ -72,6 +72,8 @@ def test_unfit_trees_are_refused():
         KinematicTree.from_parts((("a", "", ()), ("a", "a", ())))
     with pytest.raises(InputError, match="does not come before"):
         KinematicTree.from_parts((("a", "", ()), ("b", "c", ())))
+    with pytest.raises(InputError, match="does not come before"):
+        KinematicTree.from_parts((("a", "", ()), ("b", "c", ()), ("c", "a", ())))
     with pytest.raises(InputError, match="no part"):
         KinematicTree.from_parts((("a", "", ()),), {"tip": "b"})
 

@@ -42,6 +42,36 @@ def test_a_turn_that_does_not_show_is_sampled_with_the_next_part():
     assert parents == [None, "world", "upper_arm", "forearm", "wrist_2"]
 
 
+def test_of_several_limbs_the_largest_that_it_moves_shows_a_turn():
+    """A turret whose turn does not show carries two arms; the crane beside it does not turn."""
+    pitch = (Dof("pitch", (1.0, 0.0, 0.0), (-60.0, 60.0)),)
+    yaw = (Dof("yaw", (0.0, 0.0, 1.0), (-120.0, 120.0)),)
+    tree = KinematicTree.from_parts(
+        (
+            ("base", "", ()),
+            ("turret", "base", yaw),
+            ("small", "turret", pitch),
+            ("large", "turret", pitch),
+            ("crane", "base", pitch),
+        )
+    )
+    joints = np.array([[0, 0, 0], [0, 0, 0.3], [0.1, 0, 0.5], [-0.1, 0, 0.5], [0, 0.5, 0.2]])
+    shapes = [
+        [Box((-0.3, -0.3, 0), (0.3, 0.6, 0.2))],
+        [Capsule((0, 0, 0.35), (0, 0, 0.5), 0.12)],
+        [Capsule((0.1, -0.1, 0.5), (0.1, -0.4, 0.5), 0.05)],
+        [Capsule((-0.1, -0.1, 0.5), (-0.1, -0.7, 0.5), 0.06)],
+        [Capsule((0, 0.5, 0.3), (0, 0.5, 1.5), 0.1)],
+    ]
+    limbs = BodyVolume.from_model(body_of_parts(tree, joints, shapes), VOXEL_M).limbs
+    assert {limb.name: (limb.parent, limb.angles) for limb in limbs} == {
+        "base": (None, ()),
+        "small": ("large", ("small.pitch",)),
+        "large": ("base", ("turret.yaw", "large.pitch")),
+        "crane": ("base", ("crane.pitch",)),
+    }
+
+
 def test_all_limbs_of_an_animal_begin_at_its_trunk():
     volume = BodyVolume.from_model(DOG, VOXEL_M)
     first = [limb.name for limb in volume.limbs if limb.parent == "trunk"]

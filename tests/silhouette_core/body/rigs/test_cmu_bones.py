@@ -48,6 +48,4 @@ def test_a_bent_elbow_has_its_limits_from_where_it_is(side):
     turns = turns_to_human_rest(arms())
     lower = np.array(own.limits_deg) - np.array(dof.limits_deg)
     np.testing.assert_allclose(lower, _BEND_DEG)
-    assert (
-        native_dofs(f"{side}HandFinger1", f"{side}HandFinger1", turns_to_human_rest(arms())) == ()
-    )
+    assert native_dofs(f"{side}HandFinger1", f"{side}HandFinger1", turns) == ()
