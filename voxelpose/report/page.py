@@ -15,6 +15,7 @@ import numpy as np
 from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.frame_reader import read_still
@@ -167,19 +168,16 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "noun": noun_of(result),
         "sided": has_sides(result.motion.model.names),
         "parts_count": len(result.motion.model.names),
-        "anatomical": result.motion.model.person is not None,
     }
 
 
 def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | None]:
     """Charts of angles with their notes, of quality, and of parts over time."""
     motion = result.motion
-    given = motion.model.person is None
-    angles = _joint_charts(motion) if given else []
-    values_deg = None if given else anatomical_angles(motion)
-    for k, (title, note, name) in enumerate(_ANGLES):
-        if values_deg is None:
-            break
+    person = is_person_tree(motion.model.tree)
+    angles = [] if person else _joint_charts(motion)
+    values_deg = anatomical_angles(motion) if person else {}
+    for k, (title, note, name) in enumerate(_ANGLES if person else ()):
         sides = {"left": LEFT, "right": RIGHT} if "{}" in name else {"": MIDDLE}
         curves = {side: (values_deg[name.format(side)], colour) for side, colour in sides.items()}
         chart = TimeChart(title, "degrees", curves)

@@ -166,7 +166,10 @@ def test_any_body_is_scored_in_its_own_names(desk, capsys, name):
     assert other["joint_angle_deg"] is None and other["each_joint_angle_deg"] == {}
     # Compared two frames later, one frame is left.
     assert run(["evaluate", result, "--offset", "2", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["lost"] == 3 / 4
+    late = json.loads(capsys.readouterr().out)
+    assert late["lost"] == 3 / 4
+    degrees = np.degrees(np.abs(motion.angles_rad[0] - truth.angles_rad[3]))
+    assert list(late["each_joint_angle_deg"].values()) == pytest.approx(degrees.tolist())
 
 
 def test_the_truth_of_another_body_is_refused(results, capsys):
@@ -184,6 +187,11 @@ def test_the_truth_of_another_body_is_refused(results, capsys):
         said = capsys.readouterr().err
         assert f"{truth} has the joint '{joint}'" in said and "world, turret" in said
         assert len(said.splitlines()) == 1
+    # One name in common is not enough.
+    text = (results / "lamp.csv").read_text().replace("base", "turret")
+    (results / "lamp.csv").write_text(text)
+    assert run(["evaluate", "robot_arm_fit", "--truth", "lamp.csv"]) == 2
+    assert "has the joint 'lower_arm'" in capsys.readouterr().err
     # And a person's result is not scored against a robot.
     assert run(["evaluate", "one", "--truth", "robot_arm/truth.safetensors"]) == 2
     assert "has the joint 'world'" in capsys.readouterr().err

@@ -11,11 +11,12 @@ import pytest
 from trimesh import creation
 
 from calib.errors import InputError
-from silhouette_core.body.kinematic_tree import KinematicTree
-from silhouette_core.body.rigid_parts import Box, Capsule, ClosedMesh, body_of_parts
+from silhouette_core.body.kinematic_tree import Dof, KinematicTree
+from silhouette_core.body.rigid_parts import Box, Capsule, ClosedMesh, body_of_parts, with_part
 from silhouette_core.body.rigs.bvh_rig import read_bvh_rig
 from silhouette_core.body.rigs.gltf_rig import read_gltf
 from silhouette_core.body.rigs.rig_dofs import ball_joint
+from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.sources import ring
@@ -26,6 +27,7 @@ from voxelpose.export.formats import export_motion
 from voxelpose.export.gltf import write_glb
 from voxelpose.export.joints import column_names, read_joints
 from voxelpose.export.mot import write_mot
+from voxelpose.export.tables import write_angles
 from voxelpose.view.images.figure import FigurePainter, skeleton_bones, skeleton_joints
 
 MOTION = example_motion("quadruped", 3)
@@ -55,6 +57,33 @@ def test_angles_are_those_of_its_own_joints(folder):
     column = MOTION.model.dof_names.index("left_fore_lower.bend")
     found = [float(row["left_fore_lower.bend_deg"]) for row in rows]
     np.testing.assert_allclose(found, np.degrees(MOTION.angles_rad[:, column]), atol=1e-3)
+
+
+def test_a_person_with_a_tool_has_anatomical_angles(tmp_path):
+    motion = example_motion("person_with_stick", 2)
+    export_motion(motion, tmp_path, ("csv", "npz"))
+    found = np.genfromtxt(tmp_path / "angles.csv", delimiter=",", names=True)
+    angles = anatomical_angles(motion)
+    assert {f"{name}_deg" for name in angles.names} <= set(found.dtype.names)
+    np.testing.assert_allclose(
+        found["right_elbow_flexion_deg"], angles["right_elbow_flexion"], atol=1e-3
+    )
+    with np.load(tmp_path / "motion.npz") as arrays:
+        assert tuple(arrays["anatomical_names"]) == angles.names
+
+
+def test_a_tool_that_turns_has_its_own_angles_beside_the_persons(tmp_path):
+    held = example_motion("person_with_stick", 2)
+    turns = (Dof("turn", (0.0, 0.0, 1.0), (-90.0, 90.0)),)
+    at = tuple(held.model.joints_m[held.model.names.index("left_fingers")].tolist())
+    shape = [Box((at[0], at[1] - 0.2, at[2]), (at[0] + 0.02, at[1], at[2] + 0.02))]
+    model = with_part(held.model, "key", "left_hand", at, shape, None, turns)
+    angles = np.column_stack([held.angles_rad, [0.1, 0.2]])
+    write_angles(replace(held, model=model, angles_rad=angles), tmp_path / "angles.csv")
+    with (tmp_path / "angles.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["key.turn_deg"]) for row in rows] == pytest.approx([5.730, 11.459])
+    assert "left_elbow_flexion_deg" in rows[0] and "left_forearm.flexion_deg" not in rows[0]
 
 
 def test_bvh_places_every_joint(folder):
