@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
-from silhouette_core.motion.body_source import is_result, load_body
+from silhouette_core.motion.body_source import load_body, names_result
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
@@ -146,7 +146,7 @@ def _track(
     if known is not None and known.person is None:
         return _track_given(observations, settings, tracking, known, clock, reporter)
     with clock("first poses"):
-        kept = known is not None and is_result(str(settings.options["body"]))
+        kept = known is not None and names_result(str(settings.options["body"]))
         start = choose_body(observations, settings, tracking.match, reporter, known, kept)
     tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
     _follow(tracker, start.poses, start.errors, clock, reporter)

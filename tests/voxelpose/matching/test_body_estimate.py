@@ -21,6 +21,7 @@ from tests.voxelpose.matching.matching_scenes import (
 from voxelpose.matching import body_estimate
 from voxelpose.matching.body_choice import Start
 from voxelpose.matching.body_estimate import BodyEstimate, PosedFrames, estimate_body
+from voxelpose.matching.body_refit import AdaptedBody
 from voxelpose.matching.pose_search import BodyGeometry
 
 TRUE = {"thigh_length": 0.05, "trunk_width": 0.06, "shirt": 0.008, "trousers": 0.012}
@@ -115,23 +116,22 @@ def test_clothes_are_told_in_metres():
 def test_statures_count_by_their_errors_and_the_best_start_is_taken(monkeypatch):
     def start(metres, sigma_m, shape):
         body = BodyGeometry.from_model(fitting_model().reshaped(shape), 0.06, load_backend("cpu"))
-        return PosedFrames(Start(body, {}, {}, Stature(metres, sigma_m), shape), [], [])
+        return PosedFrames(Start(body, {}, {}, Stature(metres, sigma_m), shape, None), [], [])
 
     nothing = np.zeros(len(SHAPE_AXES))
     wide = np.where([axis.name == "trunk_width" for axis in SHAPE_AXES], 0.1, 0.0)
     told = []
 
-    def adapted(surface, observations, poses, stature, expected):
-        told.append(stature)
-        return surface, poses
+    costs = iter([-1.0, -3.0])
 
-    errors = iter([0.2, 0.1])
-    monkeypatch.setattr(body_estimate, "adapt_shape", adapted)
+    def adapted(surface, prior, observations, poses, stature, backend):
+        told.append(stature)
+        return AdaptedBody(surface, poses, 0.1, next(costs))
+
+    monkeypatch.setattr(body_estimate, "adapted_to", adapted)
     monkeypatch.setattr(body_estimate, "shape_covariance", lambda *_: np.eye(len(nothing)))
-    monkeypatch.setattr(body_estimate, "_mean_error", lambda *_: next(errors))
-    found = estimate_body(
-        [start(1.70, 0.02, nothing), start(1.80, 0.01, wide)], Settings(), SilentReporter()
-    )
+    starts = [start(1.70, 0.02, nothing), start(1.80, 0.01, wide)]
+    found = estimate_body(starts, Settings(sex="male"), SilentReporter())
     assert [one.metres for one in told] == pytest.approx([1.78, 1.78])
     assert told[0].sigma_m == pytest.approx(0.01) and found.error == 0.1
     np.testing.assert_allclose(found.model.shape, wide)
