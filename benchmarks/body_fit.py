@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -35,21 +36,33 @@ OUT = Path(__file__).resolve().parents[1] / "out" / "body_fit"
 LIMBS = LIMBS_AND_HIPS[:8]
 
 
-def later_clips(earlier: Sequence[Path]) -> list[str]:
-    """For each recording, the clip of the next one that shows another kind of motion."""
+def later_recordings(seeds: Sequence[int], earlier: Sequence[Path]) -> list[Path]:
+    """For each person a recording of another kind of motion: the clip of the next recording that
+    shows one, and can be drawn for this person.
+    """
     clips = [json.loads((folder / "scene.json").read_text())["clip"] for folder in earlier]
     kinds = [clip.rsplit("_", 1)[0] for clip in clips]
-    if len(set(kinds)) < 2:
-        raise SystemExit("these seeds show one kind of motion only: give more of them")
-    count = len(clips)
     return [
-        next(
-            clips[(k + step) % count]
-            for step in range(1, count)
-            if kinds[(k + step) % count] != kinds[k]
+        _later(
+            seed,
+            [
+                other
+                for other, kind in zip(clips[k:] + clips[:k], kinds[k:] + kinds[:k], strict=True)
+                if kind != kinds[k]
+            ],
         )
-        for k in range(count)
+        for k, seed in enumerate(seeds)
     ]
+
+
+def _later(seed: int, clips: Sequence[str]) -> Path:
+    """A recording with the first of some clips that can be drawn."""
+    for clip in clips:
+        try:
+            return drawn(OUT / "later", [seed], 1, clip)[0]
+        except subprocess.CalledProcessError:
+            continue  # too short, or it leaves the room
+    raise SystemExit(f"no other motion can be drawn for seed {seed}: give more seeds")
 
 
 def body_of(seed: int, recording: Path) -> Path:
@@ -98,8 +111,8 @@ def main() -> None:
     rows = []
     seeds = range(first, last + 1)
     recordings = drawn(OUT / "earlier", seeds, 1)
-    for seed, earlier, clip in zip(seeds, recordings, later_clips(recordings), strict=True):
-        later = drawn(OUT / "later", [seed], 1, clip)[0]
+    laters = later_recordings(seeds, recordings)
+    for seed, earlier, later in zip(seeds, recordings, laters, strict=True):
         path = body_of(seed, earlier)
         stature, limbs = size_errors(read_body(path), earlier)
         without, given = root_mm(later, "without", {}), root_mm(later, "with", {"body": str(path)})

@@ -3,9 +3,9 @@
 A frame's evidence are the shares of the silhouettes that body and silhouettes do not have in common
 (the mean and the median over the cameras), the same near every joint, how uncertain the outlines
 leave the joint, the body's part outside the hull, how many of its angles are at their limits, how
-much worse the recording is explained by bodies turned half round, and how stout the body is.
-Logistic regression on it gives probabilities, and linear regression of log(error + 3 mm) the median
-error:
+much worse the recording is explained by bodies turned half round, how thick the clothes are, and
+how many cameras there are. Logistic regression on it gives probabilities, and linear regression of
+log(error + 3 mm) the median error:
 
 .. math::
 
@@ -23,13 +23,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.posterior import landmark_sigma_m
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.matching.girth import stoutness_of
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.pose_search import SEARCHED, BodyGeometry, refine_fits
@@ -41,7 +41,7 @@ RIGHT_MM = 80.0
 _SQUARE_M = 0.12  # half the side of the square around a joint
 ADDED_MM = 3.0
 _LEAST = 0.01  # share below which a joint's surroundings count as alike
-_USUAL_SIGMA_M = 0.01
+_USUAL_SIGMA_M, _USUAL_CAMERAS = 0.01, 4
 _TURNS = (1.0, 4.0)  # range of the half-turn ratio
 _AT_LIMIT_RAD = 0.02
 _ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
@@ -49,24 +49,24 @@ _ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
 # Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
 # standard deviation over a centimetre, log of the mean share, log of the median one, log of the
 # half-turn ratio, share of the body outside the hull, share of the angles at their limits,
-# stoutness.
+# thickness of the clothes in per cent of the stature, log of the number of cameras over four.
 NEAR_WEIGHTS = np.array(
     (
-        "-4.554 -5.359 -3.873 -2.708 -5.314 -3.74 -2.198 -2.826 -2.995 -4.002 -3.781 -3.957 "
-        "-3.776 -3.889 -4.032 -0.988 0.0 0.801 -1.792 0.976 -3.456 -9.215 -2.224"
+        "-7.308 -6.331 -5.296 -4.688 -6.505 -4.917 -4.24 -5.257 -3.992 -5.033 -4.589 -3.869 "
+        "-5.226 -4.952 -4.025 -1.893 -3.872 -0.568 -1.014 -0.12 -3.352 -10.114 -0.361 -1.823"
     ).split(),
     float,
 )
 ERROR_WEIGHTS = np.array(
     (
-        "5.028 5.054 4.582 4.242 5.047 4.559 4.245 4.469 4.43 4.684 4.591 4.716 4.66 4.605 4.734 "
-        "0.303 0.0 -0.483 0.701 -0.346 1.359 8.834 0.448"
+        "5.08 4.881 4.661 4.426 4.865 4.585 4.372 4.587 4.304 4.478 4.354 4.321 "
+        "4.493 4.394 4.336 0.393 0.833 -0.177 0.449 -0.092 1.192 9.316 0.049 0.545"
     ).split(),
     float,
 )
 # A constant, then the weights of the same without those of the joint. Too few of the
-# recordings that the others come from are wrong: these are of earlier ones, without the last two.
-RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0".split(), float)
+# recordings that the others come from are wrong: these are of earlier ones, without the last three.
+RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0 0".split(), float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ class MotionEvidence:
         outside: (T,) float64, likewise.
         at_limits: (T,) float64, share of the joint angles that are at an end of their range.
         half_turn: median half-turn ratio of the recording.
-        stoutness: logarithm of the body's girth over the usual one of its stature.
+        clothes: thickness of the body's clothes, as fractions of the stature, summed.
     """
 
     camera_error: np.ndarray
@@ -189,7 +189,7 @@ class MotionEvidence:
     outside: np.ndarray
     at_limits: np.ndarray
     half_turn: float
-    stoutness: float
+    clothes: float
 
     @classmethod
     def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
@@ -204,7 +204,7 @@ class MotionEvidence:
         angles, free = motion.angles_rad, high > low
         at_end = (angles <= low + _AT_LIMIT_RAD) | (angles >= high - _AT_LIMIT_RAD)
         at_limits = (at_end & free).mean(axis=1)
-        stoutness = stoutness_of(motion.model)
+        clothes = float(motion.model.shape[IS_CLOTHING].sum())
         return cls(
             1 - quality["camera_agreement"],
             quality["joint_disagreement"],
@@ -212,7 +212,7 @@ class MotionEvidence:
             quality["outside"],
             at_limits,
             half_turn,
-            stoutness,
+            clothes,
         )
 
 
@@ -227,13 +227,14 @@ def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
 
 
 def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
-    """Regressors of the joints (T, 15, 23) and of the frames (T, 7), in the weights' order."""
+    """Regressors of the joints (T, 15, 24) and of the frames (T, 8), in the weights' order."""
     camera_error = np.maximum(evidence.camera_error, 1e-3)
     mean = np.log(camera_error.mean(axis=1))
     middle = np.log(np.median(camera_error, axis=1))
     turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, *_TURNS)))
-    stout = np.full(len(mean), evidence.stoutness)
-    shared = [mean, middle, turn, evidence.outside, evidence.at_limits, stout]
+    clothes = np.full(len(mean), 100 * evidence.clothes)
+    cameras = np.full(len(mean), np.log(camera_error.shape[1] / _USUAL_CAMERAS))
+    shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
     frames = np.stack([np.ones(len(mean)), *shared], axis=1)
     near = np.log(evidence.joint_error + _LEAST)
     sigma = np.log(evidence.joint_sigma_m / _USUAL_SIGMA_M)
