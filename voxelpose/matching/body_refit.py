@@ -8,10 +8,11 @@ import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.population import sex_probability
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.refinement.adaptation import Stature, adapt_shape
+from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
@@ -130,6 +131,7 @@ def adapted_to(
     ]
     error, deviation = float(np.mean(errors)), surface.model.shape - expected
     unusual = 0.5 * float(deviation @ np.linalg.solve(covariance, deviation))
+    unusual -= float(np.log(sex_probability(surface.model.sizes.sex, stature_of(surface.model))))
     return AdaptedBody(surface, poses, error, _INDEPENDENT * float(np.log(error)) + unusual)
 
 
