@@ -71,7 +71,8 @@ def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
         any_sex: whether the template of the other sex is tried as well; the more probable body of
             both is taken.
     """
-    if start.covariance is None:
+    covariance = start.covariance
+    if covariance is None:
         return
     frames = clear_frames(tracker, _FRAMES)
     observations = [frame.observation for frame in frames.values()]
@@ -85,7 +86,7 @@ def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
 
     def adapted(template: tuple[Surface, np.ndarray]) -> AdaptedBody:
         moved = [with_joints_of(template[0].model, own, pose) for pose in poses]
-        prior = template[1], start.covariance
+        prior = template[1], covariance
         return adapted_to(template[0], prior, observations, moved, start.stature, backend)
 
     best = min(side_by_side(adapted, templates), key=lambda one: one.cost)
