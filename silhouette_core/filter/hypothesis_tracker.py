@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.forward import FilterFrame, candidates_of
 from silhouette_core.filter.motion_cost import (
@@ -32,12 +32,11 @@ from silhouette_core.image.distance import Weighting
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.dynamics import (
     FPS,
-    POSE_STEP_SIGMA,
     RELAXED_RAD,
     ROOT_STEP_M,
     ROOT_STEP_RAD,
-    STEP_SIGMA_RAD,
     elapsed_steps,
+    pose_step_sigma,
     predict,
 )
 from silhouette_core.motion.kinematics import landmarks, place
@@ -79,6 +78,8 @@ class TrackerSettings:
             silhouette's weight.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
         spacing_m: distance between points of the contour, on the body.
+        root: place of a root that stands still, with any joint angles; None: it moves, or is
+            unknown.
     """
 
     refine: bool = True
@@ -92,6 +93,13 @@ class TrackerSettings:
     sigma: float = 0.04
     surface_points: int = 500
     spacing_m: float = USUAL_SPACING_M
+    root: Pose | None = None
+
+    def of_given_body(self, root: Pose | None) -> TrackerSettings:
+        """Settings for a body that is no person's: nobody knows which poses it usually takes."""
+        return replace(
+            self, by_probability=8, by_fit=8, carried=12, kept=24, facing=False, root=root
+        )
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""
@@ -182,7 +190,7 @@ class HypothesisTracker:
         self.costs = PoseCosts(tree.library)
         self.set_body(tree.library.model)
         self.noise = ProcessNoise(
-            STEP_SIGMA_RAD,
+            pose_step_sigma(self.model.tree)[6:],
             root_rad=ROOT_STEP_RAD,
             root_m=ROOT_STEP_M,
             spacing_rad=np.radians(3.0),
@@ -191,6 +199,8 @@ class HypothesisTracker:
         self._library_sigma = np.concatenate(
             [[0.06] * 3, [0.15] * 3, np.full(self.model.dof_count, 0.20)]
         )
+        if settings.root is not None:
+            self._library_sigma[:6] = pose_step_sigma(self.model.tree)[:6]
         self._usual_areas = usual_areas(tree.library.areas)
 
     def set_body(self, model: BodyModel) -> None:
@@ -220,7 +230,8 @@ class HypothesisTracker:
             distance_m = filter_frame.distance_m if modes is None else modes.distance_m
             observed = self.observer.observe(filter_frame.person.mask, distance_m, time_s)
         weights = observed.weights
-        predicted = [] if previous is None else _predicted(previous, before_previous)
+        limits = self.model.dof_limits_rad
+        predicted = [] if previous is None else _predicted(previous, before_previous, limits)
         poses: list[Pose] = self._seeds(filter_frame, settings)
         priors: list[LandmarkPrior | None] = [None] * len(poses)
         if settings.refine:
@@ -285,8 +296,9 @@ class HypothesisTracker:
         """
         # At a lower frame rate every step is cheaper; a restart has to remain dearer.
         restart_cost = self.noise.restart_cost * max((time_s - previous.time_s) * FPS, 1.0)
+        occluded = previous.occluded[:, self.model.dof_part]
         moving = transition_cost(
-            _packed(predicted, previous.time_s, previous.occluded[:, self.model.dof_part]),
+            _packed(predicted, previous.time_s, occluded & ~self.model.dof_fixed),
             _packed(poses, time_s),
             replace(self.noise, restart_cost=restart_cost),
         )
@@ -314,9 +326,13 @@ class HypothesisTracker:
         by_fit = np.argsort(posterior.distance[rows], kind="stable")
         chosen = select_different(joints, by_probability, settings.by_probability, _DIFFERENT_M)
         chosen += select_different(joints, by_fit, settings.by_fit, _DIFFERENT_M, chosen)
-        return [
+        seeds = [
             Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k]) for k in chosen
         ]
+        root = settings.root
+        if root is None:
+            return seeds
+        return [Pose(root.root_m, root.root_rotation, seed.angles_rad) for seed in seeds]
 
     def _refined(
         self,
@@ -340,7 +356,7 @@ class HypothesisTracker:
         how = _FROM_LIBRARY if modes is None else _FROM_PREDICTION
         believed = [(pose, self._library_sigma, how) for pose in seeds]
         if previous is not None:
-            sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, observed.time_s)
+            sigma = pose_step_sigma(self.model.tree) * elapsed_steps(previous.time_s, observed.time_s)
             order = np.argsort(previous.cost, kind="stable")
             carried = select_different(previous.joints, order, settings.carried, _DIFFERENT_M)
             believed += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
@@ -428,12 +444,14 @@ def select_different(
     return chosen
 
 
-def _predicted(previous: Beam, before_previous: Beam | None) -> list[Pose]:
+def _predicted(
+    previous: Beam, before_previous: Beam | None, limits_rad: NDArray[np.float64]
+) -> list[Pose]:
     """Hypotheses of the previous frame moved on by one frame; restarted ones have no velocity."""
     if before_previous is None:
         return previous.poses
     return [
-        predict(pose, None if restarted else before_previous.poses[back])
+        predict(pose, None if restarted else before_previous.poses[back], limits_rad)
         for pose, back, restarted in zip(
             previous.poses, previous.back, previous.restarted, strict=True
         )
@@ -450,7 +468,7 @@ def _packed(
         (
             np.zeros((len(poses), len(poses[0].angles_rad)), bool)
             if occluded is None
-            else occluded & ~HUMAN.dof_fixed
+            else occluded
         ),
         np.zeros(len(poses)),
         time_s,
@@ -458,7 +476,7 @@ def _packed(
 
 
 def _joints(model: BodyModel, poses: list[Pose]) -> NDArray[np.float64]:
-    """Joints (K, 15, 3) of poses."""
+    """Joints (K, L, 3) of poses."""
     if not poses:
-        return np.empty((0, len(LANDMARK_NAMES), 3))
+        return np.empty((0, len(model.landmarks_m), 3))
     return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))

@@ -75,8 +75,8 @@ class FrameObserver:
             window: of the silhouette at about that distance; None: it is made here.
         """
         if window is None:
-            camera, stature = self.views.rig.cameras[0], self._library.model.sizes.stature_m
-            window = look_at(camera, mask, distance_m, STATURE_PX / stature)
+            camera, length = self.views.rig.cameras[0], self._library.model.length_m
+            window = look_at(camera, mask, distance_m, STATURE_PX / length)
         weights = SignedWeights.from_window(
             window, self._weighting, backend=self._backend, bounds_px=self._library.bounds_px
         )

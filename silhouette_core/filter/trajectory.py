@@ -119,7 +119,7 @@ class PoseTrajectory:
         self.finder = (
             None
             if proposal is None
-            else ModeFinder(proposal, camera, tree.library.model.sizes.stature_m)
+            else ModeFinder(proposal, camera, tree.library.model.length_m)
         )
         self._colours = ColourEvidence(camera)
         self._usual_areas = usual_areas(tree.library.areas)
@@ -265,8 +265,8 @@ class PoseTrajectory:
     def _refined(
         self, pose_frames: list[PoseFrame], beams: list[Beam], chosen: list[int]
     ) -> list[PoseFrame]:
-        """Poses refined together; without a proposal the limbs are resampled first."""
-        if self.finder is None:
+        """Poses refined together; of a person without a proposal, the limbs are resampled first."""
+        if self.finder is None and self.model.person is not None:
             before = self._decided[-1] if self._decided else None
             resampler = self._limb_resampler()
             return resampler.refine(resampler.resample(pose_frames, before), before)

@@ -14,9 +14,9 @@ from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineS
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.matching.matching_scenes import hull, joint_errors_m, photograph, views
 from voxelpose.demo.example_motions import example_motion
-from voxelpose.matching.given_body import still_root
+from silhouette_core.refinement.still_root import still_root
 from voxelpose.matching.observe import FrameObservation
-from voxelpose.matching.pose_search import BodyGeometry, find_pose, refine_fits
+from voxelpose.matching.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fits
 
 VOXEL_M = 0.03
 
@@ -59,7 +59,8 @@ def test_a_still_root_is_placed_by_all_frames_together():
         moved_root(pose, np.array([0.03, -0.02, 0.01]) * k, 3.0 * k)
         for k, pose in enumerate(poses, -1)
     ]
-    root = still_root(body, frames, starts)
+    seen = [frame.observation for frame in frames]
+    root = still_root(body.surface, seen, starts, SEARCHED)
     assert np.linalg.norm(root.root_m - poses[0].root_m) < 0.004
     turn = Rotation.from_matrix(root.root_rotation.T @ poses[0].root_rotation).magnitude()
     assert np.degrees(turn) < 0.5
