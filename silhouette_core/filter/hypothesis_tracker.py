@@ -54,6 +54,7 @@ _ROWS = 150  # samples of the posterior that are considered
 # Mean distance of the joints within which two seeds explain a silhouette alike, and within which
 # two hypotheses are the same pose.
 _DIFFERENT_M, _SAME_M = 0.07, 0.035
+_STEADY = 0.4  # of the usual steps, of joints of bodies that are no person's
 _TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
@@ -78,6 +79,8 @@ class TrackerSettings:
             silhouette's weight.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
         spacing_m: distance between points of the contour, on the body.
+        both_ways: whether frames are also tracked from the last to the first, if later ones are
+            waited for.
         root: place of a root that stands still, with any joint angles; None: it moves, or is
             unknown.
     """
@@ -93,12 +96,21 @@ class TrackerSettings:
     sigma: float = 0.04
     surface_points: int = 500
     spacing_m: float = USUAL_SPACING_M
+    both_ways: bool = False
     root: Pose | None = None
 
     def of_given_body(self, root: Pose | None) -> TrackerSettings:
         """Settings for a body that is no person's: nobody knows which poses it usually takes."""
         return replace(
-            self, by_probability=8, by_fit=8, carried=12, kept=24, facing=False, root=root
+            self,
+            facing=False,
+            by_probability=8,
+            by_fit=8,
+            carried=12,
+            kept=24,
+            sigma=0.015,
+            both_ways=True,
+            root=root,
         )
 
     def coarser(self) -> TrackerSettings:
@@ -190,7 +202,7 @@ class HypothesisTracker:
         self.costs = PoseCosts(tree.library)
         self.set_body(tree.library.model)
         self.noise = ProcessNoise(
-            pose_step_sigma(self.model.tree)[6:],
+            self._steadiness() * pose_step_sigma(self.model.tree)[6:],
             root_rad=ROOT_STEP_RAD,
             root_m=ROOT_STEP_M,
             spacing_rad=np.radians(3.0),
@@ -202,6 +214,10 @@ class HypothesisTracker:
         if settings.root is not None:
             self._library_sigma[:6] = pose_step_sigma(self.model.tree)[:6]
         self._usual_areas = usual_areas(tree.library.areas)
+
+    def _steadiness(self) -> float:
+        """Factor on the steps of joints: other bodies move more smoothly than is usually allowed."""
+        return 1.0 if self.model.person is not None else _STEADY
 
     def set_body(self, model: BodyModel) -> None:
         """Replaces the body, for example by one adapted to the person."""
@@ -215,6 +231,8 @@ class HypothesisTracker:
         before_previous: Beam | None,
         modes: FrameModes | None = None,
         observed: ObservedFrame | None = None,
+        known: Beam | None = None,
+        searched: bool = True,
     ) -> Beam:
         """Hypotheses of a frame.
 
@@ -224,6 +242,8 @@ class HypothesisTracker:
             before_previous: hypotheses of the frame before that.
             modes: probable poses of the frame from the learned proposal, if there is one.
             observed: the frame's silhouette, prepared by `observer`; None: it is prepared here.
+            known: hypotheses of this frame that are added to those found.
+            searched: whether any are looked for; else those known are all.
         """
         time_s, settings = filter_frame.time_s, self._settings(modes)
         if observed is None:
@@ -232,10 +252,12 @@ class HypothesisTracker:
         weights = observed.weights
         limits = self.model.dof_limits_rad
         predicted = [] if previous is None else _predicted(previous, before_previous, limits)
-        poses: list[Pose] = self._seeds(filter_frame, settings)
+        poses: list[Pose] = self._seeds(filter_frame, settings) if searched else []
         priors: list[LandmarkPrior | None] = [None] * len(poses)
-        if settings.refine:
+        if settings.refine and searched:
             poses, priors = self._refined(observed, poses, previous, predicted, modes, settings)
+        if known is not None:
+            poses, priors = [*poses, *known.poses], [*priors, *known.priors]
         distance = weights.distances(self.model, poses)
         joints = _joints(self.model, poses)
         own = 0.5 * (distance / settings.sigma) ** 2 + self.costs.off_floor(poses, self.surface)
