@@ -51,11 +51,9 @@ _FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
 _PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # inverse kinematics: no contour
 _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
 _ROWS = 150  # samples of the posterior that are considered
-# Mean distance of the joints within which two seeds explain a silhouette alike, and within which
-# two hypotheses are the same pose.
-_DIFFERENT_M, _SAME_M = 0.07, 0.035
 _STEADY = 0.4  # of the usual steps, of joints of bodies that are no person's
 _TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
+_DIFFERENT, _SAME = 0.025, 0.011  # of a given body's length: a turned hand moves few joints
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
 
@@ -79,6 +77,8 @@ class TrackerSettings:
             silhouette's weight.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
         spacing_m: distance between points of the contour, on the body.
+        different_m: mean distance of the joints within which two seeds explain a silhouette alike.
+        same_m: the same within which two hypotheses are one pose.
         both_ways: whether frames are also tracked from the last to the first, if later ones are
             waited for.
         root: place of a root that stands still, with any joint angles; None: it moves, or is
@@ -96,11 +96,18 @@ class TrackerSettings:
     sigma: float = 0.04
     surface_points: int = 500
     spacing_m: float = USUAL_SPACING_M
+    different_m: float = 0.07
+    same_m: float = 0.035
     both_ways: bool = False
     root: Pose | None = None
 
-    def of_given_body(self, root: Pose | None) -> TrackerSettings:
-        """Settings for a body that is no person's: nobody knows which poses it usually takes."""
+    def of_given_body(self, length_m: float, root: Pose | None) -> TrackerSettings:
+        """Settings for a body that is no person's: nobody knows which poses it usually takes.
+
+        Args:
+            length_m: of the body.
+            root: place of the root if it stands still.
+        """
         return replace(
             self,
             facing=False,
@@ -109,6 +116,8 @@ class TrackerSettings:
             carried=12,
             kept=24,
             sigma=0.015,
+            different_m=_DIFFERENT * length_m,
+            same_m=_SAME * length_m,
             both_ways=True,
             root=root,
         )
@@ -344,10 +353,10 @@ class HypothesisTracker:
             self.model,
             *place(self.model, samples.root_m, samples.root_rotation, samples.angles_rad),
         )
-        by_probability = np.argsort(rows)
+        by_probability, least = np.argsort(rows), settings.different_m
         by_fit = np.argsort(posterior.distance[rows], kind="stable")
-        chosen = select_different(joints, by_probability, settings.by_probability, _DIFFERENT_M)
-        chosen += select_different(joints, by_fit, settings.by_fit, _DIFFERENT_M, chosen)
+        chosen = select_different(joints, by_probability, settings.by_probability, least)
+        chosen += select_different(joints, by_fit, settings.by_fit, least, chosen)
         seeds = [
             Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k]) for k in chosen
         ]
@@ -380,7 +389,7 @@ class HypothesisTracker:
         if previous is not None:
             sigma = pose_step_sigma(self.model.tree) * elapsed_steps(previous.time_s, observed.time_s)
             order = np.argsort(previous.cost, kind="stable")
-            carried = select_different(previous.joints, order, settings.carried, _DIFFERENT_M)
+            carried = select_different(previous.joints, order, settings.carried, settings.different_m)
             believed += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
         joints = _joints(self.model, [pose for pose, _, _ in believed])
         for (pose, sigma, how), own in zip(believed, joints, strict=True):
@@ -392,7 +401,7 @@ class HypothesisTracker:
     def _pruned(self, beam: Beam, settings: TrackerSettings) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""
         order = np.argsort(beam.cost, kind="stable")
-        return beam.chosen(select_different(beam.joints, order, settings.kept, _SAME_M))
+        return beam.chosen(select_different(beam.joints, order, settings.kept, settings.same_m))
 
 
 def place_bodies(

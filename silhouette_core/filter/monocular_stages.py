@@ -126,7 +126,7 @@ class MonocularStages:
         )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
         if library.model.person is None:
-            tracking = tracking.of_given_body(root)
+            tracking = tracking.of_given_body(library.model.length_m, root)
         if self._proposed and not settings.smooth:
             tracking = tracking.coarser()
         self.trajectory = PoseTrajectory(
