@@ -5,11 +5,11 @@ exact truth (voxelpose.demo.example_motions), are fitted from four cameras with 
 was rendered, and with one whose surface is wrong by 8 mm. Then single frames of the quadruped, each
 matched by itself from the true place of its trunk, with and without interference, from four and
 from two cameras; and random stances of a spider whose four legs interfere at once (silhouettes
-without errors), each searched by itself without any prior, with and without interference. Last, robot arm and quadruped
-tracked from each of the four cameras alone, with poses drawn within the joint limits and with a
-library of another motion of the same body. One line each on stdout: mean error of the joint angles
-in degrees, of the landmarks in millimetres and in per cent of the body's length, `relative` to the
-root. Recordings and results are in out/bodies.
+without errors), each searched by itself without any prior, with and without interference. Last, the
+robot arm and the quadruped tracked from each of the four cameras alone, with poses sampled within
+the joint limits and with a library of another motion of the same body. One line each on stdout:
+mean error of the joint angles in degrees, of the landmarks in millimetres and in per cent of the
+body's length, in the world and relative to the root. Recordings and results are in out/bodies.
 """
 
 from __future__ import annotations
@@ -133,16 +133,18 @@ def library_of(name: str) -> Path:
 
 
 def tracked(name: str, camera: str, recorded: bool) -> dict[str, object]:
-    """Scores one example tracked from one camera, with drawn poses or a library of recorded ones."""
+    """Scores an example tracked from one camera, with sampled poses or a library of recordings."""
     folder = recording_of(name)
-    words = f"{name}_track_{camera}_{'recorded' if recorded else 'drawn'}"
-    options = {"body": str(folder / BODY)} | ({"library": str(library_of(name))} if recorded else {})
+    words = f"{name}_track_{camera}_{'recorded' if recorded else 'sampled'}"
+    options = {"body": str(folder / BODY)} | (
+        {"library": str(library_of(name))} if recorded else {}
+    )
     started = time.perf_counter()
     source, output = Recording.open(folder, cameras=[camera]), Output(OUT / words, overwrite=True)
     result = track(source, output, Settings(options=options))
     seconds = round(time.perf_counter() - started, 1)
     errors = score(name, result.motion, read_motion(folder / TRUE_MOTION))
-    poses = "recorded" if recorded else "drawn"
+    poses = "recorded" if recorded else "sampled"
     return {"example": name, "track": camera, "poses": poses, **errors, "seconds": seconds}
 
 

@@ -87,8 +87,10 @@ def some_silhouettes(
     seen = [find_person(lens.undistort(silhouettes.of(one)[name])) for one in source.at(steps)]
     masks = [body.mask for body in seen if body is not None]
     if not masks:
-        raise InputError(f"camera {name} shows no body in any of {len(steps)} frames that were looked"
-                         " at: check its background, and that the body moves before it")
+        raise InputError(
+            f"camera {name} shows no body in any of {len(steps)} frames that were looked"
+            " at: check its background, and that the body moves before it"
+        )
     return SomeSilhouettes(lens.pinhole, masks)
 
 
@@ -103,7 +105,7 @@ def library_of_body(
 
     Args:
         model: the body.
-        file: library of its recorded poses; empty: poses are drawn within its limits.
+        file: library of its recorded poses; empty: poses are sampled within its limits.
         shown: silhouettes of some frames.
         backend: scores poses.
         reporter: informed of the stages.
@@ -142,6 +144,7 @@ def _read(file: str, model: BodyModel) -> PoseLibrary:
 
 
 def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySettings:
+    pitch_deg = min(max(pitch_deg, -60.0), 75.0)  # beyond it, which side is shown hardly counts
     return LibrarySettings(
         poses, yaw_step_deg=yaw_step_deg, pitches_deg=(pitch_deg,), mirror=False, proposal=False,
         tree="views",
@@ -149,24 +152,22 @@ def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySetti
 
 
 def _sampled(model: BodyModel, pitch_deg: float) -> PoseLibrary:
-    """Poses drawn within the joint limits, from all sides."""
+    """Poses sampled within the joint limits, from all sides."""
     settings = _settings(_FROM_ALL_SIDES, 15.0, pitch_deg)
-    return build_library(_drawn(model, settings), model, settings)
+    return build_library(_sampled_bases(model, settings), model, settings)
 
 
-def _drawn(model: BodyModel, settings: LibrarySettings) -> BasePoses:
+def _sampled_bases(model: BodyModel, settings: LibrarySettings) -> BasePoses:
     motion = sampled_motion(model, np.random.default_rng(_SEED), _SAMPLED_FRAMES)
     return base_poses({"sampled": motion}, settings)
 
 
-def _from_one_side(
-    library: PoseLibrary, drawn: bool, camera: Camera, root: Pose
-) -> PoseLibrary:
-    """Poses from where a camera stands to a root: of a library, or newly drawn and more."""
+def _from_one_side(library: PoseLibrary, sampled: bool, camera: Camera, root: Pose) -> PoseLibrary:
+    """Poses from where a camera stands to a root: of a library, or newly sampled and more."""
     model, away = library.model, root.root_m - camera.center_m
     pitch_deg = float(np.degrees(np.arctan2(-away[2], np.hypot(away[0], away[1]))))
     settings = _settings(max(_FROM_ONE_SIDE, len(library.base_angles)), 360.0, pitch_deg)
-    bases = _drawn(model, settings) if drawn else _bases_of(library)
+    bases = _sampled_bases(model, settings) if sampled else _bases_of(library)
     heading = yaw_rotations(np.array([-np.arctan2(-away[0], away[1])]))[0]
     turn = quaternions(heading @ root.root_rotation).astype(np.float32)
     return build_library(

@@ -169,12 +169,14 @@ class ForwardFilter:
         return dict(self._corrections).get(self._numbers[0], last.distance_m)
 
     def _first_distance(self, mask: NDArray[np.bool_]) -> float:
-        """Distance by the silhouette alone: its height, of other bodies than a person's its area."""
+        """Distance by the silhouette alone: of a person by its height, of others by its area."""
         library = self.tree.library
         if library.model.person is not None:
             return upright_distance(self.camera, mask, library.model.length_m)
         usual_px = float(np.median(library.areas.sum(axis=1)))
-        return area_distance(self.camera, mask, usual_px * (library.model.length_m / STATURE_PX) ** 2)
+        return area_distance(
+            self.camera, mask, usual_px * (library.model.length_m / STATURE_PX) ** 2
+        )
 
     def _prior(
         self, window: Window, last: FilterFrame | None, time_s: float, restarted: bool

@@ -27,8 +27,8 @@ from silhouette_core.filter.motion_cost import (
 from silhouette_core.filter.observed_frame import FrameObserver, ObservedFrame
 from silhouette_core.filter.pose_costs import PoseCosts
 from silhouette_core.filter.pose_modes import FrameModes
+from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.tree_filter import TreeFilter
-from silhouette_core.image.distance import Weighting
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.dynamics import (
     FPS,
@@ -42,7 +42,7 @@ from silhouette_core.motion.dynamics import (
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation, PinholeViews
+from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 
@@ -53,82 +53,8 @@ _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015,
 _ROWS = 150  # samples of the posterior that are considered
 _STEADY = 0.4  # of the usual steps, of joints of bodies that are no person's
 _TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
-_DIFFERENT, _SAME = 0.025, 0.011  # of a given body's length: a turned hand moves few joints
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """How many hypotheses are tracked, and how they are scored.
-
-    Attributes:
-        refine: False leaves the library's poses as they are.
-        weighting: pixel weights of the silhouette distance.
-        facing: the person mostly faces the camera in the first frame.
-        by_probability: number of seeds from the likeliest samples of the posterior.
-        by_fit: number of seeds from the leaves that fit the silhouette best, whatever their prior.
-        carried: number of hypotheses of the previous frame that are carried on; a worse one may
-            turn out to be right.
-        kept: number of hypotheses kept per frame.
-        by_mode: number of hypotheses from the modes of the learned proposal, if there is one; then
-            fewer are taken from the posterior and carried, see `with_modes`.
-        sigma: standard deviation of a refined pose's silhouette distance, relative to the
-            silhouette's weight.
-        surface_points: number of points of the body's surface that are fitted to the silhouette.
-        spacing_m: distance between points of the contour, on the body.
-        different_m: mean distance of the joints within which two seeds explain a silhouette alike.
-        same_m: the same within which two hypotheses are one pose.
-        both_ways: whether frames are also tracked from the last to the first, if later ones are
-            waited for.
-        root: place of a root that stands still, with any joint angles; None: it moves, or is
-            unknown.
-    """
-
-    refine: bool = True
-    weighting: Weighting = "balanced"
-    facing: bool = True
-    by_probability: int = 5
-    by_fit: int = 3
-    carried: int = 8
-    kept: int = 16
-    by_mode: int = 4
-    sigma: float = 0.04
-    surface_points: int = 500
-    spacing_m: float = USUAL_SPACING_M
-    different_m: float = 0.07
-    same_m: float = 0.035
-    both_ways: bool = False
-    root: Pose | None = None
-
-    def of_given_body(self, length_m: float, root: Pose | None) -> TrackerSettings:
-        """Settings for a body that is no person's: nobody knows which poses it usually takes.
-
-        Args:
-            length_m: of the body.
-            root: place of the root if it stands still.
-        """
-        return replace(
-            self,
-            facing=False,
-            by_probability=8,
-            by_fit=8,
-            carried=12,
-            kept=24,
-            sigma=0.015,
-            different_m=_DIFFERENT * length_m,
-            same_m=_SAME * length_m,
-            both_ways=True,
-            root=root,
-        )
-
-    def coarser(self) -> TrackerSettings:
-        """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04)
-
-    def with_modes(self) -> TrackerSettings:
-        """Settings beside a learned proposal, which finds most of the hypotheses itself."""
-        return replace(self, by_probability=1, by_fit=0, carried=1, kept=8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +151,7 @@ class HypothesisTracker:
         self._usual_areas = usual_areas(tree.library.areas)
 
     def _steadiness(self) -> float:
-        """Factor on the steps of joints: other bodies move more smoothly than is usually allowed."""
+        """Factor on the steps of joints: those of a body that is no person's are stated wide."""
         return 1.0 if self.model.person is not None else _STEADY
 
     def set_body(self, model: BodyModel) -> None:
@@ -387,9 +313,13 @@ class HypothesisTracker:
         how = _FROM_LIBRARY if modes is None else _FROM_PREDICTION
         believed = [(pose, self._library_sigma, how) for pose in seeds]
         if previous is not None:
-            sigma = pose_step_sigma(self.model.tree) * elapsed_steps(previous.time_s, observed.time_s)
+            sigma = pose_step_sigma(self.model.tree) * elapsed_steps(
+                previous.time_s, observed.time_s
+            )
             order = np.argsort(previous.cost, kind="stable")
-            carried = select_different(previous.joints, order, settings.carried, settings.different_m)
+            carried = select_different(
+                previous.joints, order, settings.carried, settings.different_m
+            )
             believed += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
         joints = _joints(self.model, [pose for pose, _, _ in believed])
         for (pose, sigma, how), own in zip(believed, joints, strict=True):
@@ -496,11 +426,7 @@ def _packed(
         np.stack([pose.root_m for pose in poses]),
         np.stack([pose.root_rotation for pose in poses]),
         np.stack([pose.angles_rad for pose in poses]),
-        (
-            np.zeros((len(poses), len(poses[0].angles_rad)), bool)
-            if occluded is None
-            else occluded
-        ),
+        (np.zeros((len(poses), len(poses[0].angles_rad)), bool) if occluded is None else occluded),
         np.zeros(len(poses)),
         time_s,
     )

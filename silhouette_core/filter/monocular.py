@@ -250,7 +250,7 @@ def _facts(
         "stature_given": settings.stature_m is not None,
         "colours": coloured,
         "library": {
-            "file": options.library or "default",
+            "file": options.library or ("default" if library.model.person else "sampled"),
             "samples": len(library),
             "base_poses": len(library.base_angles),
             "nodes": [len(level) for level in library.levels],

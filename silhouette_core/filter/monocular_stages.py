@@ -15,8 +15,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Frame, Settings
 from silhouette_core.filter.forward import FilterFrame, ForwardFilter
-from silhouette_core.filter.hypothesis_tracker import TrackerSettings
 from silhouette_core.filter.person import Person, find_person
+from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
 from silhouette_core.filter.view_tree_filter import tree_filter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting

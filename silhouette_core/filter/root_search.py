@@ -120,7 +120,9 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
     costs = np.array(
         [
             sum(
-                (np.minimum(_gaps(frame.poses, root), 50.0) + (frame.errors / _SIGMA_ERROR) ** 2).min()
+                (
+                    np.minimum(_gaps(frame.poses, root), 50.0) + (frame.errors / _SIGMA_ERROR) ** 2
+                ).min()
                 for frame in frames
             )
             for root in roots
@@ -135,7 +137,9 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
 
 def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Frame:
     """The likeliest poses of a frame, refined with a root that is held."""
-    likely = 0.5 * np.minimum(_gaps(frame.poses, root), 50.0) + 0.5 * (frame.errors / _SIGMA_ERROR) ** 2
+    likely = (
+        0.5 * np.minimum(_gaps(frame.poses, root), 50.0) + 0.5 * (frame.errors / _SIGMA_ERROR) ** 2
+    )
     sigma = np.full(6 + surface.model.dof_count, _LOOSE_RAD)
     sigma[:6] = _HELD_SIGMA
     poses = [
@@ -145,4 +149,6 @@ def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Fra
     starts = [RefineStart(pose, _HELD, PosePrior(pose, sigma)) for pose in poses]
     refined = [one.pose for one in refine_many(surface, frame.observation, starts)]
     views, masks = frame.observation.views, frame.observation.masks
-    return _Frame(frame.observation, refined, mask_errors(surface.model, refined, views, masks, tree.backend))
+    return _Frame(
+        frame.observation, refined, mask_errors(surface.model, refined, views, masks, tree.backend)
+    )

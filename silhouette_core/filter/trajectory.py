@@ -19,13 +19,13 @@ from silhouette_core.filter.forward import FilterFrame, slim
 from silhouette_core.filter.hypothesis_tracker import (
     Beam,
     HypothesisTracker,
-    TrackerSettings,
     backtrack,
 )
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
 from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_modes import FrameModes, ModeFinder, ModeView
+from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import Window
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
@@ -117,9 +117,7 @@ class PoseTrajectory:
         self.tracker = HypothesisTracker(tree, camera, settings)
         proposal = tree.library.proposal if settings.refine else None
         self.finder = (
-            None
-            if proposal is None
-            else ModeFinder(proposal, camera, tree.library.model.length_m)
+            None if proposal is None else ModeFinder(proposal, camera, tree.library.model.length_m)
         )
         self._colours = ColourEvidence(camera)
         self._usual_areas = usual_areas(tree.library.areas)
@@ -259,18 +257,22 @@ class PoseTrajectory:
             ):
                 past = []
             beams.append(self.tracker.step(filter_frame, *_last_two(past), own, seen))
-        return self._both_ways(observed, beams) if self.smooth and self.settings.both_ways else beams
+        return (
+            self._both_ways(observed, beams) if self.smooth and self.settings.both_ways else beams
+        )
 
     def _both_ways(self, observed: list[ObservedFrame], beams: list[Beam]) -> list[Beam]:
         """Hypotheses tracked back from the last frame as well: what a later frame shows is carried
         to those before it.
         """
-        pairs = [(one.filter_frame, seen) for one, seen in zip(self._pending, observed, strict=True)]
+        pairs = [
+            (one.filter_frame, seen) for one, seen in zip(self._pending, observed, strict=True)
+        ]
         backward: list[Beam] = []
         for (frame, seen), known in zip(reversed(pairs), reversed(beams), strict=True):
-            frame, seen = (replace(one, time_s=-one.time_s) for one in (frame, seen))
+            before = replace(frame, time_s=-frame.time_s), replace(seen, time_s=-seen.time_s)
             later = _last_two(backward)
-            backward.append(self.tracker.step(frame, *later, None, seen, known))
+            backward.append(self.tracker.step(before[0], *later, None, before[1], known))
         result: list[Beam] = []
         for (frame, seen), known in zip(pairs, reversed(backward), strict=True):
             past = _last_two([*self._past, *result[-2:]])

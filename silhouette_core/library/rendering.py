@@ -1,9 +1,10 @@
 """Rendering of library poses: one virtual camera, centred silhouettes, three resolutions.
 
-The camera looks at the pelvis from `DISTANCE` statures (`BodyModel.length_m`), down by the view's
-pitch; its focal length maps the stature at that distance to 158 of 240 pixels. The body is turned by the view's yaw; at
-yaw 0 it faces the camera. The image is moved by whole pixels until the silhouette's centroid is in
-the middle of a window of 320 x 240, and cut off at the window's border.
+The camera looks at the pelvis from `DISTANCE` statures (of other bodies than a person's: root, and
+`BodyModel.length_m`), down by the view's pitch; its focal length maps the stature at that distance
+to 158 of 240 pixels. The body is turned by the view's yaw; at yaw 0 it faces the camera. The image
+is moved by whole pixels until the silhouette's centroid is in the middle of a window of 320 x 240,
+and cut off at the window's border.
 """
 
 from __future__ import annotations

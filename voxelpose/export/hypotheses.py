@@ -60,9 +60,7 @@ def write_hypotheses(
                     file.write(f"{frame},{rank},{weight:.4f},{name},{x:.4f},{y:.4f},{z:.4f}\n")
 
 
-def read_hypotheses(
-    path: Path, tree: KinematicTree = HUMAN
-) -> dict[int, tuple[Hypothesis, ...]]:
+def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[Hypothesis, ...]]:
     """Reads the hypotheses of every frame.
 
     Args:

@@ -11,10 +11,10 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Box, Capsule, body_of_parts
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
+from silhouette_core.refinement.still_root import still_root
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.matching.matching_scenes import hull, joint_errors_m, photograph, views
 from voxelpose.demo.example_motions import example_motion
-from silhouette_core.refinement.still_root import still_root
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fits
 
