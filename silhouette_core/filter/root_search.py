@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, Rig
+from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.forward import ForwardFilter, candidates_of
+from silhouette_core.filter.motion_cost import yaw_rotations
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.tree_filter import Posterior, TreeFilter
 from silhouette_core.motion.pose import Pose
@@ -29,6 +31,7 @@ _HELD = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _OF_EACH_VIEW = 2  # poses refined of every view of a frame
 _LIKELY = 10  # poses of a frame that are tried with a root
 _ROOTS, _ROUNDS = 5, 2
+_HEADINGS, _HEADINGS_TRIED, _OF_EACH_HEADING = 24, 3, 2
 _SIGMA_M, _SIGMA_RAD = 0.06, np.radians(8.0)  # between the roots of two frames
 _SIGMA_ERROR = 0.03
 _LOOSE_RAD, _HELD_SIGMA = 0.6, 1e-5
@@ -48,7 +51,8 @@ def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_
 
     The best poses of every frame and view are refined with their roots free. A root that is near to
     one of the good poses of every frame is likely; with the likeliest, all frames are refined again
-    while it is held, and the one with the smallest errors remains.
+    while it is held, and the one with the smallest errors remains. Last, it is turned to all other
+    headings.
 
     Args:
         tree: filter over a library of the body from all sides.
@@ -61,15 +65,59 @@ def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_
     model = tree.library.model
     surface, views = Surface(model, 500), PinholeViews.from_rig(Rig((camera,)))
     frames = [_refined(tree, camera, views, surface, mask) for mask in masks]
-    found = []
-    for root in _likely_roots(frames):
-        for _ in range(_ROUNDS):
-            held = [_held(surface, frame, root, tree) for frame in frames]
-            best = [frame.poses[int(frame.errors.argmin())] for frame in held]
-            root = still_root(surface, [frame.observation for frame in frames], best, _HELD)
+    found = [_settled(tree, surface, frames, root) for root in _likely_roots(frames)]
+    root, held = min(found, key=_error)
+    turned = [
+        [_turned(frame, turn, model) for frame in held]
+        for turn in yaw_rotations(np.arange(1, _HEADINGS) * 2 * np.pi / _HEADINGS)
+    ]
+    others = [(frames[0].poses[0], _all_held(tree, surface, frames)) for frames in turned]
+    likely = sorted(others, key=_error)[:_HEADINGS_TRIED]
+    settled = [_settled(tree, surface, frames, frames[0].poses[0]) for _, frames in likely]
+    return min([(root, held), *settled], key=_error)[0]
+
+
+def _error(found: tuple[Pose, list[_Frame]]) -> float:
+    """Mean over frames of the error of the best pose with a root."""
+    return float(np.mean([frame.errors.min() for frame in found[1]]))
+
+
+def _settled(
+    tree: TreeFilter, surface: Surface, frames: Sequence[_Frame], root: Pose
+) -> tuple[Pose, list[_Frame]]:
+    """A root placed by all frames together, and their poses with it."""
+    for _ in range(_ROUNDS):
         held = [_held(surface, frame, root, tree) for frame in frames]
-        found.append((float(np.mean([frame.errors.min() for frame in held])), root))
-    return min(found, key=lambda one: one[0])[1]
+        best = [frame.poses[int(frame.errors.argmin())] for frame in held]
+        root = still_root(surface, [frame.observation for frame in frames], best, _HELD)
+    return root, [_held(surface, frame, root, tree) for frame in frames]
+
+
+def _all_held(tree: TreeFilter, surface: Surface, frames: Sequence[_Frame]) -> list[_Frame]:
+    """Poses of frames refined with the root that they have."""
+    return [_held(surface, frame, frames[0].poses[0], tree) for frame in frames]
+
+
+def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Frame:
+    """The best poses of a frame with the root turned in the world.
+
+    Joints at the root make up for the turn as far as they can: what they carry stays where it is,
+    and only the root itself tells the right heading.
+    """
+    best = np.argsort(frame.errors, kind="stable")[:_OF_EACH_HEADING]
+    poses = [_root_turned(frame.poses[k], turn, model) for k in best]
+    return _Frame(frame.observation, poses, frame.errors[best])
+
+
+def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pose:
+    angles = pose.angles_rad.copy()
+    back = Rotation.from_matrix(pose.root_rotation.T @ turn.T @ pose.root_rotation)
+    for part in np.flatnonzero(model.parents == 0):
+        dofs = np.flatnonzero(model.dof_part == part)
+        axes = model.dof_axis[dofs]
+        wanted = (back * Rotation.from_rotvec(angles[dofs] @ axes)).as_rotvec()
+        angles[dofs] = np.linalg.lstsq(axes.T, wanted, rcond=None)[0]
+    return Pose(pose.root_m, turn @ pose.root_rotation, angles).clipped(model.dof_limits_rad)
 
 
 def _refined(
