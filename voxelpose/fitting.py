@@ -145,7 +145,7 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
     write_bvh(motion, folder / "motion.bvh")
     write_motion(motion, folder / MOTION)
     if estimate.hypotheses is not None:
-        write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
+        write_hypotheses(estimate.hypotheses, folder / HYPOTHESES, motion.model.tree)
     write_rig(recording.rig, folder / CALIBRATION)
     document = _settings_toml(recording, output, estimation.settings, estimation.estimator)
     (folder / SETTINGS).write_text(document, encoding="utf-8")

@@ -22,6 +22,7 @@ from safetensors.numpy import save_file
 
 from calib.atomic import replacing
 from calib.errors import InputError
+from silhouette_core.body.body_arrays import body_arrays, body_from_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.image.spans import Rectangle, Spans
@@ -30,6 +31,7 @@ from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLib
 from silhouette_core.proposal.pose_proposal import PoseProposal
 
 VERSION = 3
+_BODY = "body."
 _FORMAT = "voxelpose pose library"
 _TYPES = {
     "BOOL": np.bool_,
@@ -71,7 +73,11 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         path: the file.
     """
     arrays = {name: getattr(library, name) for name in _PLAIN}
-    arrays["body_shape"] = library.model.shape
+    arrays["body_shape"], person = library.model.shape, library.model.person
+    body: dict[str, object] = {} if person is None else {"sizes": asdict(person)}
+    if person is None:
+        given, body["tree"] = body_arrays(library.model)
+        arrays |= {_BODY + name: array for name, array in given.items()}
     for number, level in enumerate(library.levels):
         arrays[f"level{number}.representative"], arrays[f"level{number}.parent"] = (
             level.representative,
@@ -84,7 +90,7 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         arrays |= {f"proposal.{name}": array for name, array in library.proposal.arrays().items()}
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     about = {
-        "sizes": asdict(library.model.sizes),
+        **body,
         "angles": list(library.model.dof_names),
         "parts": list(library.model.names),
         "settings": asdict(library.settings),
@@ -156,9 +162,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
     }
-    body = BodyModel.from_sizes(BodySizes(**about["sizes"]))
-    check_shape(arrays["body_shape"])
-    model = body.reshaped(arrays["body_shape"])
+    model = _body(arrays, about)
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
         raise ValueError("made with a body that has other joints")
     levels = []
@@ -193,6 +197,14 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         proposal=PoseProposal.from_arrays(learned) if learned else None,
         **{name: arrays[name] for name in _PLAIN},
     )
+
+
+def _body(arrays: dict[str, NDArray], about: dict) -> BodyModel:
+    """The body: as given, or made from a person's measurements."""
+    if "tree" in about:
+        return body_from_arrays(_group(arrays, _BODY), about["tree"])
+    check_shape(arrays["body_shape"])
+    return BodyModel.from_sizes(BodySizes(**about["sizes"])).reshaped(arrays["body_shape"])
 
 
 def _loaded(text: str | bytes) -> Any:

@@ -276,9 +276,14 @@ def body_of_motion(path: Path) -> BodyModel:
     Raises:
         InputError: there is none, or it cannot be read.
     """
-    file = path / MOTION if path.is_dir() else path
+    file = motion_path(path)
     if not file.is_file():
         raise InputError(
             f"{path} holds no body: give the folder of an earlier result of the same person"
         )
     return read_motion(file).model
+
+
+def motion_path(path: Path) -> Path:
+    """The motion file of a result folder; of anything else the path itself."""
+    return path / MOTION if path.is_dir() else path

@@ -9,7 +9,6 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_BONES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
@@ -164,7 +163,7 @@ class SceneRenderer:
     def _other_poses(self, hypotheses: tuple[Hypothesis, ...]) -> None:
         likeliest = max((hypothesis.probability for hypothesis in hypotheses), default=1.0)
         for k, hypothesis in enumerate(hypotheses):
-            ends = hypothesis.joints_m[LANDMARK_BONES]
+            ends = hypothesis.joints_m[hypothesis.bones]
             ends = ends[np.isfinite(ends).all((1, 2))]
             # Lines have no opacity: the less likely fade into the background instead.
             opacity = 0.15 + 0.85 * hypothesis.probability / max(likeliest, 1e-9)
