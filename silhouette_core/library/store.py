@@ -62,6 +62,7 @@ _PLAIN = (
 )
 _LARGEST_HEADER = 10_000_000
 _AGAIN = "build the library again (voxelpose library build)"
+_UNFIT = KeyError, TypeError, ValueError, AttributeError, OverflowError, IndexError, RecursionError
 _MARKED = 100_000  # the format's name stands within so many bytes
 
 
@@ -148,7 +149,7 @@ def read_library(path: Path) -> PoseLibrary:
         empty = not len(library) or not library.levels
         if not empty:
             check_library(library)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, InputError) as error:
+    except (*_UNFIT, InputError) as error:
         raise InputError(f"{path} is damaged ({_reason(error)}): {_AGAIN}") from error
     if empty:
         raise InputError(f"{path} holds no poses: build the library again from more motion")

@@ -57,6 +57,10 @@ def test_a_library_keeps_a_body_that_is_no_persons(tmp_path):
     assert read.model.names == made.model.names and read.model.dof_names == made.model.dof_names
     np.testing.assert_array_equal(read.model.vertices_m, made.model.vertices_m)
     np.testing.assert_array_equal(read.base_angles, made.base_angles)
+    damaged = replace(made, model=replace(desk_lamp(), vertices_m=np.full((3, 3), np.nan)))
+    write_library(damaged, tmp_path / "damaged.vplib")
+    with pytest.raises(InputError, match=r"damaged\.vplib is damaged"):
+        read_library(tmp_path / "damaged.vplib")
     assert "4 parts, root base" in summary(read, tmp_path / "lamp.vplib")
     write_sheet(read, tmp_path / "sheet.png")
     assert (tmp_path / "sheet.png").stat().st_size > 1000
