@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -109,7 +111,8 @@ class Processes:
             BrokenProcessPool: a process was ended.
         """
         try:
-            return self._pool.submit(work, task)
+            with interrupts_put_off():
+                return self._pool.submit(work, task)
         except OSError as error:
             if error.errno is not None:
                 raise
@@ -193,6 +196,26 @@ def open_workers(
         prepare = None if processes == 1 else _one_thread
         with ProcessPoolExecutor(processes, context, prepare) as pool:
             yield Processes(pool, ahead * processes)
+
+
+@contextmanager
+def interrupts_put_off() -> Iterator[None]:
+    """Puts off SIGINT and SIGTERM for the length of a `with` block that begins a process, which
+    would otherwise read half of what it is to do, and end with a traceback of its own.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are handled in the main thread alone
+        return
+    caught: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    handlers = [signal.signal(number, lambda one, _: caught.append(one)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, handlers, strict=True):
+            signal.signal(number, handler)
+        for number in caught:
+            signal.raise_signal(number)
 
 
 def _client(address: str) -> Any:

@@ -1,10 +1,11 @@
 """Workers in processes that are ended from outside."""
 
+import signal
 from concurrent.futures import Future
 
 import pytest
 
-from silhouette_core.workers import Processes, WorkerEndedError
+from silhouette_core.workers import Processes, WorkerEndedError, interrupts_put_off
 
 
 class ClosingPool:
@@ -30,3 +31,21 @@ def test_a_process_that_cannot_be_started_is_another_error():
     pool = ClosingPool(OSError(11, "Resource temporarily unavailable"))
     with pytest.raises(OSError, match="temporarily"):
         list(Processes(pool, 2).run(str, [1, 2]))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_until_a_process_has_begun(number):
+    done = []
+
+    def interrupt(one, frame):
+        raise KeyboardInterrupt
+
+    before = signal.signal(number, interrupt)
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupts_put_off():
+            signal.raise_signal(number)
+            done.append("begun")
+        assert done == ["begun"]
+        assert signal.getsignal(number) is interrupt
+    finally:
+        signal.signal(number, before)

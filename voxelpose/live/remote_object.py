@@ -13,6 +13,7 @@ from multiprocessing.util import Finalize
 from typing import Any
 
 from silhouette_core.jit import set_threads
+from silhouette_core.workers import interrupts_put_off
 
 _CLOSE_S = 10.0  # after which a process that does not end is killed
 
@@ -33,7 +34,8 @@ class RemoteObject:
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
         self._process = context.Process(target=_serve, args=(there, make, arguments))
-        self._process.start()
+        with interrupts_put_off():
+            self._process.start()
         there.close()
         # At the program's end, before it waits for its processes.
         Finalize(self, self._pipe.close, exitpriority=0)
