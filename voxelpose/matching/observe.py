@@ -105,10 +105,15 @@ class HullComponents:
         return best if self.volume_m3[best] >= _SMALLEST_M3 else None
 
 
-def body_rule(cameras: int, tolerance: int) -> CarveRule:
+def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
     """Rule by which a voxel may belong to a body.
 
     A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
+
+    Args:
+        cameras: number of cameras.
+        tolerance: number of them that may be wrong about a voxel.
+        partly_unknown: number of them of which parts are unknown, so that fewer may agree, but two.
 
     Raises:
         InputError: so many cameras may be wrong that none need agree.
@@ -119,7 +124,12 @@ def body_rule(cameras: int, tolerance: int) -> CarveRule:
             f"a tolerance of {tolerance} of {cameras} cameras leaves none to agree: give at most"
             f" {most}"
         )
-    return CarveRule(tolerance, least_agreeing=most - tolerance)
+    return CarveRule(tolerance, least_agreeing=_least(most - tolerance, partly_unknown))
+
+
+def _least(usual: int, partly_unknown: int) -> int:
+    """Fewest cameras that must agree where parts of some are unknown."""
+    return max(usual - partly_unknown, min(usual, 2))
 
 
 class HullObserver:
@@ -170,7 +180,7 @@ class HullObserver:
 
     def components(self, masks: list[np.ndarray]) -> HullComponents:
         """Components of the coarse hull of the whole volume."""
-        hull = carve(self.views.rig, masks, self._coarse, self.rule)
+        hull = carve(self.views.rig, masks, self._coarse, self.rule, self.views.unknown)
         return HullComponents.from_voxels(
             _label_bodies(hull, self._coarse, self._joined_m), self._coarse
         )
@@ -190,7 +200,8 @@ class HullObserver:
             grid: the window.
         """
         masks = self._confirmed_by_others(masks, grid)
-        return masks, carve(self.views.rig, self._dilated(masks, grid), grid, self.rule)
+        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
 
     def select(
         self,
@@ -230,11 +241,14 @@ class HullObserver:
         that only some of the others show are false foreground. Small ones stay,
         if most cameras agree: hands and feet are easily lost from a hull.
         """
-        strict = self._confirmed(masks, grid, self.rule)
+        strict_rule = self.rule
+        if self.views.unknown is not None:  # what no other camera sees, none contradicts
+            strict_rule = replace(self.rule, least_agreeing=1)
+        strict = self._confirmed(masks, grid, strict_rule)
         if len(masks) < 4:
             return strict
         tolerance = self.rule.tolerance + max(1, len(masks) // 4)
-        least = 3 * len(masks) // 4 - tolerance + 1
+        least = _least(3 * len(masks) // 4 - tolerance + 1, self.views.partly_unknown)
         loose = self._confirmed(
             masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=least)
         )
@@ -252,7 +266,8 @@ class HullObserver:
     def _confirmed(
         self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
-        hull = carve(self.views.rig, self._dilated(masks, grid), grid, rule)
+        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        hull = carve(self.views.rig, wide, grid, rule, unknown)
         hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
         for c, mask in enumerate(masks):
             footprint = np.zeros(mask.shape, np.uint8)

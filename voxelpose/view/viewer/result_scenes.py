@@ -93,10 +93,13 @@ class ResultScenes:
         self._reader = CameraFrames(self.recording, method, views) if self.recording else None
         self._cameras = tuple(view.pinhole for view in views.values())
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
+        unknown = self._reader.unknown if self._reader else None
+        carved = PinholeViews.from_rig(Rig(self._cameras), unknown)
+        tolerance = int(options.get("tolerance", 0))
         self._carver = HullCarver(
-            PinholeViews.from_rig(Rig(self._cameras)),
+            carved,
             self.voxel_size_m,
-            body_rule(len(self.rig), int(options.get("tolerance", 0))),
+            body_rule(len(self.rig), tolerance, carved.partly_unknown),
             self._fitted,
         )
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
