@@ -1,12 +1,12 @@
-"""Fits recordings with a part of one camera unknown: python -m benchmarks.unknown_places [NAME ...]
+"""Fits recordings with a part of one camera unknown: `python -m benchmarks.unknown_places [ROW]`.
 
-Each recording (../shared/data/walk4, and those that ../shared/render/draw.py draws for seeds 551 and
-552 at level 1) is made again in out/unknown_places in four ways: `whole`, as it is; `hidden`, the
-lower third of one camera behind grey furniture, in its video and its empty view; `marked`, the same
-with unknown/CAMERA.png; `painted`, as it is with that picture. Each is fitted and scored: mean
-absolute errors of the ankles and of all joints, mm. A share below 1, as in `walk4:0.5`, hides so
-much of the picture's height instead of a third; `walk4::cam_2` chooses the camera, `walk4:::whole`
-one of the ways.
+Each recording (../shared/data/walk4, and those that ../shared/render/draw.py draws for seeds 551
+and 552 at level 1) is made again in out/unknown_places in four ways: `whole`, as it is; `hidden`,
+the lower third of one camera behind grey furniture, in its video and its empty view; `marked`, the
+same with unknown/CAMERA.png; `painted`, as it is with that picture. Each is fitted and scored: mean
+absolute errors of the ankles and of all joints, mm. A row `walk4:0.5` hides so much of the
+picture's height instead of a third, `walk4:0.5:cam_2` chooses the camera, and
+`walk4:0.5:cam_2:marked` one of the ways.
 """
 
 import os

@@ -56,9 +56,7 @@ class Outline:
     area_px: float
 
     @classmethod
-    def from_mask(
-        cls, camera: Camera, mask: Mask, unknown: Mask | None = None
-    ) -> "Outline | None":
+    def from_mask(cls, camera: Camera, mask: Mask, unknown: Mask | None = None) -> "Outline | None":
         """Outline of the large components of a silhouette, or None if it is (nearly) empty.
 
         Args:

@@ -208,9 +208,7 @@ class Silhouettes:
             }
 
 
-def scaled_unknown(
-    source: FrameSource, long_side_px: int | None
-) -> dict[str, NDArray[np.bool_]]:
+def scaled_unknown(source: FrameSource, long_side_px: int | None) -> dict[str, NDArray[np.bool_]]:
     """Unknown places (h, w) bool of a recording by camera name, of its silhouettes' size; pixels
     that are so in part included.
     """

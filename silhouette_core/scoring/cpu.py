@@ -92,7 +92,9 @@ class CpuBackend:
         totals = [np.count_nonzero(mask) for mask in masks]
         for k, own in enumerate(images.reshape(*corners.shape[:2], *images.shape[1:])):
             ratios = []
-            for c, (image, mask, (left, top)) in enumerate(zip(own, masks, corners[k], strict=True)):
+            for c, (image, mask, (left, top)) in enumerate(
+                zip(own, masks, corners[k], strict=True)
+            ):
                 window = slice(top, top + size[1]), slice(left, left + size[0])
                 seen, total = mask[window], totals[c]
                 if unknown is not None:

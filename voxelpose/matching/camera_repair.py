@@ -146,8 +146,6 @@ def _tracks(
         for c in chosen:
             masks[c].append(seen[c])
     return {
-        rig.names[c]: OutlineTrack.from_masks(
-            rig.cameras[c], times_s[frames], masks[c], hidden[c]
-        )
+        rig.names[c]: OutlineTrack.from_masks(rig.cameras[c], times_s[frames], masks[c], hidden[c])
         for c in chosen
     }

@@ -112,6 +112,13 @@ def prepare_silhouettes(
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
+        shares = {
+            name: round(float(unknown[source.rig.names.index(name)].mean()), 4)
+            for name in silhouettes.unknown
+        }
+        if shares:
+            listed = ", ".join(f"{100 * share:.0f} % of {name}" for name, share in shares.items())
+            reporter.note(f"marked as unknown, and left out: {listed}")
         work = _Preparation(source, stores, unknown, preparation, clock, reporter)
         numbers, times_s = work.subtract_background(silhouettes, lenses)
         moments = [stores[0][int(t)] for t in even_moments(len(stores[0]), MOMENTS)]
@@ -131,13 +138,8 @@ def prepare_silhouettes(
             added = 1 - (1 - added) * (1 - work.complete(upright.rig(checked.rig)))
         for words in checked.words:
             reporter.note(words)
-        shares = [0.0] * len(sizes) if unknown is None else [float(m.mean()) for m in unknown]
         facts: dict[str, object] = {
-            "unknown": {
-                name: round(share, 4)
-                for name, share in zip(source.rig.names, shares, strict=True)
-                if share
-            },
+            "unknown_share": shares,
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
             "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
@@ -175,7 +177,9 @@ class _Preparation:
                 soft = silhouettes.soft(frames)
                 masks = zip(*(soft[name] for name in source.rig.names), strict=True)
                 for store, seen in zip(self.stores, masks, strict=True):
-                    masks_t = [lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)]
+                    masks_t = [
+                        lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)
+                    ]
                     store.put(t, views.without_unknown(masks_t))
             numbers[t], times_s[t] = number, seconds
             reporter.advance()

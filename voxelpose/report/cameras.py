@@ -31,6 +31,7 @@ class CameraLine:
         outline_px: error of its outlines against those of the other cameras, independent of the
             body; None where it cannot be measured.
         apart: whether it agrees clearly less than the others.
+        unknown: share of its picture that is marked as unknown.
     """
 
     camera: str
@@ -40,6 +41,7 @@ class CameraLine:
     moments: int
     outline_px: float | None
     apart: bool
+    unknown: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,9 @@ def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
         apart = name in culprits or (len(means) > 2 and bool(overlap < middle - _OUTLIER))
         fractions = float(overlap), float(uncovered), float(beyond)
         moments = len(compared[name])
-        lines.append(CameraLine(name, *fractions, moments, pixels.get(name), apart))
+        hidden = cameras[name][1]
+        share = 0.0 if hidden is None else float(hidden.mean())
+        lines.append(CameraLine(name, *fractions, moments, pixels.get(name), apart, share))
     return CameraCheck(tuple(lines), words)
 
 

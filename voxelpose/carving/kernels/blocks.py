@@ -33,7 +33,8 @@ FIELD_SQUARED, SEEN_RADIUS, REACH = 38, 39, 40
 COLUMNS = 41
 
 # Columns of a camera's frame: its image; the crop, which is the box of its foreground and unknown
-# places and one pixel around; where that starts in pixels and in sums; what foreground counts there.
+# places and one pixel around; where that starts in pixels and in sums; what a pixel in the
+# foreground counts in the sums.
 WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS, COUNTS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 # Verdict of one camera on a voxel, or on all voxels of a block. UNCLEAR: they differ, but all are
