@@ -197,3 +197,20 @@ def test_colours_tell_good_from_bad():
         and unknown.std() == 0
         and half[1] > max(bad[1], good[1])
     )
+
+
+def test_what_is_unknown_is_told_hatched_and_not_carved(fitted):
+    whole = ResultScenes("out", voxel_size_m=0.03).scene(2)
+    (fitted / "walk" / "recording.toml").write_text(
+        "[unknown]\ncam_1 = [[[-1, 120], [320, 120], [320, 240], [-1, 240]]]\n"
+    )
+    scene = ResultScenes("out", voxel_size_m=0.03).scene(2)
+    assert scene.notes == ("50 % of cam_1 is marked as unknown",)
+    hidden = scene.camera_frames[0]
+    assert hidden.unknown is not None and not (hidden.mask & hidden.unknown).any()
+    assert not scene.camera_frames[1].unknown.any()
+    pictures = [camera_picture(one.camera_frames[0], "picture") for one in (whole, scene)]
+    changed = (pictures[0] != pictures[1]).any(axis=2)
+    assert changed[130:].mean() > 0.9 and not changed[:110].any()
+    assert whole.hull is not None and scene.hull is not None
+    assert 0.99 < scene.hull.occupancy.sum() / whole.hull.occupancy.sum() < 1.6

@@ -171,6 +171,10 @@ class ResultScenes:
         camera_frames, row = self.camera_frames(frame), self.row(frame)
         if self.motion is not None and row is None:
             notes.append("no pose was found in this frame")
+        for one in camera_frames:
+            if one.unknown is not None and one.unknown.any():
+                share = 100 * one.unknown.mean()
+                notes.append(f"{share:.0f} % of {one.camera.name} is marked as unknown")
         observation = self._observe(camera_frames, row, notes)
         hull = None if observation is None else self._carver.hull(observation, row)
         time_s = frame / self.fps
