@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 
 from calib.camera import Rig
-from silhouette_core.image.cleanup import dilated
 
 _BORDER_PX = 2  # contour points this near the image border bound the view, not the body
 USUAL_SPACING_M = 0.025
@@ -171,7 +170,7 @@ def contour_points(
     height, width = mask.shape
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     positions, outward = [np.empty((0, 2))], [np.empty((0, 2))]
-    near = None if unknown is None else dilated(unknown, 2 * _UNKNOWN_PX + 1)
+    near = None if unknown is None else _around(unknown)
     for contour in contours:
         points = contour[:, 0].astype(float)
         if len(points) < 4 * _TANGENT_PX:
@@ -194,6 +193,12 @@ def contour_points(
         positions.append((points + 0.5 * normal)[good])
         outward.append(normal[good])
     return np.concatenate(positions), np.concatenate(outward)
+
+
+def _around(unknown: np.ndarray) -> np.ndarray:
+    """Pixels (h, w) bool so near to what is unknown that it bounds the silhouette there."""
+    square = np.ones((2 * _UNKNOWN_PX + 1, 2 * _UNKNOWN_PX + 1), np.uint8)
+    return np.asarray(cv2.dilate(unknown.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
 def _on_mask(mask: np.ndarray, points: np.ndarray) -> np.ndarray:

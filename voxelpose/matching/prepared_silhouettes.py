@@ -112,10 +112,8 @@ def prepare_silhouettes(
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
-        shares = {
-            name: round(float(unknown[source.rig.names.index(name)].mean()), 4)
-            for name in silhouettes.unknown
-        }
+        pairs = zip(source.rig.names, unknown or (), strict=unknown is not None)
+        shares = {name: round(float(mask.mean()), 4) for name, mask in pairs if mask.any()}
         if shares:
             listed = ", ".join(f"{100 * share:.0f} % of {name}" for name, share in shares.items())
             reporter.note(f"marked as unknown, and left out: {listed}")

@@ -98,7 +98,7 @@ def test_a_camera_that_there_is_not_is_refused(folder):
         ("[unknown]\ncam_1 = [[[1, 2], [3, 4], [5, 1e9]]]", "no list of polygons"),
         ('[unknown]\ncam_1 = [[[1, 2], [3, 4], [5, "6"]]]', "no list of polygons"),
         ("[unknown]\ncam_1 = [[[1, 2], [3, 4], [true, 6]]]", "no list of polygons"),
-        ("[unknown", "broken TOML"),
+        ("[unknown", "no valid TOML"),
     ],
 )
 def test_what_are_no_polygons_is_refused_in_one_line(folder, text, words):
