@@ -104,7 +104,8 @@ def frame_evidence(
         if frame.views.unknown is not None:
             unknown = frame.views.unknown[c]
             drawn &= ~unknown
-        apart, either = drawn ^ mask, np.count_nonzero(drawn | mask)
+        apart = drawn ^ mask
+        either = np.count_nonzero(drawn | mask)
         hidden = unknown is not None and not either
         errors.append(np.nan if hidden else np.count_nonzero(apart) / max(either, 1))
         pixels, depth_m = camera.project(joints_m)
