@@ -5,7 +5,7 @@ and 552 at level 1) is made again in out/unknown_places in four ways: `whole`, a
 the lower third of one camera behind grey furniture, in its video and its empty view; `marked`, the
 same with unknown/CAMERA.png; `painted`, as it is with that picture. Each is fitted and scored: mean
 absolute errors of the ankles and of all joints, mm. A row `walk4:0.5` hides so much of the
-picture's height instead of a third, `walk4:0.5:cam_2` chooses the camera, and
+picture's height instead of a third, `walk4:0.5:cam_0+cam_2` chooses the cameras, and
 `walk4:0.5:cam_2:marked` one of the ways.
 """
 
@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -52,26 +52,28 @@ def original(name: str) -> Path:
     return found[0]
 
 
-def make(source: Path, camera: str, share: float, way: str, target: Path) -> Path:
-    """Makes a recording again with the lower part of one camera's picture hidden or marked."""
+def make(source: Path, cameras: Sequence[str], share: float, way: str, target: Path) -> Path:
+    """Makes a recording again with the lower part of some cameras' pictures hidden or marked."""
     if target.exists():
         return target
     recording = Recording.open(source)
-    width, height = recording.rig[camera].size
-    unknown = np.zeros((height, width), bool)
-    unknown[round((1 - share) * height) :] = True
+    unknown = {}
+    for name in cameras:
+        width, height = recording.rig[name].size
+        unknown[name] = np.zeros((height, width), bool)
+        unknown[name][round((1 - share) * height) :] = True
     (target / "background").mkdir(parents=True)
     for path in (*source.iterdir(), *(source / "background").iterdir()):
-        hidden = path.stem == camera and way in ("hidden", "marked")
+        hidden = path.stem in cameras and way in ("hidden", "marked")
         if path.is_file() and not hidden:
             (target / path.relative_to(source)).symlink_to(path.resolve())
         elif path.is_file():
-            reader = FrameReader.open(path)
-            rate = reader.fps or recording.fps
-            _write(target / path.relative_to(source).with_suffix(".mkv"), reader, rate, unknown)
+            reader, place = FrameReader.open(path), path.relative_to(source).with_suffix(".mkv")
+            _write(target / place, reader, reader.fps or recording.fps, unknown[path.stem])
     if way in ("marked", "painted"):
         (target / "unknown").mkdir()
-        cv2.imwrite(str(target / "unknown" / f"{camera}.png"), unknown.astype(np.uint8) * 255)
+        for name, mask in unknown.items():
+            cv2.imwrite(str(target / "unknown" / f"{name}.png"), mask.astype(np.uint8) * 255)
     return target
 
 
@@ -94,7 +96,7 @@ def ankle_error_mm(truth_m: NDArray[np.float64], joints_m: NDArray[np.float64]) 
 
 
 def rows(words: list[str]) -> Iterator[tuple[str, str, float, str]]:
-    """Name, camera, share and way of every fit that is asked for."""
+    """Name, cameras, share and way of every fit that is asked for."""
     for word in words or ["walk4", *map(str, SEEDS)]:
         name, share, camera, way = (*word.split(":"), "", "", "")[:4]
         for one in (way,) if way else WAYS:
@@ -111,7 +113,8 @@ def main(words: list[str]) -> int:
         source = original(name)
         camera = camera or Recording.open(source).rig.names[0]
         folder = OUT / f"{name}_{camera}_{share:.2f}_{way}"
-        recording = Recording.open(make(source, camera, share, way, folder / "recording"))
+        names = camera.split("+")
+        recording = Recording.open(make(source, names, share, way, folder / "recording"))
         started = time.perf_counter()
         fit(recording, Output(folder / "result", overwrite=True, pictures=way != "whole"))
         spent_s = time.perf_counter() - started

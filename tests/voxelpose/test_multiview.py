@@ -132,7 +132,7 @@ def test_legs_behind_furniture_are_found_where_it_is_marked(tmp_path):
     truth = read_truth(folder / "truth.json")
     errors = {}
     for way in ("whole", "hidden", "marked"):
-        recording = Recording.open(make(folder, "cam_1", 0.5, way, tmp_path / way))
+        recording = Recording.open(make(folder, ["cam_1"], 0.5, way, tmp_path / way))
         result = fit(
             recording, Output(tmp_path / f"{way}_fit", pictures=False), Settings(threads=2)
         )
