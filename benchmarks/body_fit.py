@@ -13,11 +13,12 @@ from __future__ import annotations
 import argparse
 import json
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.drawn import CLIPS, drawn
+from benchmarks.drawn import drawn
 from benchmarks.given_body import LIMBS as LIMBS_AND_HIPS
 from silhouette_core.body.body_file import read_body, unclothed, write_body
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -35,17 +36,33 @@ OUT = Path(__file__).resolve().parents[1] / "out" / "body_fit"
 LIMBS = LIMBS_AND_HIPS[:8]
 
 
-def later_recording(seed: int, first: Path) -> Path:
-    """Recording of the same person with another kind of motion, drawn by the seed."""
-    drawn_clip = json.loads((first / "scene.json").read_text())["clip"]
-    clips = sorted(path.stem for path in CLIPS.glob("cmu_*/*"))
-    others = [clip for clip in clips if clip.rsplit("_", 1)[0] != drawn_clip.rsplit("_", 1)[0]]
-    for clip in np.random.default_rng(seed).permutation(others):
+def later_recordings(seeds: Sequence[int], earlier: Sequence[Path]) -> list[Path]:
+    """For each person a recording of another kind of motion: the clip of the next recording that
+    shows one, and can be drawn for this person.
+    """
+    clips = [json.loads((folder / "scene.json").read_text())["clip"] for folder in earlier]
+    kinds = [clip.rsplit("_", 1)[0] for clip in clips]
+    return [
+        _later(
+            seed,
+            [
+                other
+                for other, kind in zip(clips[k:] + clips[:k], kinds[k:] + kinds[:k], strict=True)
+                if kind != kinds[k]
+            ],
+        )
+        for k, seed in enumerate(seeds)
+    ]
+
+
+def _later(seed: int, clips: Sequence[str]) -> Path:
+    """A recording with the first of some clips that can be drawn."""
+    for clip in clips:
         try:
-            return drawn(OUT / "later", [seed], 1, str(clip))[0]
+            return drawn(OUT / "later", [seed], 1, clip)[0]
         except subprocess.CalledProcessError:
-            continue  # a clip too short, or that leaves the room
-    raise SystemExit(f"no other clip can be drawn for seed {seed}")
+            continue  # too short, or it leaves the room
+    raise SystemExit(f"no other motion can be drawn for seed {seed}: give more seeds")
 
 
 def body_of(seed: int, recording: Path) -> Path:
@@ -92,9 +109,10 @@ def main() -> None:
     print("| seed | stature, % | limbs, mean % | root_mm without | with | change, % |")
     print("|---|---|---|---|---|---|")
     rows = []
-    for seed in range(first, last + 1):
-        earlier = drawn(OUT / "earlier", [seed], 1)[0]
-        later = later_recording(seed, earlier)
+    seeds = range(first, last + 1)
+    recordings = drawn(OUT / "earlier", seeds, 1)
+    laters = later_recordings(seeds, recordings)
+    for seed, earlier, later in zip(seeds, recordings, laters, strict=True):
         path = body_of(seed, earlier)
         stature, limbs = size_errors(read_body(path), earlier)
         without, given = root_mm(later, "without", {}), root_mm(later, "with", {"body": str(path)})

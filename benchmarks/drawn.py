@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
-CLIPS = SHARED / "data" / "mocap"
 
 
 def drawn(folder: Path, seeds: Sequence[int], level: int, clip: str | None = None) -> list[Path]:

@@ -53,13 +53,7 @@ def sample(recording: Path, folder: Path) -> dict[str, np.ndarray]:
     motion, quality = result.motion, result.motion.quality
     summary = json.loads((folder / "summary.json").read_text())
     joints, frames = regressors(
-        MotionEvidence.from_motion(
-            motion,
-            1 - quality["camera_agreement"],
-            quality["joint_disagreement"],
-            quality["outside"],
-            summary["facts"]["half_turn_ratio"],
-        )
+        MotionEvidence.from_motion(motion, summary["facts"]["half_turn_ratio"])
     )
     estimate, true = motion.landmarks(), truth[motion.frames]
     error = 1000 * np.linalg.norm(estimate - true, axis=2)

@@ -204,6 +204,7 @@ def _make_estimate(folder: Path) -> None:
     write_joints(motion, folder / "joints.csv")
     write_truth(folder / "truth.json", motion.landmarks(), 25.0, 1.75)
     write_trc(motion, folder / "truth.trc")
+    write_joints(motion, folder / "truth.csv")
 
 
 def _use_estimate(folder: Path, thorough: bool, truth: str) -> None:
@@ -540,6 +541,9 @@ TARGETS: dict[str, FuzzTarget] = {
     ),
     "joints": FuzzTarget(
         _make_estimate, {"joints.csv": any_table}, partial(_use_estimate, truth="truth.json")
+    ),
+    "truth-table": FuzzTarget(
+        _make_estimate, {"truth.csv": any_table}, partial(_use_estimate, truth="truth.csv")
     ),
     "truth": FuzzTarget(
         _make_estimate, {"truth.json": any_json}, partial(_use_estimate, truth="truth.json")

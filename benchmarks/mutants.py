@@ -84,7 +84,13 @@ class Copy:
         """Copies the project `root` into `folder`, which does not exist; limit of a run of tests in
         seconds.
         """
-        shutil.copytree(root, folder, ignore=shutil.ignore_patterns(*_LEFT_OUT))
+        left_out = shutil.ignore_patterns(*_LEFT_OUT)
+        shutil.copytree(
+            root,
+            folder,
+            # Of the project's own folder alone: voxelpose/demo is a package.
+            ignore=lambda place, names: left_out(place, names) if Path(place) == root else set(),
+        )
         self.folder, self.limit_s = folder, limit_s
         self._environment = os.environ | {
             "PYTHONPATH": str(folder),

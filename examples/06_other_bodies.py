@@ -1,4 +1,4 @@
-"""6. Other bodies: the same fit with a body that is no person's, here a robot arm on its base.
+"""6. Other bodies: the same fit with a body that is no person's, here a robot arm from its URDF.
 
 python examples/06_other_bodies.py [OUT] writes OUT/robot_arm_fit, a result folder, and
 OUT/06_other_bodies.png.
@@ -11,15 +11,15 @@ from common import out_folder
 
 from silhouette_core.motion.motion_file import read_motion
 from voxelpose import Output, Recording, Settings, fit
-from voxelpose.demo.example_motions import BODY, TRUE_MOTION, film_example
+from voxelpose.demo.example_motions import TRUE_MOTION, film_example
 
 out = out_folder()
 folder = out / "robot_arm"
 if not (folder / TRUE_MOTION).exists():
     film_example(folder, "robot_arm", 12)
 
-# The body is a file: its parts, joints with their limits, and surface.
-settings = Settings(options={"body": str(folder / BODY)})
+# The body is the robot's own file: its links, joints with their limits, and shapes.
+settings = Settings(options={"body": str(folder / "robot_arm.urdf")})
 result = fit(Recording.open(folder), Output(out / "robot_arm_fit", overwrite=True), settings)
 
 motion, truth = result.motion, read_motion(folder / TRUE_MOTION)

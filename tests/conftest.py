@@ -109,3 +109,9 @@ def beside(monkeypatch):
     yield lambda name: importlib.import_module(f"benchmarks.{name}")
     for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
         del sys.modules[name]
+
+
+@pytest.fixture
+def rig_files(beside):
+    """The writers of small rigs of every format, and `box_mesh`."""
+    return beside("rig_fuzz_targets")

@@ -41,7 +41,7 @@ def test_the_results_are_good(ran):
 
     several, one = evaluate(ran / "fit"), evaluate(ran / "track")
     assert several.lost == 0
-    assert several.root_mm < 35
+    assert several.root_mm < 40  # the mannequin has longer legs than people
     assert one.lost == 0
     assert one.root_mm < 150
 

@@ -5,9 +5,10 @@ Source: joints and root-relative error as in Sigal, Balan and Black, "HumanEva" 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +16,15 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from voxelpose.export.joints import JOINTS, read_joints
+from silhouette_core.motion.motion import Motion
+from voxelpose.export.joints import JOINTS, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES
-from voxelpose.recording.truth import TRUTH, read_truth
+from voxelpose.recording.truth import TRUE_MOTION, TRUTH, KnownJoints, load_truth, truth_of
 from voxelpose.results import Result, is_result
 
 _LOST_MM = 300.0
 _CORRECT_MM = 150.0
 _FLIP_MM = 30.0
-_MIRROR = [
-    LANDMARK_NAMES.index(
-        name.replace("left_", "right_")
-        if name.startswith("left_")
-        else name.replace("right_", "left_")
-    )
-    for name in LANDMARK_NAMES
-]
 _SIDE_BONES = ("hip knee", "knee ankle", "shoulder elbow", "elbow wrist")
 _BONES = np.array(
     [
@@ -53,14 +47,19 @@ class Score:
         frames: number of frames whose truth is known.
         lost: fraction of frames without a pose or with a root-relative error over 300 mm.
         mpjpe_mm: mean distance of the joints in the world, mm.
-        root_mm: mean distance of the joints relative to the pelvis, mm.
+        root_mm: mean distance of the joints relative to the first one (the pelvis), mm.
         pa_mm: mean distance of the joints after the best similarity transform of each frame, mm.
-        pck150: fraction of joints within 150 mm, relative to the pelvis.
-        flips: fraction of frames that are nearer by over 30 mm with left and right exchanged.
+        pck150: fraction of joints within 150 mm, relative to the first one.
+        flips: fraction of frames that are nearer by over 30 mm with left and right exchanged; NaN
+            of a body whose joints have no sides.
         jitter_mm: mean third difference of the joint positions over time, mm.
         jitter_truth_mm: mean third difference of the true positions, mm.
-        angle_deg: mean angle between the directions of the ten bones, degrees.
-        joint_root_mm: root_mm of every joint, in the order of LANDMARK_NAMES.
+        angle_deg: mean angle between the directions of the bones (a person's ten), degrees.
+        joint_root_mm: root_mm of every joint, in the order of `joints`.
+        joints: names of the joints; of a person LANDMARK_NAMES.
+        joint_angle_deg: mean error of the joint angles, degrees; NaN unless both are known as
+            motions of one body.
+        each_joint_angle_deg: mean error of every joint angle that is estimated, by its name.
     """
 
     frames: int
@@ -74,6 +73,9 @@ class Score:
     jitter_truth_mm: float = float("nan")
     angle_deg: float = float("nan")
     joint_root_mm: tuple[float, ...] = ()
+    joints: tuple[str, ...] = LANDMARK_NAMES
+    joint_angle_deg: float = float("nan")
+    each_joint_angle_deg: Mapping[str, float] = field(default_factory=dict)
 
 
 def evaluate(
@@ -87,8 +89,9 @@ def evaluate(
 
     Args:
         result: a result, its folder, or a joints.csv.
-        truth: truth.json or TRC, see `read_truth`; None: truth.json of the recording from which
-            the result was made.
+        truth: a person's truth.json or TRC, see `read_truth`; or of any body its true motion
+            (.safetensors) or a joints.csv; None: truth.json or truth.safetensors of the recording
+            from which the result was made.
         offset: number added to the result's frame numbers before the comparison.
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
@@ -97,30 +100,76 @@ def evaluate(
         The errors.
 
     Raises:
-        InputError: a file cannot be read, or there is no truth.
+        InputError: a file cannot be read, there is no truth, or it is another body's.
     """
     path = result.folder if isinstance(result, Result) else Path(result)
-    truth_m = read_truth(_truth_of(path) if truth is None else Path(truth), markers, axes)
+    truth_file = _truth_of(path) if truth is None else Path(truth)
+    known = load_truth(truth_file, markers, axes)
     joints = path / JOINTS if path.is_dir() else path
-    return score_motion(truth_m, read_joints(joints, len(truth_m), offset))
+    _check_names(joints, list_joints(joints)[0], truth_file, known)
+    estimate_m = read_joints(joints, len(known.joints_m), offset, known.names)
+    score = score_motion(known.joints_m, estimate_m, known.names, _bones(known))
+    if known.motion is None or not is_result(path):
+        return score
+    return replace(score, **_angle_errors(known.motion, Result.open(path).motion, offset))
 
 
 def _truth_of(result: Path) -> Path:
     if not is_result(result):
         raise InputError(f"{result} does not say which recording it is of: give --truth FILE")
-    truth = (result / str(Result.open(result).settings.get("recording", ""))).resolve() / TRUTH
-    if not truth.is_file():
-        raise InputError(f"there is no {truth}: give --truth FILE")
+    recording = (result / str(Result.open(result).settings.get("recording", ""))).resolve()
+    truth = truth_of(recording)
+    if truth is None:
+        raise InputError(f"there is no {TRUTH} or {TRUE_MOTION} in {recording}: give --truth FILE")
     return truth
 
 
-def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> Score:
+def _check_names(joints: Path, names: Sequence[str], truth_file: Path, known: KnownJoints) -> None:
+    """Refuses a truth with joints that the estimate lacks; one without a row has no pose."""
+    missing = [name for name in known.names if name not in names]
+    if names and missing:
+        raise InputError(
+            f"{truth_file} has the joint {missing[0][:80]!r}, and {joints} has"
+            f" {', '.join(names)[:200]}: give the truth of the same body"
+        )
+
+
+def _bones(known: KnownJoints) -> NDArray[np.int64]:
+    """Pairs (B, 2) of the joints between which there is a bone, as far as they are known."""
+    if known.names == LANDMARK_NAMES:
+        return _BONES
+    if known.motion is None:
+        return np.zeros((0, 2), np.int64)
+    return np.asarray(known.motion.model.tree.landmark_bones, np.int64).reshape(-1, 2)
+
+
+def _angle_errors(truth: Motion, estimate: Motion, offset: int) -> dict[str, Any]:
+    """`joint_angle_deg` and `each_joint_angle_deg` over the frames that both have; none where the
+    bodies have other joint angles.
+    """
+    names, free = truth.model.dof_names, ~truth.model.dof_fixed
+    _, true_rows, rows = np.intersect1d(truth.frames, estimate.frames + offset, return_indices=True)
+    if names != estimate.model.dof_names or not len(rows) or not free.any():
+        return {}
+    apart = estimate.angles_rad[rows] - truth.angles_rad[true_rows]
+    degrees = np.abs((np.degrees(apart) + 180) % 360 - 180).mean(axis=0)
+    each = {name: float(degrees[k]) for k, name in enumerate(names) if free[k]}
+    return {"joint_angle_deg": float(degrees[free].mean()), "each_joint_angle_deg": each}
+
+
+def score_motion(
+    truth_m: NDArray[np.float64],
+    estimate_m: NDArray[np.float64],
+    names: Sequence[str] = LANDMARK_NAMES,
+    bones: NDArray[np.int64] = _BONES,
+) -> Score:
     """Scores joint positions.
 
     Args:
-        truth_m: (T, 15, 3) float64, world, metres, in the order of LANDMARK_NAMES; frames that
-            contain NaN are not scored.
-        estimate_m: (T, 15, 3) float64, world, metres; NaN in frames without a pose.
+        truth_m: (T, L, 3) float64, world, metres; frames that contain NaN are not scored.
+        estimate_m: (T, L, 3) float64, world, metres; NaN in frames without a pose.
+        names: of the L joints, the first of which is the root's.
+        bones: (B, 2) int, joints between which there is a bone.
 
     Returns:
         The errors.
@@ -128,7 +177,7 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
     Raises:
         ValueError: the shapes differ, or no frame of the truth is known.
     """
-    check_array("truth_m", truth_m, ("T", len(LANDMARK_NAMES), 3))
+    check_array("truth_m", truth_m, ("T", len(names), 3))
     check_array("estimate_m", estimate_m, truth_m.shape)
     known = np.isfinite(truth_m).all(axis=(1, 2))
     if not known.any():
@@ -137,12 +186,14 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
     count = len(truth_m)
     posed = np.isfinite(estimate_m).all(axis=(1, 2))
     if not posed.any():
-        return Score(frames=count, lost=1.0)
+        return Score(frames=count, lost=1.0, joints=tuple(names))
     truth, estimate = 1000 * truth_m[posed], 1000 * estimate_m[posed]
     local_truth, local = truth - truth[:, :1], estimate - estimate[:, :1]
     error = np.linalg.norm(local - local_truth, axis=2)
     per_frame = error.mean(axis=1)
-    exchanged = np.linalg.norm(local[:, _MIRROR] - local_truth, axis=2).mean(axis=1)
+    mirror = _mirrored(names)
+    exchanged = np.linalg.norm(local[:, mirror] - local_truth, axis=2).mean(axis=1)
+    has_sides = mirror != list(range(len(names)))
     return Score(
         frames=count,
         lost=float((count - posed.sum() + (per_frame > _LOST_MM).sum()) / count),
@@ -154,12 +205,30 @@ def score_motion(truth_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) 
             ).mean()
         ),
         pck150=float((error < _CORRECT_MM).mean()),
-        flips=float((per_frame - exchanged > _FLIP_MM).mean()),
+        flips=float((per_frame - exchanged > _FLIP_MM).mean()) if has_sides else float("nan"),
         jitter_mm=_jitter(estimate),
         jitter_truth_mm=_jitter(truth),
-        angle_deg=_bone_angle(truth, estimate),
+        angle_deg=_bone_angle(truth, estimate, bones),
         joint_root_mm=tuple(float(mm) for mm in error.mean(axis=0)),
+        joints=tuple(names),
     )
+
+
+def _mirrored(names: Sequence[str]) -> list[int]:
+    """Index of each joint's counterpart on the other side, or of itself."""
+    sides = {"left_": "right_", "right_": "left_"}
+    number = {name: k for k, name in enumerate(names)}
+    return [
+        next(
+            (
+                number[other + name.removeprefix(side)]
+                for side, other in sides.items()
+                if name.startswith(side) and other + name.removeprefix(side) in number
+            ),
+            k,
+        )
+        for k, name in enumerate(names)
+    ]
 
 
 def markdown_table(scores: Mapping[str, Score]) -> str:
@@ -168,7 +237,7 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
     Args:
         scores: scores by name, one line each.
     """
-    columns = (
+    columns = [
         "mpjpe_mm",
         "root_mm",
         "pa_mm",
@@ -178,7 +247,9 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
         "jitter_truth_mm",
         "flips",
         "lost",
-    )
+    ]
+    if any(score.each_joint_angle_deg for score in scores.values()):
+        columns.insert(0, "joint_angle_deg")
     lines = [
         "| recording | frames | " + " | ".join(columns) + " |",
         "|---" * (2 + len(columns)) + "|",
@@ -234,11 +305,15 @@ def _jitter(positions: NDArray[np.float64]) -> float:
     )
 
 
-def _bone_angle(truth: NDArray[np.float64], estimate: NDArray[np.float64]) -> float:
+def _bone_angle(
+    truth: NDArray[np.float64], estimate: NDArray[np.float64], bones: NDArray[np.int64]
+) -> float:
+    if not len(bones):
+        return float("nan")
     directions = []
     for joints in (truth, estimate):
-        bones = joints[:, _BONES[:, 1]] - joints[:, _BONES[:, 0]]
-        directions.append(bones / np.maximum(np.linalg.norm(bones, axis=2, keepdims=True), 1e-9))
+        along = joints[:, bones[:, 1]] - joints[:, bones[:, 0]]
+        directions.append(along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9))
     return float(
         np.degrees(np.arccos(np.clip((directions[0] * directions[1]).sum(axis=2), -1, 1))).mean()
     )

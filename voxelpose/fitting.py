@@ -30,6 +30,8 @@ from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, Re
 from voxelpose.version import __version__
 from voxelpose.view.images.overlay import draw_pictures
 
+_TAKE_BODIES = "multiview", "monocular"  # estimators with the option `body`
+
 
 @dataclass(frozen=True)
 class Output:
@@ -58,8 +60,8 @@ def fit(
     Args:
         recording: the frames.
         output: destination of the results.
-        settings: settings of the estimator; stature, chest girth and sex that are not set are taken
-            from the recording's subject.toml, and up from its calibration.
+        settings: settings of the estimator; stature, chest girth, sex and body that are not set are
+            taken from the recording's subject.toml, and up from its calibration.
         estimator: name under which the estimator is registered.
         reporter: receiver of progress; None reports nothing.
 
@@ -71,7 +73,7 @@ def fit(
     """
     reporter = reporter or SilentReporter()
     started = time.perf_counter()
-    settings = _with_subject(settings or Settings(), recording)
+    settings = _with_subject(settings or Settings(), recording, estimator)
     check_threads(settings.threads)
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     implementation = load_estimator(estimator)
@@ -108,7 +110,7 @@ def write_estimate(
         InputError: it holds no pose, or the output cannot be used.
     """
     started = time.perf_counter() - spent_s
-    settings = _with_subject(settings, recording)
+    settings = _with_subject(settings, recording, estimator)
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     with writer as folder:
         estimation = _Estimation(recording, estimate, settings, estimator, started)
@@ -143,7 +145,7 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
     write_bvh(motion, folder / "motion.bvh")
     write_motion(motion, folder / MOTION)
     if estimate.hypotheses is not None:
-        write_hypotheses(estimate.hypotheses, folder / HYPOTHESES)
+        write_hypotheses(estimate.hypotheses, folder / HYPOTHESES, motion.model.tree)
     write_rig(recording.rig, folder / CALIBRATION)
     document = _settings_toml(recording, output, estimation.settings, estimation.estimator)
     (folder / SETTINGS).write_text(document, encoding="utf-8")
@@ -182,10 +184,14 @@ def track(
     return fit(recording, output, settings, "monocular", reporter)
 
 
-def _with_subject(settings: Settings, recording: Recording) -> Settings:
+def _with_subject(settings: Settings, recording: Recording, estimator: str) -> Settings:
     subject = recording.subject
+    options = dict(settings.options)
+    if subject.body is not None and estimator in _TAKE_BODIES:
+        options.setdefault("body", subject.body)
     return replace(
         settings,
+        options=options,
         stature_m=settings.stature_m if settings.stature_m is not None else subject.stature_m,
         chest_m=settings.chest_m if settings.chest_m is not None else subject.chest_girth_m,
         sex=settings.sex if settings.sex != "unknown" else subject.sex,

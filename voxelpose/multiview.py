@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
-from silhouette_core.motion.body_source import is_result, load_body
+from silhouette_core.motion.body_source import load_body, names_result
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
@@ -22,7 +22,8 @@ from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.carving.bounds import check_tolerance
-from voxelpose.matching.body_choice import choose_body, refit
+from voxelpose.matching.body_choice import choose_body
+from voxelpose.matching.body_refit import refit
 from voxelpose.matching.given_body import start_given
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
@@ -145,19 +146,19 @@ def _track(
     if known is not None and known.person is None:
         return _track_given(observations, settings, tracking, known, clock, reporter)
     with clock("first poses"):
-        kept = known is not None and is_result(str(settings.options["body"]))
+        kept = known is not None and names_result(str(settings.options["body"]))
         start = choose_body(observations, settings, tracking.match, reporter, known, kept)
     tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
     _follow(tracker, start.poses, start.errors, clock, reporter)
     reporter.stage("proportions")
     with clock("proportions"):
-        refit(tracker, start)
+        refit(tracker, start, known is None and settings.sex == "unknown")
     reporter.stage("refinement", len(observations))
     tracker.polish()
     facts = {
         "stature_m": stature_of(tracker.body.model),
         "stature_given": settings.stature_m is not None or known is not None,
-        "sex_template": start.body.model.sizes.sex,
+        "sex_template": tracker.body.model.sizes.sex,
         "shape": dict(
             zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
         ),

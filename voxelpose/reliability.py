@@ -13,6 +13,7 @@ _RIGHT = 0.5  # probability below which a frame counts as wrong
 _WRONG = 0.25  # fraction of wrong frames
 _APART = 0.75  # outline agreement below which that is the reason, and the measure of one camera
 _SEAM_MM = 80.0  # mean distance of the joints of two pieces in the frames that they share
+_UNCERTAIN = 0.5  # probability of a joint to be within 30 mm, below which it is named
 _TURN = 1.5  # half-turn ratio below which the heading is the reason
 
 
@@ -23,10 +24,18 @@ class Verdict:
     Attributes:
         level: `reliable`, `doubtful`, or `failed` where there is no result.
         reason: what speaks against it, and what helps; empty for a reliable one.
+        uncertain: joints that are farther off than 30 mm more likely than not, in the mean of the
+            frames; of a doubtful result none, since all may be.
     """
 
     level: Level
     reason: str = ""
+    uncertain: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """The verdict as a line."""
+        but = f", but for {', '.join(self.uncertain)}: likely over 30 mm off"
+        return self.level + (f": {self.reason}" if self.reason else but if self.uncertain else "")
 
 
 def verdict_of(summary: Mapping[str, Any]) -> Verdict:
@@ -66,4 +75,5 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
             " sheet, at background and calibration, and at clothes of the walls' colours",
         )
-    return Verdict("reliable")
+    near = quality.get("landmark_confidence", {})
+    return Verdict("reliable", "", tuple(name for name in near if near[name] < _UNCERTAIN))

@@ -69,6 +69,7 @@ class _Facts(msgspec.Struct):
 class _Verdict(msgspec.Struct):
     level: Literal["failed", "doubtful", "reliable"] = "reliable"
     reason: Annotated[str, Meta(max_length=10_000)] = ""
+    uncertain: Annotated[list[_Name], Meta(max_length=100)] = []
 
 
 class _Summary(msgspec.Struct):

@@ -58,7 +58,7 @@ def read(source: Path, options: argparse.Namespace) -> Clip:
         views.append(CameraView(camera, open_frames(videos[name])))
     truth = None
     if options.trc is not None and not options.no_truth:
-        from voxelpose.evaluation import read_truth
+        from voxelpose.recording.truth import read_truth
 
         truth = read_truth(options.trc) @ z_up_from(options.up).T
     return Clip(tuple(views), None, truth, notes={"clip": source.resolve().name})

@@ -38,7 +38,7 @@ from voxelpose.view.images.canvas import colour_of, text_width, write_text
 PICTURE = Path(__file__).parents[1] / "images" / "interference.png"
 VOXEL_M = 0.02
 # Degrees: a turn of the thigh forward and toward the other side, of the knee backward.
-CROSSED = {"left": (20, 14, 10), "right": (-5, 12, 18)}
+CROSSED = {"left": (20, 14, 14), "right": (-5, 12, 14)}
 
 _PANEL, _FINE = (440, 700), 2  # width and height of a panel; rendered this many times larger
 _AZIMUTH, _ELEVATION = np.radians(-68), np.radians(9)

@@ -24,7 +24,9 @@ BODY_TYPES = {
 """Arrays of a body, and their types in a safetensors file."""
 MOST_ROWS = 400_000
 """Most vertices or faces of a body that is read from a file."""
-_MOST_PARTS, _MOST_NAMES = 250, 256  # the part image holds 254 numbers
+MOST_NAMES = 2500
+"""Most landmarks or degrees of freedom of such a body."""
+_MOST_PARTS = 250  # the part image holds 254 numbers
 _LONGEST_NAME, _LONGEST_TEXT = 80, 1_000_000
 _FARTHEST_M, _LARGEST_DEG = 1e3, 3600.0
 
@@ -98,7 +100,7 @@ def _tree(text: str) -> KinematicTree:
     if parents[0] != -1 or (parents[1:] < 0).any() or (parents >= np.arange(len(names))).any():
         raise ValueError("the body's parents do not come before their parts")
     dofs = []
-    for part, name, axis, limits, fixed in document["dofs"][: _MOST_NAMES + 1]:
+    for part, name, axis, limits, fixed in document["dofs"][: MOST_NAMES + 1]:
         numbers = np.array([*axis, *limits], float)
         length = float(np.linalg.norm(numbers[:3]))
         if numbers.shape != (5,) or abs(length - 1) > 1e-6 or not isinstance(fixed, bool):
@@ -107,8 +109,8 @@ def _tree(text: str) -> KinematicTree:
             raise ValueError(f"a degree of freedom has the limits {numbers[3:]}")
         x, y, z, low, high = numbers.tolist()
         dofs.append((part, Dof(_names([name])[0], (x, y, z), (low, high), fixed)))
-    if len(dofs) > _MOST_NAMES:
-        raise ValueError(f"the body has more than {_MOST_NAMES} degrees of freedom")
+    if len(dofs) > MOST_NAMES:
+        raise ValueError(f"the body has more than {MOST_NAMES} degrees of freedom")
     of = _indices("dofs", [part for part, _ in dofs], (len(dofs),), len(names))
     if (np.diff(of) < 0).any():
         raise ValueError("the body's degrees of freedom are not in the order of its parts")
@@ -127,7 +129,7 @@ def _tree(text: str) -> KinematicTree:
 
 
 def _names(values: object) -> tuple[str, ...]:
-    if not isinstance(values, list) or not 0 < len(values) <= _MOST_NAMES:
+    if not isinstance(values, list) or not 0 < len(values) <= MOST_NAMES:
         raise ValueError("the body has no list of names, or too long a one")
     for name in values:
         if not (isinstance(name, str) and 0 < len(name) <= _LONGEST_NAME and name.isprintable()):

@@ -73,6 +73,11 @@ class BodyModel:
         """Largest side of the box around the body at rest."""
         return float(np.ptp(self.vertices_m, axis=0).max())
 
+    @property
+    def length_m(self) -> float:
+        """Length by which silhouettes are scaled: a person's stature, else `extent_m`."""
+        return self.extent_m if self.person is None else self.person.stature_m
+
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
         """Default body of a person's measurements.

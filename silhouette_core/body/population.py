@@ -2,12 +2,13 @@
 
 Means and standard deviations over stature. Adults, at 1.756 m (men) and 1.629 m (women): ANSUR II
 (Gordon et al., 2012 Anthropometric Survey of U.S. Army Personnel: Methods and Summary Statistics,
-NATICK/TR-15/007, 2014), tables of chest circumference, waist circumference (omphalion), buttock
-circumference, biacromial breadth, crotch height and weight, of 4082 men and 1986 women. Children,
-at 1.10 m: Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18 for Product
-Safety Design (UM-HSRI-77-17, 1977), ages 5 to 6. Both were recalled when this was written and
-rounded, and could not be compared with the printed tables; arm lengths, measured to joint centres,
-are those of the templates. Between and beyond these statures the ratios are interpolated by us.
+NATICK/TR-15/007, 2014), tables of stature, chest circumference, waist circumference (omphalion),
+buttock circumference, biacromial breadth, crotch height and weight, of 4082 men and 1986 women.
+Children, at 1.10 m: Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18 for
+Product Safety Design (UM-HSRI-77-17, 1977), ages 5 to 6. Both were recalled when this was written
+and rounded, and could not be compared with the printed tables; arm lengths, measured to joint
+centres, are those of the templates. Between and beyond these statures the ratios are interpolated
+by us.
 """
 
 import numpy as np
@@ -37,6 +38,8 @@ _ROWS: dict[str, dict[str, tuple[tuple[float, float, float], ...]]] = {
         "mass_kg": ((1.10, 14.1, 1.8), (1.629, 15.7, 2.5)),
     },
 }
+_ADULTS_M = {"male": (1.756, 0.0686), "female": (1.629, 0.0642)}
+_MOST_ODDS = 3.0  # of the logarithm: nobody's sex is certain by the stature, and children have one
 _TALL_M = 2.1  # girths grow less than statures do beyond the adults' mean
 _TALL_GIRTH = 0.92
 _FARTHEST = 6.0  # standard deviations, beyond which a measurement is taken for a mistake
@@ -60,6 +63,16 @@ def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
         rows = np.vstack([rows, [_TALL_M, *(rows[-1, 1:] * shrink)]])
     mean, deviation = (float(np.interp(stature_m, rows[:, 0], rows[:, k])) for k in (1, 2))
     return mean * stature_m**power, deviation * stature_m**power
+
+
+def sex_probability(sex: str, stature_m: float) -> float:
+    """Probability that somebody of a stature is "male" or "female", of whom there are as many."""
+    men, women = (
+        0.5 * ((stature_m - mean) / deviation) ** 2 + np.log(deviation)
+        for mean, deviation in (_ADULTS_M["male"], _ADULTS_M["female"])
+    )
+    women_odds = float(np.clip(men - women, -_MOST_ODDS, _MOST_ODDS))
+    return 1 / (1 + np.exp(-women_odds if sex == "female" else women_odds))
 
 
 def check_measurements(measurements: BodyMeasurements, sex: str) -> None:

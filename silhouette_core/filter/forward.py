@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from calib.camera import Camera
 from silhouette_core.filter.evidence import Evidence
 from silhouette_core.filter.motion_cost import PoseCandidates, yaw_rotations
-from silhouette_core.filter.person import Person, upright_distance
+from silhouette_core.filter.person import Person, area_distance, upright_distance
 from silhouette_core.filter.tree_filter import Posterior, TreeFilter
 from silhouette_core.filter.window import Window, look_at
 from silhouette_core.image.distance import Weighting
@@ -105,14 +105,14 @@ class ForwardFilter:
         if self._distance_m is not None:
             middle, factors = self._distance_m, np.ones(1)
         elif last is None or restarted:
-            middle = upright_distance(self.camera, person.mask, library.model.sizes.stature_m)
+            middle = self._first_distance(person.mask)
             factors = np.exp(np.linspace(-_FIRST_RANGE, _FIRST_RANGE, _FIRST_COUNT))
             if last is not None:
                 middle = float(np.sqrt(middle * last.distance_m))
         else:
             steps = [0.0] if self._corrected else [0.0, -_DISTANCE_STEP, _DISTANCE_STEP]
             middle, factors = self._corrected_distance(last), np.exp(np.array(steps))
-        metre_px = STATURE_PX / library.model.sizes.stature_m
+        metre_px = STATURE_PX / library.model.length_m
         windows = tuple(
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
         )
@@ -168,6 +168,16 @@ class ForwardFilter:
             return last.distance_m
         return dict(self._corrections).get(self._numbers[0], last.distance_m)
 
+    def _first_distance(self, mask: NDArray[np.bool_]) -> float:
+        """Distance by the silhouette alone: of a person by its height, of others by its area."""
+        library = self.tree.library
+        if library.model.person is not None:
+            return upright_distance(self.camera, mask, library.model.length_m)
+        usual_px = float(np.median(library.areas.sum(axis=1)))
+        return area_distance(
+            self.camera, mask, usual_px * (library.model.length_m / STATURE_PX) ** 2
+        )
+
     def _prior(
         self, window: Window, last: FilterFrame | None, time_s: float, restarted: bool
     ) -> NDArray[np.float64]:
@@ -186,7 +196,7 @@ class ForwardFilter:
 
     def _initial(self) -> NDArray[np.float64]:
         library = self.tree.library
-        if not self._facing:
+        if not self._facing or library.model.person is None:
             return np.full(len(library), 1.0 / len(library))
         yaw = library.views[library.sample_view, 0]
         tilt = Rotation.from_quat(library.base_quaternion, scalar_first=True).magnitude()[

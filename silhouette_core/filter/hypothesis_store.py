@@ -27,12 +27,14 @@ class HypothesisStore:
         self._upright = upright or UprightFrame.from_up(Z_UP)
         self._file = ScratchFile()
         self._frames, self._counts = array("q"), array("q")
+        self._joints = 0
 
     def put(
         self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]
     ) -> None:
-        """Stores a frame's n hypotheses: probabilities (n,) and joints (n, 15, 3), m."""
+        """Stores a frame's n hypotheses: probabilities (n,) and joints (n, L, 3), m."""
         joints_m = self._upright.world_points(joints_m)
+        self._joints = joints_m.shape[1]
         rows = np.concatenate(
             [probability[:, None], joints_m.reshape(len(probability), -1)], axis=1
         )
@@ -41,10 +43,10 @@ class HypothesisStore:
         self._counts.append(len(rows))
 
     def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
-        """Yields frame number, probabilities (n,) and joints (n, 15, 3), world, m."""
-        start = 0
+        """Yields frame number, probabilities (n,) and joints (n, L, 3), world, m."""
+        start, width = 0, 1 + 3 * self._joints
         for frame, count in zip(self._frames, self._counts, strict=True):
-            size = count * 46 * 4
-            rows = np.frombuffer(self._file.read_at(start, size), np.float32).reshape(count, 46)
+            size = count * width * 4
+            rows = np.frombuffer(self._file.read_at(start, size), np.float32).reshape(count, width)
             start += size
-            yield frame, rows[:, 0], rows[:, 1:].reshape(count, 15, 3)
+            yield frame, rows[:, 0], rows[:, 1:].reshape(count, self._joints, 3)

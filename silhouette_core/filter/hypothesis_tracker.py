@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.forward import FilterFrame, candidates_of
 from silhouette_core.filter.motion_cost import (
@@ -27,23 +27,22 @@ from silhouette_core.filter.motion_cost import (
 from silhouette_core.filter.observed_frame import FrameObserver, ObservedFrame
 from silhouette_core.filter.pose_costs import PoseCosts
 from silhouette_core.filter.pose_modes import FrameModes
+from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.tree_filter import TreeFilter
-from silhouette_core.image.distance import Weighting
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.dynamics import (
     FPS,
-    POSE_STEP_SIGMA,
     RELAXED_RAD,
     ROOT_STEP_M,
     ROOT_STEP_RAD,
-    STEP_SIGMA_RAD,
     elapsed_steps,
+    pose_step_sigma,
     predict,
 )
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation, PinholeViews
+from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 
@@ -52,54 +51,10 @@ _FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
 _PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # inverse kinematics: no contour
 _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
 _ROWS = 150  # samples of the posterior that are considered
-# Mean distance of the joints within which two seeds explain a silhouette alike, and within which
-# two hypotheses are the same pose.
-_DIFFERENT_M, _SAME_M = 0.07, 0.035
+_STEADY = 0.4  # of the usual steps, of joints of bodies that are no person's
 _TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """How many hypotheses are tracked, and how they are scored.
-
-    Attributes:
-        refine: False leaves the library's poses as they are.
-        weighting: pixel weights of the silhouette distance.
-        facing: the person mostly faces the camera in the first frame.
-        by_probability: number of seeds from the likeliest samples of the posterior.
-        by_fit: number of seeds from the leaves that fit the silhouette best, whatever their prior.
-        carried: number of hypotheses of the previous frame that are carried on; a worse one may
-            turn out to be right.
-        kept: number of hypotheses kept per frame.
-        by_mode: number of hypotheses from the modes of the learned proposal, if there is one; then
-            fewer are taken from the posterior and carried, see `with_modes`.
-        sigma: standard deviation of a refined pose's silhouette distance, relative to the
-            silhouette's weight.
-        surface_points: number of points of the body's surface that are fitted to the silhouette.
-        spacing_m: distance between points of the contour, on the body.
-    """
-
-    refine: bool = True
-    weighting: Weighting = "balanced"
-    facing: bool = True
-    by_probability: int = 5
-    by_fit: int = 3
-    carried: int = 8
-    kept: int = 16
-    by_mode: int = 4
-    sigma: float = 0.04
-    surface_points: int = 500
-    spacing_m: float = USUAL_SPACING_M
-
-    def coarser(self) -> TrackerSettings:
-        """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04)
-
-    def with_modes(self) -> TrackerSettings:
-        """Settings beside a learned proposal, which finds most of the hypotheses itself."""
-        return replace(self, by_probability=1, by_fit=0, carried=1, kept=8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +137,7 @@ class HypothesisTracker:
         self.costs = PoseCosts(tree.library)
         self.set_body(tree.library.model)
         self.noise = ProcessNoise(
-            STEP_SIGMA_RAD,
+            self._steadiness() * pose_step_sigma(self.model.tree)[6:],
             root_rad=ROOT_STEP_RAD,
             root_m=ROOT_STEP_M,
             spacing_rad=np.radians(3.0),
@@ -191,7 +146,13 @@ class HypothesisTracker:
         self._library_sigma = np.concatenate(
             [[0.06] * 3, [0.15] * 3, np.full(self.model.dof_count, 0.20)]
         )
+        if settings.root is not None:
+            self._library_sigma[:6] = pose_step_sigma(self.model.tree)[:6]
         self._usual_areas = usual_areas(tree.library.areas)
+
+    def _steadiness(self) -> float:
+        """Factor on the steps of joints: those of a body that is no person's are stated wide."""
+        return 1.0 if self.model.person is not None else _STEADY
 
     def set_body(self, model: BodyModel) -> None:
         """Replaces the body, for example by one adapted to the person."""
@@ -205,6 +166,8 @@ class HypothesisTracker:
         before_previous: Beam | None,
         modes: FrameModes | None = None,
         observed: ObservedFrame | None = None,
+        known: Beam | None = None,
+        searched: bool = True,
     ) -> Beam:
         """Hypotheses of a frame.
 
@@ -214,17 +177,22 @@ class HypothesisTracker:
             before_previous: hypotheses of the frame before that.
             modes: probable poses of the frame from the learned proposal, if there is one.
             observed: the frame's silhouette, prepared by `observer`; None: it is prepared here.
+            known: hypotheses of this frame that are added to those found.
+            searched: whether any are looked for; else those known are all.
         """
         time_s, settings = filter_frame.time_s, self._settings(modes)
         if observed is None:
             distance_m = filter_frame.distance_m if modes is None else modes.distance_m
             observed = self.observer.observe(filter_frame.person.mask, distance_m, time_s)
         weights = observed.weights
-        predicted = [] if previous is None else _predicted(previous, before_previous)
-        poses: list[Pose] = self._seeds(filter_frame, settings)
+        limits = self.model.dof_limits_rad
+        predicted = [] if previous is None else _predicted(previous, before_previous, limits)
+        poses: list[Pose] = self._seeds(filter_frame, settings) if searched else []
         priors: list[LandmarkPrior | None] = [None] * len(poses)
-        if settings.refine:
+        if settings.refine and searched:
             poses, priors = self._refined(observed, poses, previous, predicted, modes, settings)
+        if known is not None:
+            poses, priors = [*poses, *known.poses], [*priors, *known.priors]
         distance = weights.distances(self.model, poses)
         joints = _joints(self.model, poses)
         own = 0.5 * (distance / settings.sigma) ** 2 + self.costs.off_floor(poses, self.surface)
@@ -285,8 +253,9 @@ class HypothesisTracker:
         """
         # At a lower frame rate every step is cheaper; a restart has to remain dearer.
         restart_cost = self.noise.restart_cost * max((time_s - previous.time_s) * FPS, 1.0)
+        occluded = previous.occluded[:, self.model.dof_part]
         moving = transition_cost(
-            _packed(predicted, previous.time_s, previous.occluded[:, self.model.dof_part]),
+            _packed(predicted, previous.time_s, occluded & ~self.model.dof_fixed),
             _packed(poses, time_s),
             replace(self.noise, restart_cost=restart_cost),
         )
@@ -310,13 +279,17 @@ class HypothesisTracker:
             self.model,
             *place(self.model, samples.root_m, samples.root_rotation, samples.angles_rad),
         )
-        by_probability = np.argsort(rows)
+        by_probability, least = np.argsort(rows), settings.different_m
         by_fit = np.argsort(posterior.distance[rows], kind="stable")
-        chosen = select_different(joints, by_probability, settings.by_probability, _DIFFERENT_M)
-        chosen += select_different(joints, by_fit, settings.by_fit, _DIFFERENT_M, chosen)
-        return [
+        chosen = select_different(joints, by_probability, settings.by_probability, least)
+        chosen += select_different(joints, by_fit, settings.by_fit, least, chosen)
+        seeds = [
             Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k]) for k in chosen
         ]
+        root = settings.root
+        if root is None:
+            return seeds
+        return [Pose(root.root_m, root.root_rotation, seed.angles_rad) for seed in seeds]
 
     def _refined(
         self,
@@ -340,9 +313,13 @@ class HypothesisTracker:
         how = _FROM_LIBRARY if modes is None else _FROM_PREDICTION
         believed = [(pose, self._library_sigma, how) for pose in seeds]
         if previous is not None:
-            sigma = POSE_STEP_SIGMA * elapsed_steps(previous.time_s, observed.time_s)
+            sigma = pose_step_sigma(self.model.tree) * elapsed_steps(
+                previous.time_s, observed.time_s
+            )
             order = np.argsort(previous.cost, kind="stable")
-            carried = select_different(previous.joints, order, settings.carried, _DIFFERENT_M)
+            carried = select_different(
+                previous.joints, order, settings.carried, settings.different_m
+            )
             believed += [(predicted[k], sigma, _FROM_PREDICTION) for k in carried]
         joints = _joints(self.model, [pose for pose, _, _ in believed])
         for (pose, sigma, how), own in zip(believed, joints, strict=True):
@@ -354,7 +331,7 @@ class HypothesisTracker:
     def _pruned(self, beam: Beam, settings: TrackerSettings) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""
         order = np.argsort(beam.cost, kind="stable")
-        return beam.chosen(select_different(beam.joints, order, settings.kept, _SAME_M))
+        return beam.chosen(select_different(beam.joints, order, settings.kept, settings.same_m))
 
 
 def place_bodies(
@@ -428,12 +405,14 @@ def select_different(
     return chosen
 
 
-def _predicted(previous: Beam, before_previous: Beam | None) -> list[Pose]:
+def _predicted(
+    previous: Beam, before_previous: Beam | None, limits_rad: NDArray[np.float64]
+) -> list[Pose]:
     """Hypotheses of the previous frame moved on by one frame; restarted ones have no velocity."""
     if before_previous is None:
         return previous.poses
     return [
-        predict(pose, None if restarted else before_previous.poses[back])
+        predict(pose, None if restarted else before_previous.poses[back], limits_rad)
         for pose, back, restarted in zip(
             previous.poses, previous.back, previous.restarted, strict=True
         )
@@ -447,18 +426,14 @@ def _packed(
         np.stack([pose.root_m for pose in poses]),
         np.stack([pose.root_rotation for pose in poses]),
         np.stack([pose.angles_rad for pose in poses]),
-        (
-            np.zeros((len(poses), len(poses[0].angles_rad)), bool)
-            if occluded is None
-            else occluded & ~HUMAN.dof_fixed
-        ),
+        (np.zeros((len(poses), len(poses[0].angles_rad)), bool) if occluded is None else occluded),
         np.zeros(len(poses)),
         time_s,
     )
 
 
 def _joints(model: BodyModel, poses: list[Pose]) -> NDArray[np.float64]:
-    """Joints (K, 15, 3) of poses."""
+    """Joints (K, L, 3) of poses."""
     if not poses:
-        return np.empty((0, len(LANDMARK_NAMES), 3))
+        return np.empty((0, len(model.landmarks_m), 3))
     return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))

@@ -15,6 +15,11 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.filter.body_library import (
+    body_of_track,
+    library_of_body,
+    some_silhouettes,
+)
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.monocular_stages import (
@@ -34,6 +39,7 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
+from silhouette_core.scoring.backend import load_backend
 
 _BLOCK = 150  # frames copied into arrays together
 
@@ -83,19 +89,11 @@ class MonocularEstimator:
                 " with --camera NAME"
             )
         set_threads(settings.threads)
-        library = library_for(options, settings, reporter)
-        frame = upright_frame(source.rig, settings, reporter)
-        reporter.stage("motion model")
-        clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore(frame)
-        stages = MonocularStages(
-            library,
-            frame.rig(source.rig).cameras[0],
-            settings,
-            options,
-            1 / source.fps,
-            not source.silhouettes_given,
-            clock,
+        known = body_of_track(options.body, options.library, reporter) or library_for(
+            options, settings, reporter
         )
+        frame = upright_frame(source.rig, settings, reporter)
+        camera = frame.rig(source.rig).cameras[0]
         reporter.stage("background")
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
         silhouettes.note(reporter)
@@ -103,6 +101,23 @@ class MonocularEstimator:
             reporter.note("with one camera, what is marked as unknown counts as background")
         if settings.smooth or source.silhouettes_given:
             _check_silhouettes(source, silhouettes)
+        library, root = (
+            (known, None)
+            if isinstance(known, PoseLibrary)
+            else library_of_body(
+                known,
+                options.library,
+                some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX),
+                load_backend(settings.backend),
+                reporter,
+            )
+        )
+        reporter.stage("motion model")
+        clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore(frame)
+        pictures, interval_s = not source.silhouettes_given, 1 / source.fps
+        stages = MonocularStages(
+            library, camera, settings, options, interval_s, pictures, clock, root
+        )
         people = _people(source, silhouettes, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)
@@ -237,7 +252,7 @@ def _facts(
         "stature_given": settings.stature_m is not None,
         "colours": coloured,
         "library": {
-            "file": options.library or "default",
+            "file": options.library or ("default" if library.model.person else "sampled"),
             "samples": len(library),
             "base_poses": len(library.base_angles),
             "nodes": [len(level) for level in library.levels],

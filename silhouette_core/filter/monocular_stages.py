@@ -15,8 +15,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Frame, Settings
 from silhouette_core.filter.forward import FilterFrame, ForwardFilter
-from silhouette_core.filter.hypothesis_tracker import TrackerSettings
 from silhouette_core.filter.person import Person, find_person
+from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.trajectory import FrameEstimate, PoseTrajectory
 from silhouette_core.filter.view_tree_filter import tree_filter
 from silhouette_core.image.distance import WEIGHTINGS, Weighting
@@ -26,6 +26,7 @@ from silhouette_core.library.default import default_library
 from silhouette_core.library.pose_library import PoseLibrary, require_body
 from silhouette_core.library.store import read_library
 from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.backend import load_backend
 
@@ -88,6 +89,7 @@ class MonocularStages:
         interval_s: time between two frames.
         pictures: whether frames have colours, or are silhouettes.
         clock: times the stages.
+        root: place of the root of a body that is no person's, if that stands still.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class MonocularStages:
         interval_s: float,
         pictures: bool,
         clock: StageClock,
+        root: Pose | None = None,
     ):
         """Prepares filter and trajectory."""
         self.clock = clock
@@ -117,10 +120,13 @@ class MonocularStages:
             pinhole,
             facing,
             options.weighting,
-            interval_s=interval_s,
+            None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m)),
+            interval_s,
             corrected=self._proposed,
         )
         tracking = TrackerSettings(options.refine, options.weighting, facing)
+        if library.model.person is None:
+            tracking = tracking.of_given_body(library.model.length_m, root)
         if self._proposed and not settings.smooth:
             tracking = tracking.coarser()
         self.trajectory = PoseTrajectory(

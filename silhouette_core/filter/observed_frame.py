@@ -58,6 +58,8 @@ class FrameObserver:
         self.views, self._library = views, library
         self._weighting: Weighting = weighting
         self._backend, self._spacing_m = backend, spacing_m
+        # The surface of a given body is known exactly: every pixel tells.
+        self._reduction = 2 if library.model.person is not None else 1
 
     def observe(
         self,
@@ -75,10 +77,10 @@ class FrameObserver:
             window: of the silhouette at about that distance; None: it is made here.
         """
         if window is None:
-            camera, stature = self.views.rig.cameras[0], self._library.model.sizes.stature_m
-            window = look_at(camera, mask, distance_m, STATURE_PX / stature)
+            camera, length = self.views.rig.cameras[0], self._library.model.length_m
+            window = look_at(camera, mask, distance_m, STATURE_PX / length)
         weights = SignedWeights.from_window(
-            window, self._weighting, backend=self._backend, bounds_px=self._library.bounds_px
+            window, self._weighting, self._reduction, self._backend, self._library.bounds_px
         )
         contour = Observation.from_masks(self.views, [mask], distance_m, self._spacing_m)
         return ObservedFrame(mask, weights, contour, distance_m, time_s)

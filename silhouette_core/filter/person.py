@@ -91,6 +91,21 @@ def _is_cut(mask: NDArray[np.bool_]) -> bool:
     return touching > max(_BORDER_FRACTION * np.sqrt(np.count_nonzero(mask)) * 4, 3)
 
 
+def area_distance(camera: Camera, mask: NDArray[np.bool_], area_m2: float) -> float:
+    """Distance of a body whose silhouette has the observed area.
+
+    Args:
+        camera: pinhole camera without distortion.
+        mask: (h, w) bool, the silhouette, not empty.
+        area_m2: area of the silhouette that the body usually has.
+
+    Returns:
+        Distance along the optical axis, m.
+    """
+    focal2 = camera.matrix[0, 0] * camera.matrix[1, 1]
+    return float(np.sqrt(area_m2 * focal2 / np.count_nonzero(mask)))
+
+
 def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) -> float:
     """Distance of an upright person whose silhouette has the observed height.
 

@@ -41,7 +41,7 @@ class PoseCosts:
             library.base_angles.astype(float),
         )
         joints = landmarks(library.model, *recorded)
-        self._recorded = joints - joints[:, :1]
+        self._recorded, self._person = joints - joints[:, :1], library.model.person is not None
         self._lowest: deque[float] = deque(maxlen=_FLOOR_FRAMES)
         self._positions: list[tuple[float, NDArray[np.float64]]] = []
 
@@ -55,8 +55,11 @@ class PoseCosts:
         """Cost (K,) of the distance to the nearest recorded pose, whatever the heading.
 
         Depths that no recording shows are unlikely, though the silhouette allows them. A mean
-        distance of the joints (K, 15, 3) of 6 cm costs half a nat.
+        distance of the joints (K, L, 3) of 6 cm costs half a nat. Of bodies that are no person's,
+        recorded poses are too few for that.
         """
+        if not self._person:
+            return np.zeros(len(poses))
         headings = [_heading_rotation(pose.root_rotation) for pose in poses]
         in_body = np.stack(
             [(own - own[0]) @ heading for own, heading in zip(joints, headings, strict=True)]
@@ -100,7 +103,8 @@ class PoseCosts:
             (t, position) for t, position in self._positions if 0 < time_s - t <= _VELOCITY_WINDOW_S
         ]
         if (
-            len(self._positions) < 3
+            not self._person
+            or len(self._positions) < 3
             or self._positions[-1][0] - self._positions[0][0] < 0.5 * _VELOCITY_WINDOW_S
         ):
             return np.zeros(len(poses))
@@ -122,6 +126,8 @@ class PoseCosts:
             after: (K', 15, 3) float64, joints in this frame, m.
             steps: time between the frames in units of 1 / `dynamics.FPS`.
         """
+        if not self._person:
+            return np.zeros((len(before), len(after)))
         moved = np.linalg.norm(before[:, None, _ANKLES] - after[None, :, _ANKLES], axis=-1).min(-1)
         return 0.5 * np.minimum(moved / (_SLIP_M * steps), 2.0) ** 2
 

@@ -19,13 +19,13 @@ from silhouette_core.filter.forward import FilterFrame, slim
 from silhouette_core.filter.hypothesis_tracker import (
     Beam,
     HypothesisTracker,
-    TrackerSettings,
     backtrack,
 )
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
 from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_modes import FrameModes, ModeFinder, ModeView
+from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.tree_filter import TreeFilter
 from silhouette_core.filter.window import Window
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
@@ -117,9 +117,7 @@ class PoseTrajectory:
         self.tracker = HypothesisTracker(tree, camera, settings)
         proposal = tree.library.proposal if settings.refine else None
         self.finder = (
-            None
-            if proposal is None
-            else ModeFinder(proposal, camera, tree.library.model.sizes.stature_m)
+            None if proposal is None else ModeFinder(proposal, camera, tree.library.model.length_m)
         )
         self._colours = ColourEvidence(camera)
         self._usual_areas = usual_areas(tree.library.areas)
@@ -258,15 +256,34 @@ class PoseTrajectory:
                 and filter_frame.time_s - past[-1].time_s > _LONGEST_GAP_S
             ):
                 past = []
-            before = past[-1] if past else None, past[0] if len(past) > 1 else None
-            beams.append(self.tracker.step(filter_frame, *before, own, seen))
-        return beams
+            beams.append(self.tracker.step(filter_frame, *_last_two(past), own, seen))
+        return (
+            self._both_ways(observed, beams) if self.smooth and self.settings.both_ways else beams
+        )
+
+    def _both_ways(self, observed: list[ObservedFrame], beams: list[Beam]) -> list[Beam]:
+        """Hypotheses tracked back from the last frame as well: what a later frame shows is carried
+        to those before it.
+        """
+        pairs = [
+            (one.filter_frame, seen) for one, seen in zip(self._pending, observed, strict=True)
+        ]
+        backward: list[Beam] = []
+        for (frame, seen), known in zip(reversed(pairs), reversed(beams), strict=True):
+            before = replace(frame, time_s=-frame.time_s), replace(seen, time_s=-seen.time_s)
+            later = _last_two(backward)
+            backward.append(self.tracker.step(before[0], *later, None, before[1], known))
+        result: list[Beam] = []
+        for (frame, seen), known in zip(pairs, reversed(backward), strict=True):
+            past = _last_two([*self._past, *result[-2:]])
+            result.append(self.tracker.step(frame, *past, None, seen, known, False))
+        return result
 
     def _refined(
         self, pose_frames: list[PoseFrame], beams: list[Beam], chosen: list[int]
     ) -> list[PoseFrame]:
-        """Poses refined together; without a proposal the limbs are resampled first."""
-        if self.finder is None:
+        """Poses refined together; of a person without a proposal, the limbs are resampled first."""
+        if self.finder is None and self.model.person is not None:
             before = self._decided[-1] if self._decided else None
             resampler = self._limb_resampler()
             return resampler.refine(resampler.resample(pose_frames, before), before)
@@ -277,10 +294,16 @@ class PoseTrajectory:
             np.array([frame.observed.time_s for frame in pose_frames]),
             [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
             self.tracker.costs.on_floor,
-            settings=TrajectorySettings() if self.smooth else TrajectorySettings().quicker(),
+            settings=self._trajectory_settings(),
             before=[frame.pose for frame in self._decided],
         )
         return [replace(frame, pose=pose) for frame, pose in zip(pose_frames, poses, strict=True)]
+
+    def _trajectory_settings(self) -> TrajectorySettings:
+        settings = TrajectorySettings()
+        if self.model.person is None:
+            settings = settings.steadier()
+        return settings if self.smooth else settings.quicker()
 
     def _limb_resampler(self) -> LimbResampler:
         if self._resampler is None:
@@ -313,6 +336,11 @@ class PoseTrajectory:
             probability,
             joints,
         )
+
+
+def _last_two(beams: Sequence[Beam]) -> tuple[Beam | None, Beam | None]:
+    """The last hypotheses and those before them, where there are any."""
+    return beams[-1] if beams else None, beams[-2] if len(beams) > 1 else None
 
 
 def _nearest_window(filter_frame: FilterFrame) -> Window:

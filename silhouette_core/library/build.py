@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.body.body_arrays import body_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
 from silhouette_core.library.base_poses import BasePoses
@@ -124,10 +125,15 @@ def build_library(
     )
 
 
+def _measures(model: BodyModel) -> object:
+    """What describes a body beside its arrays."""
+    return body_arrays(model)[1] if model.person is None else asdict(model.person)
+
+
 def _digest(bases: BasePoses, model: BodyModel, settings: LibrarySettings) -> str:
     """Digest of everything that determines the result."""
     digest = hashlib.sha256(
-        json.dumps([VERSION, asdict(settings), asdict(model.sizes), bases.root_sigma_rad]).encode()
+        json.dumps([VERSION, asdict(settings), _measures(model), bases.root_sigma_rad]).encode()
     )
     for array in (
         bases.angles,

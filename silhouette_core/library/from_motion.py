@@ -20,6 +20,7 @@ from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import is_library, read_library, write_library
 from silhouette_core.motion.mocap.load import load_motions, motion_files
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion_file import motion_path, read_motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
@@ -36,7 +37,8 @@ def read_clips(
     """Recorded motions by clip.
 
     Args:
-        paths: files and folders.
+        paths: files and folders; of another body than a person's its own motions, each a result
+            folder or a motion file of it.
         model: the body to which the motions are retargeted.
         names: joint-name map, see `silhouette_core.motion.mocap`.
         leave_out: clips to be skipped, by the file's name without its ending, or by the end of that
@@ -49,7 +51,8 @@ def read_clips(
     Raises:
         InputError: a clip to be skipped does not exist, or a file cannot be read.
     """
-    files = motion_files(paths)
+    own = model.person is None
+    files = [motion_path(path) for path in paths] if own else motion_files(paths)
     for name in leave_out:
         if not any(_has_name(file, name) for file in files):
             raise InputError(
@@ -58,10 +61,23 @@ def read_clips(
     files = [file for file in files if not any(_has_name(file, name) for name in leave_out)]
     if reporter is not None:
         reporter.stage("reading motion")
+    motions = (
+        [_motion_of(file, model) for file in files] if own else load_motions(files, model, names)
+    )
     clips: dict[str, Motion] = {}
-    for file, motion in zip(files, load_motions(files, model, names), strict=True):
+    for file, motion in zip(files, motions, strict=True):
         clips[file.stem if file.stem not in clips else f"{file.stem} ({len(clips)})"] = motion
     return clips
+
+
+def _motion_of(file: Path, model: BodyModel) -> Motion:
+    """Motion file of a body that is no person's."""
+    motion = read_motion(file)
+    if motion.model.dof_names != model.dof_names:
+        raise InputError(
+            f"{file} is the motion of a body with other joint angles: give motions of this one"
+        )
+    return replace(motion.upright(), model=model)
 
 
 def _has_name(file: Path, name: str) -> bool:
@@ -96,7 +112,7 @@ def make_library(
         InputError: there is no motion, the file is no library or cannot be written, or another
             process is building it.
     """
-    reporter = reporter or SilentReporter()
+    reporter, settings = reporter or SilentReporter(), settings.for_body(model)
     if path.is_dir() or (path.exists() and not is_library(path)):
         raise InputError(
             f"{path} exists and is not a pose library, so it is not overwritten: give --out another"

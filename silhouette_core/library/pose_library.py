@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -56,7 +56,7 @@ class LibrarySettings:
         tolerance_deg: base poses are removed until no two remain whose joint angles all differ by
             this or less; if there are still more than `poses` allows, also by the positions of
             their joints.
-        yaw_step_deg: angle between the views of a pose.
+        yaw_step_deg: angle between the views of a pose; 360: one view.
         pitches_deg: angles of the camera below the horizontal, one or several.
         mirror: whether every pose's mirror image is added.
         weighting: pixel weights of the silhouette distance in the tree. XOR is symmetric. With
@@ -92,7 +92,7 @@ class LibrarySettings:
             InputError: a value makes no library.
         """
         if (
-            not 1 <= self.yaw_step_deg <= 180
+            not (1 <= self.yaw_step_deg <= 180 or self.yaw_step_deg == 360)
             or abs(360 / self.yaw_step_deg - round(360 / self.yaw_step_deg)) > 1e-6
         ):
             raise InputError(
@@ -114,6 +114,10 @@ class LibrarySettings:
                 f"a tolerance of {self.tolerance_deg:g} degrees leaves nothing out: give a"
                 " positive one"
             )
+
+    def for_body(self, model: BodyModel) -> LibrarySettings:
+        """These settings without what only a person's body has: mirror image, proposal."""
+        return self if model.person is not None else replace(self, mirror=False, proposal=False)
 
     @property
     def views_count(self) -> int:
@@ -241,13 +245,19 @@ def require_body(library: PoseLibrary, required: BodySizes) -> None:
     same_surface = made.sex == required.sex or "female" not in (made.sex, required.sex)
     if abs(made.stature_m - required.stature_m) > 0.01 or not same_chest or not same_surface:
         raise InputError(
-            f"the library was made for another body ({describe(made)}; wanted"
-            f" {describe(required)}): build one with voxelpose library build --stature"
+            f"the library was made for another body ({_measures(made)}; wanted"
+            f" {_measures(required)}): build one with voxelpose library build --stature"
             f" {required.stature_m:g}"
         )
 
 
-def describe(sizes: BodySizes) -> str:
-    """Measurements of a body as text."""
+def describe_body(model: BodyModel) -> str:
+    """A body as text: a person's measurements, or its parts."""
+    if model.person is None:
+        return f"{len(model.names)} parts, root {model.names[0]}, {model.extent_m:.2f} m"
+    return _measures(model.person)
+
+
+def _measures(sizes: BodySizes) -> str:
     chest = "usual" if sizes.chest_girth_m is None else f"{sizes.chest_girth_m:g} m"
     return f"stature {sizes.stature_m:g} m, chest {chest}, sex {sizes.sex}"

@@ -1,9 +1,10 @@
 """Rendering of library poses: one virtual camera, centred silhouettes, three resolutions.
 
-The camera looks at the pelvis from `DISTANCE` statures, down by the view's pitch; its focal length
-maps the stature at that distance to 158 of 240 pixels. The body is turned by the view's yaw; at
-yaw 0 it faces the camera. The image is moved by whole pixels until the silhouette's centroid is in
-the middle of a window of 320 x 240, and cut off at the window's border.
+The camera looks at the pelvis from `DISTANCE` statures (of other bodies than a person's: root, and
+`BodyModel.length_m`), down by the view's pitch; its focal length maps the stature at that distance
+to 158 of 240 pixels. The body is turned by the view's yaw; at yaw 0 it faces the camera. The image
+is moved by whole pixels until the silhouette's centroid is in the middle of a window of 320 x 240,
+and cut off at the window's border.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def render_views(
     """
     rotations = np.stack([camera_from_body(yaw, pitch) for yaw, pitch in np.asarray(views, float)])
     placed = np.empty((len(which), *surfaces.shape[1:]), np.float32)
-    distance = DISTANCE * model.sizes.stature_m
+    distance = DISTANCE * model.length_m
     kernels.rotate_and_translate(
         surfaces[which], np.zeros((len(which), 3)), rotations, distance, placed
     )

@@ -22,6 +22,7 @@ from safetensors.numpy import save_file
 
 from calib.atomic import replacing
 from calib.errors import InputError
+from silhouette_core.body.body_arrays import body_arrays, body_from_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.image.spans import Rectangle, Spans
@@ -29,7 +30,8 @@ from silhouette_core.library.library_check import check_library, check_library_s
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.proposal.pose_proposal import PoseProposal
 
-VERSION = 2
+VERSION = 3
+_BODY = "body."
 _FORMAT = "voxelpose pose library"
 _TYPES = {
     "BOOL": np.bool_,
@@ -60,6 +62,7 @@ _PLAIN = (
 )
 _LARGEST_HEADER = 10_000_000
 _AGAIN = "build the library again (voxelpose library build)"
+_UNFIT = KeyError, TypeError, ValueError, AttributeError, OverflowError, IndexError, RecursionError
 _MARKED = 100_000  # the format's name stands within so many bytes
 
 
@@ -71,7 +74,11 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         path: the file.
     """
     arrays = {name: getattr(library, name) for name in _PLAIN}
-    arrays["body_shape"] = library.model.shape
+    arrays["body_shape"], person = library.model.shape, library.model.person
+    body: dict[str, object] = {} if person is None else {"sizes": asdict(person)}
+    if person is None:
+        given, body["tree"] = body_arrays(library.model)
+        arrays |= {_BODY + name: array for name, array in given.items()}
     for number, level in enumerate(library.levels):
         arrays[f"level{number}.representative"], arrays[f"level{number}.parent"] = (
             level.representative,
@@ -84,7 +91,7 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         arrays |= {f"proposal.{name}": array for name, array in library.proposal.arrays().items()}
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     about = {
-        "sizes": asdict(library.model.sizes),
+        **body,
         "angles": list(library.model.dof_names),
         "parts": list(library.model.names),
         "settings": asdict(library.settings),
@@ -142,7 +149,7 @@ def read_library(path: Path) -> PoseLibrary:
         empty = not len(library) or not library.levels
         if not empty:
             check_library(library)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, InputError) as error:
+    except (*_UNFIT, InputError) as error:
         raise InputError(f"{path} is damaged ({_reason(error)}): {_AGAIN}") from error
     if empty:
         raise InputError(f"{path} holds no poses: build the library again from more motion")
@@ -156,9 +163,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
     }
-    body = BodyModel.from_sizes(BodySizes(**about["sizes"]))
-    check_shape(arrays["body_shape"])
-    model = body.reshaped(arrays["body_shape"])
+    model = _body(arrays, about)
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
         raise ValueError("made with a body that has other joints")
     levels = []
@@ -193,6 +198,14 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         proposal=PoseProposal.from_arrays(learned) if learned else None,
         **{name: arrays[name] for name in _PLAIN},
     )
+
+
+def _body(arrays: dict[str, NDArray], about: dict) -> BodyModel:
+    """The body: as given, or made from a person's measurements."""
+    if "tree" in about:
+        return body_from_arrays(_group(arrays, _BODY), about["tree"])
+    check_shape(arrays["body_shape"])
+    return BodyModel.from_sizes(BodySizes(**about["sizes"])).reshaped(arrays["body_shape"])
 
 
 def _loaded(text: str | bytes) -> Any:

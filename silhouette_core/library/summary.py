@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silhouette_core.library.pose_library import PoseLibrary, describe
+from silhouette_core.library.pose_library import PoseLibrary, describe_body
 
 
 def summary(library: PoseLibrary, path: Path) -> str:
@@ -24,7 +24,7 @@ def summary(library: PoseLibrary, path: Path) -> str:
     occluded, proposal = library.occluded.mean(axis=0), library.proposal
     lines = [
         f"{path}: {path.stat().st_size / 1e6:,.1f} MB",
-        f"body      {describe(library.model.sizes)}",
+        f"body      {describe_body(library.model)}",
         (
             f"poses     {len(library):,} = {len(library.base_angles):,} ({mirrored:,} of them"
             f" mirror images) x {len(library.views)} views"

@@ -62,9 +62,10 @@ def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray
     windows = library.render(
         np.concatenate([[library.levels[0].representative[node]], shown])
     ).windows
-    hues = (np.arange(28) * 53 % 180).astype(np.uint8)
+    colours = len(library.model.names) + 1
+    hues = (np.arange(colours) * 53 % 180).astype(np.uint8)
     palette = cv2.cvtColor(
-        np.stack([hues, np.full(28, 120, np.uint8), np.full(28, 235, np.uint8)], -1)[None],
+        np.stack([hues, np.full_like(hues, 120), np.full_like(hues, 235)], -1)[None],
         cv2.COLOR_HSV2BGR,
     )[0]
     palette[0] = (30, 25, 22)

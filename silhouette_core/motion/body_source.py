@@ -51,7 +51,7 @@ def _is_rig(path: Path) -> bool:
     return path.suffix.lower() in RIG_SUFFIXES
 
 
-def is_result(spec: str) -> bool:
+def names_result(spec: str) -> bool:
     """Whether the text names an earlier result, whose body wears the clothes of its recording."""
     path = Path(spec)
     return body_preset(spec) is None and not _is_rig(path) and path.suffix.lower() != _TOML

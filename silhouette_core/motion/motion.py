@@ -36,9 +36,10 @@ class Motion:
             (T,), fraction of the body outside the hull; `outline_agreement` (T,), share of their
             union that body and silhouettes have in common, the mean over the cameras, and
             `camera_agreement` (T, C) of each; `joint_disagreement` (T, 15), share of the
-            surroundings of each joint in which they differ; `joint_error_mm` (T, 15), median error
-            to expect; `landmark_confidence` (T, 15), probability that a joint is within 30 mm of
-            the truth; `right_probability` (T,), that the joints' mean error is below 80 mm.
+            surroundings of each joint in which they differ; `joint_sigma_mm` (T, 15), its standard
+            deviation by the outlines; `joint_error_mm` (T, 15), median error to expect;
+            `landmark_confidence` (T, 15), probability that a joint is within 30 mm of the truth;
+            `right_probability` (T,), that the joints' mean error is below 80 mm.
         up: (3,) float64, unit, direction of up in the world.
         floor_m: height of the floor in the world, along up, metres.
     """

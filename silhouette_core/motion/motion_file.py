@@ -14,13 +14,19 @@ from safetensors.numpy import save
 
 from calib.errors import InputError
 from calib.upright import Z_UP
-from silhouette_core.body.body_arrays import BODY_TYPES, MOST_ROWS, body_arrays, body_from_arrays
+from silhouette_core.body.body_arrays import (
+    BODY_TYPES,
+    MOST_NAMES,
+    MOST_ROWS,
+    body_arrays,
+    body_from_arrays,
+)
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.motion.motion import Motion
 
 MOTION = "motion.safetensors"
-_FORMAT = "voxelpose motion 2"
+_FORMAT = "voxelpose motion 3"
 _QUALITY, _BODY = "quality.", "body."
 _TYPES = {
     "root_m": "F64",
@@ -37,7 +43,6 @@ _UNFIT = (KeyError, TypeError, ValueError, OverflowError, IndexError, RecursionE
 # Half a day at 60 frames a second; a pose takes some 900 bytes.
 _MOST_POSES = 12 * 3600 * 60
 _LARGEST = 1000 * _MOST_POSES
-_WIDEST = 256  # columns
 _FARTHEST_M = 1e5
 _LARGEST_RAD = 50.0
 _LATEST_S = 1e10
@@ -166,11 +171,11 @@ def _arrays(file: Any) -> dict[str, NDArray[Any]]:
     for name in names:
         shape, kind = shapes[name], file.get_slice(name).get_dtype()
         if name.startswith(_QUALITY):
-            if shape[:1] != (count,) or len(shape) > 2 or max(shape[1:], default=0) > _WIDEST:
+            if shape[:1] != (count,) or len(shape) > 2 or max(shape[1:], default=0) > MOST_NAMES:
                 raise ValueError(f"{name} has the shape {shape} for {count} poses")
             if kind not in _QUALITY_TYPES:
                 raise ValueError(f"{name} has the type {kind}")
-        elif kind != types[name] or shape[1:] > (_WIDEST,):
+        elif kind != types[name] or shape[1:] > (MOST_NAMES,):
             raise ValueError(f"{name} has the shape {shape} and type {kind}, not {types[name]}")
         elif name.startswith(_BODY) and shape[0] > MOST_ROWS:
             raise ValueError(f"{name} has {shape[0]:,} rows, more than {MOST_ROWS:,}")
@@ -255,7 +260,7 @@ def _check_values(motion: Motion) -> None:
     }
     for name, most in largest.items():
         array = getattr(motion, name)
-        if array.min() < -most or array.max() > most:
+        if array.min(initial=0) < -most or array.max(initial=0) > most:
             raise ValueError(f"{name} holds numbers beyond {most:g}")
     if motion.frames[0] < 0 or (np.diff(motion.time_s) < 0).any():
         raise ValueError("frames and time_s must increase from 0")
@@ -271,9 +276,14 @@ def body_of_motion(path: Path) -> BodyModel:
     Raises:
         InputError: there is none, or it cannot be read.
     """
-    file = path / MOTION if path.is_dir() else path
+    file = motion_path(path)
     if not file.is_file():
         raise InputError(
             f"{path} holds no body: give the folder of an earlier result of the same person"
         )
     return read_motion(file).model
+
+
+def motion_path(path: Path) -> Path:
+    """The motion file of a result folder; of anything else the path itself."""
+    return path / MOTION if path.is_dir() else path

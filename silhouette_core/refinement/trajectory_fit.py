@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.jit import one_thread
-from silhouette_core.motion.dynamics import FPS, STEP_SIGMA_RAD
+from silhouette_core.motion.dynamics import FPS, pose_step_sigma
 from silhouette_core.motion.pose import Pose, PoseArrays, steps_of
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.landmark_prior import (
@@ -37,7 +36,7 @@ from silhouette_core.refinement.refine import (
 )
 from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
 
-_ANKLES = [LANDMARK_NAMES.index(f"{side}_ankle") for side in ("left", "right")]
+_ANKLES = "left_ankle", "right_ankle"
 _TRUST_M, _TRUST_RAD = 0.10, 0.35
 _STILL = 0.3  # standard deviation of a standing foot's movement, as a fraction of slip_m
 _CONTOUR = RefineSettings(reaches_m=(0.15, 0.10, 0.08), contour_m=0.015, independence=0.3)
@@ -50,7 +49,7 @@ class TrajectorySettings:
     Attributes:
         contour: reaches and weights of the contour residuals, one round for each reach.
         acceleration: standard deviation of the second difference of the joint angles within
-            1 / `dynamics.FPS`, as a fraction of `dynamics.STEP_SIGMA_RAD`.
+            1 / `dynamics.FPS`, as a fraction of `dynamics.pose_step_sigma`.
         root_m: the same of the pelvis's position, m.
         root_rad: the same of its orientation.
         slip_m: scale of the robust weight of a standing foot's movement, m.
@@ -67,6 +66,10 @@ class TrajectorySettings:
     stand_m: float = 0.16
     floor_m: float = 0.02
     hover_m: float = 0.08
+
+    def steadier(self) -> TrajectorySettings:
+        """Settings for a body that is no person's, whose usual steps are wide."""
+        return replace(self, acceleration=0.12)
 
     def quicker(self) -> TrajectorySettings:
         """Settings that keep up with a camera: one round less."""
@@ -111,13 +114,16 @@ def fit_trajectory(
     settings = settings or TrajectorySettings()
     model = surface.model
     poses, fixed = list(poses), list(before)
-    free, priors = free_unknowns(model), LandmarkPriors.from_priors(landmark_priors)
+    free = free_unknowns(model)
+    if model.tree.root_fixed:
+        free = free[6:]
+    priors = LandmarkPriors.from_priors(landmark_priors, len(model.landmarks_m))
     size, count = len(free), len(poses)
     sigma = np.concatenate(
         [
             [settings.root_m] * 3,
             [settings.root_rad] * 3,
-            settings.acceleration * STEP_SIGMA_RAD,
+            settings.acceleration * pose_step_sigma(model.tree)[6:],
         ]
     )
     for reach in settings.contour.reaches_m:
@@ -191,7 +197,8 @@ def _own_terms(
             add_silhouettes(surface, one, observation, reach, weights, *terms)
             if floor:
                 _add_floor(matrix[t], gradient[t], surface, posed.one(t), settings)
-    usual = PosePriors.from_priors(poses, [None] * count, [settings.contour.usual] * count)
+    stances = [settings.contour.usual] * count
+    usual = PosePriors.from_priors(poses, [None] * count, stances, model.tree)
     add_pose_priors(matrix, gradient, poses, model, usual)
     add_landmark_priors(matrix, gradient, model, posed, landmark_priors)
     return matrix, gradient
@@ -263,11 +270,13 @@ def _add_standing(
     settings: TrajectorySettings,
 ) -> None:
     """Adds the movement of feet near the floor: robust, so that a swinging foot is free."""
-    ankles = np.stack([posed_landmarks(model, one)[_ANKLES] for one in posed])
-    jacobians = [landmark_jacobian(model, one)[_ANKLES][..., free] for one in posed]
+    names = model.tree.landmark_names
+    feet = [names.index(name) for name in _ANKLES if name in names]
+    ankles = np.stack([posed_landmarks(model, one)[feet] for one in posed])
+    jacobians = [landmark_jacobian(model, one)[feet][..., free] for one in posed]
     for t in range(len(posed) - 1):
         moved = ankles[t + 1] - ankles[t]
-        for foot in range(len(_ANKLES)):
+        for foot in range(len(feet)):
             if max(ankles[t, foot, 2], ankles[t + 1, foot, 2]) > settings.stand_m:
                 continue
             speed = float(moved[foot] @ moved[foot]) / settings.slip_m**2

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from voxelpose import Recording
-from voxelpose.evaluation import read_truth
+from voxelpose.recording.truth import read_truth
 
 SIZE = (64, 48)
 FRAMES = 6

@@ -18,7 +18,7 @@ from tests.datasets.miniatures import (
     write_json,
     write_video,
 )
-from voxelpose.evaluation import read_truth
+from voxelpose.recording.truth import read_truth
 
 # The data set's y points down: (x, y, z) there is (x, z, -y) with z up.
 Y_DOWN_FROM_Z_UP = np.array([[1, 0, 0], [0, 0, -1.0], [0, 1, 0]])

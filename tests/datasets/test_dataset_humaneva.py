@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.datasets.miniatures import FIGURE, POINTS, SIZE, looking, opened, write_video
 from voxelpose import Recording
-from voxelpose.evaluation import read_truth
+from voxelpose.recording.truth import read_truth
 
 FRAMES = 12
 MOCAP = 60

@@ -122,3 +122,10 @@ def test_same_numbers_as_the_reviewers_script(shared, truth):
             )
         else:
             assert getattr(ours, name) == pytest.approx(value), name
+
+
+def test_jitter_is_the_third_difference_of_the_positions():
+    still = waving(1).landmarks().repeat(8, 0)
+    moved = still + 0.001 * (np.arange(8.0) ** 3)[:, None, None] * [1, 0, 0]
+    score = score_motion(still, moved)
+    assert score.jitter_mm == pytest.approx(6) and score.jitter_truth_mm == pytest.approx(0)

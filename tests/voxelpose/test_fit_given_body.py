@@ -13,11 +13,12 @@ from voxelpose.results import Result
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "most_deg", "most_mm"), [("robot_arm", 2.0, 10.0), ("quadruped", 6.0, 20.0)]
+    ("name", "body", "most_deg", "most_mm"),
+    [("robot_arm", "robot_arm.urdf", 2.0, 10.0), ("quadruped", BODY, 6.0, 20.0)],
 )
-def test_a_body_of_another_kind_is_fitted_by_the_command(name, most_deg, most_mm, desk):
+def test_a_body_of_another_kind_is_fitted_by_the_command(name, body, most_deg, most_mm, desk):
     film_example(desk / name, name, 6)
-    words = ["fit", name, "--out", "out", "--body", f"{name}/{BODY}"]
+    words = ["fit", name, "--out", "out", "--body", f"{name}/{body}"]
     assert run(words) == 0
     result, truth = Result.open(desk / "out"), read_motion(desk / name / TRUE_MOTION)
     motion = result.motion

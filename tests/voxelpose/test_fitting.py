@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,3 +76,21 @@ def test_a_bug_leaves_nothing_and_keeps_its_traceback(recording, tmp_path):
 def test_what_is_no_result_is_not_opened(tmp_path):
     with pytest.raises(InputError, match="is not a result of voxelpose"):
         Result.open(tmp_path)
+
+
+@pytest.mark.parametrize(("given", "taken"), [({}, "92A5"), ({"body": "9APP"}, "9APP")])
+def test_the_body_of_the_subject_is_taken_where_no_other_is_given(
+    recording, tmp_path, monkeypatch, given, taken
+):
+    class Seen(Exception):
+        """What an estimator was told."""
+
+    class Spy:
+        def estimate(self, source, settings, reporter):
+            raise Seen(settings.options)
+
+    monkeypatch.setattr("voxelpose.fitting.load_estimator", lambda name: Spy())
+    subject = replace(recording.subject, body="92A5")
+    with pytest.raises(Seen, match=taken):
+        settings = Settings(options=given)
+        fit(replace(recording, subject=subject), Output(tmp_path / "out"), settings, "multiview")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from voxelpose.reliability import verdict_of
+from voxelpose.reliability import Verdict, verdict_of
 
 
 def summary(lost=0, agreement=0.92, right=None, turn=3.0):
@@ -31,3 +31,13 @@ def test_a_result_is_called_what_its_numbers_say(numbers, level, words):
     verdict = verdict_of(summary(**numbers))
     assert verdict.level == level
     assert words in verdict.reason and bool(verdict.reason) == (level != "reliable")
+
+
+def test_joints_that_are_likely_wrong_are_named():
+    numbers = summary(right=0.9)
+    numbers["quality"]["landmark_confidence"] = {"left_wrist": 0.49, "neck": 0.51}
+    verdict = verdict_of(numbers)
+    assert verdict == Verdict("reliable", "", ("left_wrist",))
+    assert str(verdict) == "reliable, but for left_wrist: likely over 30 mm off"
+    numbers["quality"]["right_probability"]["lower_quarter"] = 0.1
+    assert verdict_of(numbers).uncertain == ()

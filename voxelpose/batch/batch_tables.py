@@ -24,7 +24,7 @@ from voxelpose.version import __version__
 
 INDEX, TABLE = "index.html", "table"
 _THUMBNAIL_PX = 480
-_SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "flips", "lost")
+_SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "joint_angle_deg", "flips", "lost")
 
 
 def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
@@ -68,9 +68,7 @@ def _line(outcome: Outcome, verdict: Verdict) -> dict[str, str]:
     """Cells of a row by column."""
     frames = outcome.summary.get("frames", {})
     posed, lost = frames.get("with_pose"), frames.get("lost", ())
-    scores = {
-        name: f"{float(outcome.score[name]):.3g}" if outcome.score else "" for name in _SCORES
-    }
+    scores = {name: _number(outcome.score.get(name)) for name in _SCORES}
     return {
         "recording": outcome.job.name,
         "verdict": verdict.level,
@@ -80,6 +78,11 @@ def _line(outcome: Outcome, verdict: Verdict) -> dict[str, str]:
         "seconds": f"{outcome.seconds:.1f}",
         **scores,
     }
+
+
+def _number(value: float | None) -> str:
+    """A measure in a cell; empty where it is not known, or not one of this body's."""
+    return "" if value is None or not np.isfinite(value) else f"{value:.3g}"
 
 
 def _stature(summary: Mapping[str, Any] | None) -> str:

@@ -17,8 +17,9 @@ from calib.errors import InputError
 from silhouette_core.workers import WorkerEndedError, open_workers
 from voxelpose.batch.jobs import Job
 from voxelpose.batch.pieces import PIECES, join_pieces, pieces_of
-from voxelpose.evaluation import TRUTH, evaluate
+from voxelpose.evaluation import evaluate
 from voxelpose.fitting import Output, fit
+from voxelpose.recording.truth import truth_of
 from voxelpose.report.page import write_report
 from voxelpose.results import Result, as_json, is_result
 from voxelpose.version import __version__
@@ -59,7 +60,7 @@ class Outcome:
         message: why it failed, in a line; empty otherwise.
         seconds: duration of the estimation.
         summary: summary.json of the result; empty if it failed.
-        score: errors against truth.json; empty where there is none.
+        score: errors against the recording's truth; empty where there is none.
     """
 
     job: Job
@@ -252,9 +253,9 @@ def _outcome(
 ) -> Outcome:
     summary: Any = Result.open(folder).summary
     score: Mapping[str, Any] = {}
-    if (Path(job.recording) / TRUTH).is_file():
+    if (truth := truth_of(Path(job.recording))) is not None:
         try:
-            score = asdict(evaluate(folder, Path(job.recording) / TRUTH))
+            score = asdict(evaluate(folder, truth))
         except (InputError, ValueError):  # a truth that does not fit is no reason to fail
             score = {}
     total = float(summary["seconds"]["total"]) if seconds is None else seconds

@@ -21,7 +21,7 @@ BodyName = Annotated[
         metavar="BODY",
         help_behavior_hint="",
         help="The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, an"
-        " earlier result of the same person, or for fit a rig. Default: found in the pictures.",
+        " earlier result of the same person, or a rig. Default: found in the pictures.",
     ),
 ]
 Frames = Annotated[

@@ -116,7 +116,6 @@ def _tell(outcome: Outcome, place: str) -> None:
     if outcome.status == "failed":
         words = f"failed: {outcome.message}"
     else:
-        verdict = verdict_of(outcome.summary)
-        words = verdict.level + (f": {verdict.reason}" if verdict.reason else "")
+        words = str(verdict_of(outcome.summary))
         words += " (kept)" if outcome.status == "kept" else f" ({outcome.seconds:.0f} s)"
     print(f"{place} {outcome.job.name}: {words}", flush=True)

@@ -13,7 +13,7 @@ from calib.errors import InputError
 if TYPE_CHECKING:
     from voxelpose.evaluation import Score
 
-_TRUTH_FILES = (".json", ".trc")
+_TRUTH_FILES = (".json", ".trc", ".safetensors")  # a joints.csv may be a result
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,12 @@ The known positions (the truth) are a TRC or a truth.json with the 15 joints of 
 coordinates, one position per frame: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...], ...}}.
 The file may also be the last argument. Default: truth.json in the folder of the recording.
 
+Of any body, a robot's or an animal's, the truth is its motion (.safetensors), which knows the joint
+angles too, or a joints.csv with the body's own names. Default: truth.safetensors of the recording.
+
   voxelpose evaluate walk_fit --truth walk/truth.json
   voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
+  voxelpose evaluate robot_fit --truth robot/truth.safetensors
   voxelpose evaluate fits/* --markdown > table.md
 """
 
@@ -115,9 +119,6 @@ def _markers(text: str | None) -> dict[str, str]:
 
 
 def _document(score: Score) -> dict[str, object]:
-    from silhouette_core.body.joints import LANDMARK_NAMES
-
-    return {
-        **asdict(score),
-        "joint_root_mm": dict(zip(LANDMARK_NAMES, score.joint_root_mm, strict=False)),
-    }
+    document = asdict(score)
+    joints = document.pop("joints")
+    return {**document, "joint_root_mm": dict(zip(joints, score.joint_root_mm, strict=False))}

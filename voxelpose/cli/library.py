@@ -24,13 +24,15 @@ class Build:
 
     help: ClassVar[str] = """Builds a pose library from motion capture, for one body.
 
-MOTION are BVH files, exponential-map files, or folders of them. An interrupted build resumes when
+MOTION are BVH files, exponential-map files, or folders of them; with the --body of a robot or an
+animal, results or motion files of that body. An interrupted build resumes when
 the same command is run again. Above 60000 samples every view has a tree of its own, which any
 number of processes and machines build together.
 
   voxelpose library build mocap --out me.vplib --stature 1.75
   voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
   voxelpose library build mocap --out man.vplib --body 92A5
+  voxelpose library build arm_fit --out arm.vplib --body arm.urdf --pitch 20
   voxelpose library build mocap --out large.vplib --poses 1100000 --yaw-step 10 --workers 8
 """
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.table import Table
 
+from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.cli.terminal import plain, rich_console
 from voxelpose.reliability import verdict_of
 
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 _FILES = (
     ("contact_sheet.png", "look here first: the fitted body over frames of every camera"),
     ("overlay_*.webm", "the fitted body over the videos"),
-    ("joints.csv", "positions of 15 joints, metres"),
+    ("joints.csv", "positions of the joints, metres"),
     ("motion.bvh", "the skeleton for Blender, Maya, ..."),
     ("motion.safetensors", "joint angles, root and quality, for programs"),
     ("summary.json", "quality and timings"),
@@ -53,34 +55,56 @@ def print_result(result: Result) -> None:
     console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
     console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
     colour = "green" if verdict.level == "reliable" else "yellow"
-    words = f": {plain(verdict.reason)}" if verdict.reason else ""
+    words = plain(str(verdict).removeprefix(verdict.level))
     console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
 
 
 def print_score(score: Score) -> None:
     """Prints the errors of a result against known joint positions."""
-    from silhouette_core.body.joints import LANDMARK_NAMES
-
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for value, meaning in (
-        (f"{score.root_mm:.1f} mm", "root_mm: mean joint error relative to the pelvis"),
-        (f"{score.mpjpe_mm:.1f} mm", "mpjpe_mm: mean joint error in the world"),
-        (f"{score.pa_mm:.1f} mm", "pa_mm: mean joint error after the best similarity transform"),
-        (f"{100 * score.pck150:.1f} %", "pck150: joints within 150 mm relative to the pelvis"),
-        (f"{score.angle_deg:.1f} deg", "angle_deg: mean angular error of the bones"),
+    for value, unit, meaning in (
+        (score.joint_angle_deg, "deg", "joint_angle_deg: mean error of the joint angles"),
+        (score.root_mm, "mm", f"root_mm: mean joint error relative to the {score.joints[0]}"),
+        (score.mpjpe_mm, "mm", "mpjpe_mm: mean joint error in the world"),
+        (score.pa_mm, "mm", "pa_mm: mean joint error after the best similarity transform"),
         (
-            f"{score.jitter_mm:.1f} mm",
+            100 * score.pck150,
+            "%",
+            f"pck150: joints within 150 mm relative to the {score.joints[0]}",
+        ),
+        (score.angle_deg, "deg", "angle_deg: mean angular error of the bones"),
+        (
+            score.jitter_mm,
+            "mm",
             f"jitter_mm: third difference (truth: {score.jitter_truth_mm:.1f})",
         ),
-        (f"{100 * score.flips:.1f} %", "flips: frames with left and right exchanged"),
+        (100 * score.flips, "%", "flips: frames with left and right exchanged"),
         (
-            f"{100 * score.lost:.1f} %",
+            100 * score.lost,
+            "%",
             f"lost: frames without a pose or beyond 300 mm, of {score.frames}",
         ),
     ):
-        table.add_row(f"[bold]{value}[/bold]", meaning)
+        if np.isfinite(value):
+            table.add_row(f"[bold]{value:.1f} {unit}[/bold]", plain(meaning))
     console = rich_console()
     console.print(table)
-    if score.joint_root_mm:
-        worst = sorted(zip(score.joint_root_mm, LANDMARK_NAMES, strict=True), reverse=True)[:3]
+    errors = list(zip(score.joint_root_mm, score.joints, strict=False))
+    if errors and score.joints == LANDMARK_NAMES:
+        worst = sorted(errors, reverse=True)[:3]
         console.print("worst joints: " + ", ".join(f"{name} {mm:.0f} mm" for mm, name in worst))
+    elif errors:
+        _print_joints(score)
+
+
+def _print_joints(score: Score) -> None:
+    """Prints a table of the joints of a body that is no person's, and one of its joint angles."""
+    joints = Table("joint", "root_mm", box=None, padding=(0, 2, 0, 0))
+    for name, mm in zip(score.joints, score.joint_root_mm, strict=True):
+        joints.add_row(plain(name), f"{mm:.1f}")
+    angles = Table("joint angle", "degrees", box=None, padding=(0, 2, 0, 0))
+    for name, degrees in score.each_joint_angle_deg.items():
+        angles.add_row(plain(name), f"{degrees:.2f}")
+    for table in (joints, angles):
+        if table.row_count:
+            rich_console().print(table)

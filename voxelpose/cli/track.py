@@ -21,10 +21,12 @@ RECORDING holds a video per camera and, if possible, calibration.toml and backgr
 view. Without a calibration, typical camera parameters are assumed. Without a pose library, one is
 made from motions that come with the program, at the first use.
 OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
-poses of every frame with their probabilities.
+poses of every frame with their probabilities. With the --body of a robot or an animal, a library of
+that body's motion, or poses within the limits of its joints.
 
   voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
   voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
+  voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
 """
 
     camera: Annotated[str, arg(metavar="NAME")]

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from pathlib import Path
+
 import numpy as np
 
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Box, Capsule, RigidShape, body_of_parts, with_part
+from silhouette_core.body.rigs.rig_formats import read_rig_body
 from silhouette_core.body.sizes import BodySizes
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-_FORWARD = (0.0, -1.0, 0.0)
+ROBOT_ARM = Path(str(resources.files("voxelpose.demo") / "robot_arm.urdf"))
+"""The robot arm's file."""
 QUADRUPED_LENGTH_M = 0.88
 """Length of the quadruped's trunk from chest to rump: its body length."""
 _Part = tuple[str, str, tuple[float, float, float], tuple[Dof, ...], list[RigidShape]]
@@ -18,34 +23,7 @@ _Part = tuple[str, str, tuple[float, float, float], tuple[Dof, ...], list[RigidS
 
 def robot_arm() -> BodyModel:
     """Arm with six axes on a base that stands still, 1.3 m high with the arm up."""
-    bend = (-110.0, 110.0)
-    parts: list[_Part] = [
-        ("base", "", (0, 0, 0), (), [
-            Box((-0.16, -0.16, 0.0), (0.16, 0.16, 0.15)),
-            Box((-0.07, 0.15, 0.0), (0.07, 0.32, 0.10)),
-        ]),
-        ("turret", "base", (0, 0, 0.15), (Dof("yaw", _Z, (-170.0, 170.0)),), [
-            Capsule((0, 0, 0.20), (0, 0, 0.36), 0.11)
-        ]),
-        ("upper_link", "turret", (0, 0, 0.40), (Dof("pitch", _X, (-100.0, 60.0)),), [
-            Capsule((0.13, 0, 0.40), (0.13, 0, 0.92), 0.07)
-        ]),
-        ("forearm_link", "upper_link", (0, 0, 0.92), (Dof("pitch", _X, bend),), [
-            Capsule((0, 0, 0.92), (0, -0.40, 0.92), 0.065)
-        ]),
-        ("wrist_1", "forearm_link", (0, -0.46, 0.92), (Dof("roll", _FORWARD, (-85.0, 85.0)),), [
-            Capsule((0, -0.46, 0.92), (0, -0.60, 0.92), 0.055)
-        ]),
-        ("wrist_2", "wrist_1", (0, -0.65, 0.92), (Dof("pitch", _X, bend),), [
-            Capsule((0, -0.66, 0.92), (0, -0.78, 0.92), 0.05)
-        ]),
-        ("gripper", "wrist_2", (0, -0.84, 0.92), (Dof("roll", _FORWARD, (-85.0, 85.0)),), [
-            Box((-0.13, -0.91, 0.89), (0.13, -0.84, 0.95)),
-            Box((-0.13, -1.04, 0.89), (-0.08, -0.90, 0.95)),
-            Box((0.08, -1.04, 0.89), (0.13, -0.90, 0.95)),
-        ]),
-    ]  # fmt: skip
-    return _body(parts, {"tool": ("gripper", (0, -1.02, 0.92))}, root_fixed=True)
+    return read_rig_body(ROBOT_ARM)
 
 
 def quadruped() -> BodyModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -19,8 +20,9 @@ from voxelpose.demo import example_bodies
 from voxelpose.demo.filming import write_video
 from voxelpose.demo.mannequin import COLOURS_BGR
 from voxelpose.demo.room import FilmCamera, demo_rig
+from voxelpose.recording.truth import TRUE_MOTION
 
-BODY, TRUE_MOTION = "body.safetensors", "truth.safetensors"
+BODY = "body.safetensors"
 _FPS, _EMPTY_FRAMES = 15, 24
 _Curves = Callable[[np.ndarray], tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]]
 
@@ -36,12 +38,12 @@ def _still(t: np.ndarray, at: tuple[float, float], yaw_deg: float) -> tuple[np.n
 
 def _robot(t: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     angles = {
-        "turret.yaw": _wave(t, -70, 60, 0.22, 0.1),
-        "upper_link.pitch": _wave(t, -50, 10, 0.31, 0.6),
-        "forearm_link.pitch": _wave(t, -30, 50, 0.27, 0.3),
-        "wrist_1.roll": _wave(t, -50, 50, 0.35, 0.8),
-        "wrist_2.pitch": _wave(t, 25, 80, 0.3),
-        "gripper.roll": _wave(t, -60, 60, 0.25, 0.4),
+        "turret.shoulder_pan": _wave(t, -70, 60, 0.22, 0.1),
+        "upper_arm.shoulder_lift": _wave(t, -50, 10, 0.31, 0.6),
+        "forearm.elbow": _wave(t, -30, 50, 0.27, 0.3),
+        "wrist_1.wrist_roll": _wave(t, -50, 50, 0.35, 0.8),
+        "wrist_2.wrist_bend": _wave(t, 25, 80, 0.3),
+        "gripper.gripper_roll": _wave(t, -60, 60, 0.25, 0.4),
     }
     return angles, *_still(t, (0.05, 0.1), 12.0)
 
@@ -150,7 +152,8 @@ def film_example(
         cameras: numbers of those that film, 1 to 8.
 
     Returns:
-        The folder; `BODY` in it holds the body at rest, `TRUE_MOTION` the true motion.
+        The folder; `BODY` in it holds the body at rest, `TRUE_MOTION` the true motion. That of the
+        robot arm holds its URDF, too.
     """
     motion = example_motion(name, frames)
     (folder / "background").mkdir(parents=True, exist_ok=True)
@@ -158,6 +161,8 @@ def film_example(
     write_rig(rig, folder / "calibration.toml")
     write_motion(motion, folder / TRUE_MOTION)
     write_motion(_at_rest(motion.model), folder / BODY)
+    if name == example_bodies.ROBOT_ARM.stem:
+        shutil.copy(example_bodies.ROBOT_ARM, folder)
     rotation, origin = motion.parts()
     meshes = [skin(motion.model, *one) for one in zip(rotation, origin, strict=True)]
     colour = (motion.model.face_part % len(COLOURS_BGR)).astype(np.int32)

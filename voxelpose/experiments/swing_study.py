@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings, load_estimator
 from silhouette_core.library.occlusion import AREA_FRACTION, MAGNIFICATION
-from silhouette_core.library.pose_library import PoseLibrary, describe, require_body
+from silhouette_core.library.pose_library import PoseLibrary, describe_body, require_body
 from silhouette_core.library.store import read_library
 from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.progress import Reporter
@@ -123,7 +123,7 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         "library": {
             "samples": len(library),
             "nodes": [len(level) for level in library.levels],
-            "body": describe(library.model.sizes),
+            "body": describe_body(library.model),
         },
         "rows": [
             {"method": row.method, "silhouettes": row.degradation, **row.counts, "paper": row.paper}

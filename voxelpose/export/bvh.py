@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import (
     Y_UP_FROM_WORLD,
-    ascii_name,
+    ascii_names,
     every_frame,
     local_rotations,
     part_ends,
@@ -100,11 +100,9 @@ def _write_joint(
     depth: int,
 ) -> None:
     pad = "  " * depth
-    parent = model.parents[part]
+    parent, names = model.parents[part], ascii_names(model.names)
     offset = np.zeros(3) if parent < 0 else model.joints_m[part] - model.joints_m[parent]
-    file.write(
-        f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {ascii_name(model.names[part])}\n{pad}{{\n"
-    )
+    file.write(f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {names[part]}\n{pad}{{\n")
     file.write(f"{pad}  OFFSET {_numbers(offset)}\n")
     channels = "6 Xposition Yposition Zposition " if parent < 0 else "3 "
     file.write(f"{pad}  CHANNELS {channels}Zrotation Xrotation Yrotation\n")

@@ -15,7 +15,13 @@ from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
 from voxelpose.version import __version__
 
 _TYPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
-_COMPONENTS = {"float32": gltf.FLOAT, "uint8": gltf.UNSIGNED_BYTE, "uint16": gltf.UNSIGNED_SHORT}
+_COMPONENTS = {
+    "float32": gltf.FLOAT,
+    "uint8": gltf.UNSIGNED_BYTE,
+    "uint16": gltf.UNSIGNED_SHORT,
+    "uint32": gltf.UNSIGNED_INT,
+}
+_LARGEST_SHORT = 65535  # as an index it restarts a strip
 _SKIN_COLOUR = [0.75, 0.72, 0.68, 1.0]
 _BODY = 0  # node of the mesh; the node of part p is p + 1
 
@@ -23,10 +29,10 @@ _BODY = 0  # node of the mesh; the node of part p is p + 1
 def write_glb(motion: Motion, path: Path) -> None:
     """Writes a motion as a skinned, animated body in one file.
 
-    Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's 27 nodes have the
-    names of the body's parts; without animation they are in the rest pose (upright, arms 45 degrees
-    down, facing +z), to which the skin is bound. The only animation, `motion`, rotates every node
-    and translates `pelvis`. Its time is zero at the first pose.
+    Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of a person
+    27, have the names of the body's parts; without animation they are in the rest pose (upright,
+    arms 45 degrees down, facing +z), to which the skin is bound. The only animation, `motion`,
+    rotates every node and translates the root (`pelvis`). Its time is zero at the first pose.
 
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
@@ -120,7 +126,8 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
         "JOINTS_0": packer.add(parts, gltf.ARRAY_BUFFER),
         "WEIGHTS_0": packer.add(weights, gltf.ARRAY_BUFFER),
     }
-    corners = packer.add(model.faces.astype(np.uint16).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
+    index = np.uint16 if len(model.vertices_m) < _LARGEST_SHORT else np.uint32
+    corners = packer.add(model.faces.astype(index).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
     primitive = gltf.Primitive(attributes=gltf.Attributes(**shape), indices=corners, material=0)
     document.meshes = [gltf.Mesh(name="body", primitives=[primitive])]
     surface = gltf.PbrMetallicRoughness(

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from calib.documents import csv_rows
 from calib.errors import InputError
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import HUMAN
+from silhouette_core.body.kinematic_tree import KinematicTree
 
 HYPOTHESES = "hypotheses.csv"
 _COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
@@ -27,36 +28,44 @@ class Hypothesis:
     Attributes:
         rank: position in the order of probability, 1 for the most probable.
         probability: probability from 0 to 1.
-        joints_m: (15, 3) float64, world, metres, in the order of LANDMARK_NAMES; NaN where the file
-            has no row.
+        joints_m: (L, 3) float64, world, metres, in the order of the body's landmarks; NaN where
+            the file has no row.
+        bones: (B, 2) int, pairs of joints between which a bone is drawn.
     """
 
     rank: int
     probability: float
     joints_m: NDArray[np.float64]
+    bones: NDArray[np.integer]
 
 
-def write_hypotheses(hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: Path) -> None:
+def write_hypotheses(
+    hypotheses: Iterable[tuple[int, NDArray, NDArray]],
+    path: Path,
+    tree: KinematicTree = HUMAN,
+) -> None:
     """Writes one row per frame, hypothesis and joint: frame,rank,probability,joint,x_m,y_m,z_m.
 
     Args:
         hypotheses: frame number, probabilities (n,) in descending order, and joint positions
-            (n, 15, 3), world, metres, of every frame.
+            (n, L, 3), world, metres, of every frame.
         path: the CSV file.
+        tree: of the body, with L landmarks; by default a person's.
     """
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write("frame,rank,probability,joint,x_m,y_m,z_m\n")
         for frame, probability, joints in hypotheses:
             for rank, (weight, points) in enumerate(zip(probability, joints, strict=True), 1):
-                for name, (x, y, z) in zip(LANDMARK_NAMES, points, strict=True):
+                for name, (x, y, z) in zip(tree.landmark_names, points, strict=True):
                     file.write(f"{frame},{rank},{weight:.4f},{name},{x:.4f},{y:.4f},{z:.4f}\n")
 
 
-def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
+def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[Hypothesis, ...]]:
     """Reads the hypotheses of every frame.
 
     Args:
         path: the CSV file; a missing file gives no hypotheses.
+        tree: as of `write_hypotheses`.
 
     Returns:
         Hypotheses by frame number, the most probable first.
@@ -66,18 +75,19 @@ def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
     """
     if not path.exists():
         return {}
+    names = tree.landmark_names
     joints: dict[tuple[int, int], NDArray[np.float64]] = defaultdict(
-        lambda: np.full((len(LANDMARK_NAMES), 3), np.nan)
+        lambda: np.full((len(names), 3), np.nan)
     )
     probability: dict[tuple[int, int], float] = {}
     for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
         try:
-            if row["joint"] not in LANDMARK_NAMES:
+            if row["joint"] not in names:
                 raise ValueError(f"there is no joint {row['joint'][:40]}")
             key = int(row["frame"]), int(row["rank"])
             position = np.array([float(row[axis]) for axis in ("x_m", "y_m", "z_m")])
             probability[key] = float(row["probability"])
-            joints[key][LANDMARK_NAMES.index(row["joint"])] = position
+            joints[key][names.index(row["joint"])] = position
             if not (0 <= probability[key] <= 1 and (np.abs(position) <= _FARTHEST_M).all()):
                 raise ValueError("no probability or position")
         except (KeyError, ValueError) as error:
@@ -86,7 +96,8 @@ def read_hypotheses(path: Path) -> dict[int, tuple[Hypothesis, ...]]:
                 " or remove it"
             ) from None
     hypotheses: dict[int, tuple[Hypothesis, ...]] = {}
+    bones = tree.landmark_bones
     for frame, rank in sorted(joints):
-        hypothesis = Hypothesis(rank, probability[frame, rank], joints[frame, rank])
+        hypothesis = Hypothesis(rank, probability[frame, rank], joints[frame, rank], bones)
         hypotheses[frame] = (*hypotheses.get(frame, ()), hypothesis)
     return hypotheses

@@ -17,6 +17,8 @@ JOINTS = "joints.csv"
 _COLUMNS = ("frame", "joint", "x_m", "y_m", "z_m")
 _LARGEST_BYTES = 3_000_000_000  # half a day; read row by row
 _FARTHEST_M = 1e5
+_MOST_JOINTS = 1000
+_GAP_FRAMES, _GAP_RATE = 100_000, 10
 _HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
 
 
@@ -28,7 +30,7 @@ def write_joints(motion: Motion, path: Path) -> None:
         path: the CSV file.
     """
     positions, confidence = motion.landmarks(), motion.landmark_confidence()
-    names = [name.replace(",", "_").replace('"', "_") for name in motion.model.tree.landmark_names]
+    names = column_names(motion.model.tree.landmark_names)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(_HEADER + "\n")
         for row, frame in enumerate(motion.frames):
@@ -36,6 +38,33 @@ def write_joints(motion: Motion, path: Path) -> None:
             for joint, name in enumerate(names):
                 x, y, z = positions[row, joint]
                 file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n")
+
+
+def column_names(names: Sequence[str]) -> list[str]:
+    """Names as tables in CSV have them: without commas and quotes."""
+    return [name.replace(",", "_").replace('"', "_") for name in names]
+
+
+def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
+    """Names of the joints of a joints.csv, in their order, and one more than its last frame.
+
+    Raises:
+        InputError: the file cannot be read, or its frames are numbered as none are.
+    """
+    names: dict[str, None] = {}
+    rows = last = 0
+    for line, row in enumerate(csv_rows(path, _COLUMNS[:2], _LARGEST_BYTES), 2):
+        try:
+            names[row["joint"]] = None
+            last = max(last, int(row["frame"]) + 1)
+        except (ValueError, KeyError) as error:
+            raise _unreadable(path, line, error) from error
+        rows += 1
+        if len(names) > _MOST_JOINTS:
+            raise InputError(f"{path} names more than {_MOST_JOINTS} joints: it is no joints.csv")
+    if last > _GAP_FRAMES + _GAP_RATE * rows:
+        raise InputError(f"{path} has {rows} rows, the last frame being {last - 1}: correct it")
+    return tuple(names), last
 
 
 def read_joints(
@@ -65,12 +94,16 @@ def read_joints(
                 position = [float(row[axis]) for axis in _COLUMNS[2:]]
                 joints_m[frame, number[row["joint"]]] = position
         except (ValueError, KeyError) as error:
-            raise InputError(
-                f"{path} line {line} cannot be read as {','.join(_COLUMNS)}:"
-                f" {str(error)[:100]}: correct the row or fit again"
-            ) from error
+            raise _unreadable(path, line, error) from error
     if (np.abs(joints_m) > _FARTHEST_M).any():
         raise InputError(
             f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: are they in metres?"
         )
     return joints_m
+
+
+def _unreadable(path: Path, line: int, error: Exception) -> InputError:
+    return InputError(
+        f"{path} line {line} cannot be read as {','.join(_COLUMNS)}: {str(error)[:100]}: correct"
+        " the row or fit again"
+    )

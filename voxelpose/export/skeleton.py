@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,9 +97,19 @@ def every_frame(motion: Motion) -> NDArray[np.int64]:
     return np.arange(motion.frames[0], motion.frames[-1] + 1)
 
 
-def ascii_name(name: str) -> str:
-    """A part's name in formats that hold ASCII words alone."""
-    return "".join(c if c.isascii() and (c.isalnum() or c in "_-.") else "_" for c in name)
+def ascii_names(names: Sequence[str]) -> list[str]:
+    """Names in formats that hold ASCII words alone; of two that would be one, the later one gets a
+    number.
+    """
+    words: dict[str, None] = {}
+    for name in names:
+        plain = "".join(c if c.isascii() and (c.isalnum() or c in "_-.") else "_" for c in name)
+        word, number = plain, 1
+        while word in words:
+            number += 1
+            word = f"{plain}_{number}"
+        words[word] = None
+    return list(words)
 
 
 def _surface(model: BodyModel, part: int) -> NDArray[np.float64]:

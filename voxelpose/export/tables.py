@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.body.joints import HUMAN
+from silhouette_core.motion.anatomical import AnatomicalAngles, anatomical_angles
+from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.joints import column_names
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
@@ -27,19 +30,21 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
 def write_angles(motion: Motion, path: Path) -> None:
     """Writes angles.csv: frame,time_s,pelvis_tilt_deg,... with one row per pose.
 
-    The angles are those of `silhouette_core.motion.anatomical`, in degrees; of a body that is not
-    made from a person's measurements, those of its own joints. Frames without a pose have no row.
+    The angles are those of `silhouette_core.motion.anatomical`, in degrees, of a body on a person's
+    tree; then those of all joints that a person does not have. Frames without a pose have no row.
 
     Args:
         motion: T poses.
         path: the CSV file.
     """
-    if motion.model.person is None:
-        names = [f"{name}_deg" for name in motion.model.dof_names]
-        _write(motion, names, np.degrees(motion.angles_rad), 3, path)
-        return
-    angles = anatomical_angles(motion)
-    _write(motion, [f"{name}_deg" for name in angles.names], angles.degrees, 3, path)
+    model, known = motion.model, AnatomicalAngles((), np.zeros((len(motion), 0)))
+    if is_person_tree(model.tree):
+        known = anatomical_angles(motion)
+    person = HUMAN.dof_names if known.names else ()
+    own = [k for k, name in enumerate(model.dof_names) if name not in person]
+    names = [*known.names, *(model.dof_names[k] for k in own)]
+    degrees = np.hstack([known.degrees, np.degrees(motion.angles_rad[:, own])])
+    _write(motion, [f"{name}_deg" for name in names], degrees, 3, path)
 
 
 def write_npz(motion: Motion, path: Path) -> None:
@@ -58,7 +63,7 @@ def write_npz(motion: Motion, path: Path) -> None:
         path: the file.
     """
     model, anatomical = motion.model, {}
-    if model.person is not None:
+    if is_person_tree(model.tree):
         angles = anatomical_angles(motion)
         anatomical = {"anatomical_deg": angles.degrees, "anatomical_names": np.array(angles.names)}
     rotation, origin = motion.parts()
@@ -90,8 +95,7 @@ def _write(
     motion: Motion, names: list[str], table: NDArray[np.float64], digits: int, path: Path
 ) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(["frame", "time_s", *names]) + "\n")
+        file.write(",".join(["frame", "time_s", *column_names(names)]) + "\n")
         for frame, time_s, row in zip(motion.frames.tolist(), motion.time_s, table, strict=True):
-            file.write(
-                f"{frame},{time_s:.6f}," + ",".join(f"{value:.{digits}f}" for value in row) + "\n"
-            )
+            cells = [str(frame), f"{time_s:.6f}", *(f"{value:.{digits}f}" for value in row)]
+            file.write(",".join(cells) + "\n")

@@ -19,7 +19,7 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.skeleton import ascii_name, every_frame, named_points
+from voxelpose.export.skeleton import ascii_names, every_frame, named_points
 
 POSE2SIM_AXES = "yzx"
 """World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""
@@ -45,7 +45,7 @@ def write_trc(motion: Motion, path: Path) -> None:
     """
     motion = motion.upright()
     words, positions = named_points(motion)
-    names = [ascii_name(word) for word in words]
+    names = ascii_names(words)
     rows = dict(
         zip(
             motion.frames.tolist(),

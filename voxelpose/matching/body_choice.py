@@ -33,9 +33,8 @@ from voxelpose.matching.pose_search import (
     find_pose,
 )
 from voxelpose.matching.stature_search import ADULT_M, HULL_SIGMA, stature_candidates, unusual_by
-from voxelpose.matching.tracking import PoseTracker
 
-_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR, _MOST_ADAPTED = 5, 60, 12
+_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60
 _CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
 _KNOWN_SIGMA = 1e-4  # relative, of all of a known body but its clothes
@@ -225,43 +224,6 @@ def _clear_fits(
 
 def _mean_error(start: Start) -> float:
     return float(np.mean(list(start.errors.values())))
-
-
-def clear_frames(tracker: PoseTracker, count: int) -> dict[int, FrameObservation]:
-    """Frames whose poses explain the silhouettes as well as usual, spread over the recording.
-
-    Args:
-        tracker: with poses.
-        count: most frames.
-    """
-    posed = np.flatnonzero(np.isfinite(tracker.error))
-    clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
-    spaced = np.linspace(0, len(clear) - 1, min(len(clear), count)).astype(int)
-    return {
-        int(t): frame
-        for t in clear[np.unique(spaced)]
-        if (frame := tracker.observe(int(t))) is not None
-    }
-
-
-def refit(tracker: PoseTracker, start: Start) -> None:
-    """Adapts the tracker's body again, to clear frames of the whole recording; a body that stays as
-    it is, is left so.
-    """
-    if start.covariance is None:
-        return
-    frames = clear_frames(tracker, _MOST_ADAPTED)
-    surface, _ = adapt_shape(
-        tracker.body.surface,
-        [frame.observation for frame in frames.values()],
-        [pose for t in frames if (pose := tracker.poses[t]) is not None],
-        start.stature,
-        start.expected_shape,
-        start.covariance,
-    )
-    voxel_size_m = tracker.observations.observer.voxel_size_m
-    backend = tracker.body.body_volume.backend
-    tracker.body = BodyGeometry.from_surface(surface, voxel_size_m, backend)
 
 
 def _adapted(

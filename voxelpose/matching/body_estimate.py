@@ -12,16 +12,20 @@ from calib.errors import InputError
 from silhouette_core.body.body_file import unclothed
 from silhouette_core.body.mesh_measurements import measure_body
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA
 from silhouette_core.estimator import FrameSource, Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
-from silhouette_core.refinement.adaptation import Stature, adapt_shape, shape_covariance
+from silhouette_core.refinement.adaptation import Stature, shape_covariance
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import load_backend
-from silhouette_core.scoring.silhouette_error import silhouette_error
-from voxelpose.matching.body_choice import Start, choose_body, clear_frames
+from voxelpose.matching.body_choice import Start, choose_body
+from voxelpose.matching.body_refit import (
+    adapted_to,
+    clear_frames,
+    shaped_template,
+    with_joints_of,
+)
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.prepared_silhouettes import PreparationSettings, prepare_silhouettes
@@ -159,36 +163,20 @@ def estimate_body(
     metres = float(np.average([start.stature.metres for start in starts], weights=precision))
     stature = Stature(metres, float(max(precision) ** -0.5))
     observations = [one for recording in recordings for one in recording.observations]
-    poses = [pose for recording in recordings for pose in recording.poses]
-    reporter.stage("body", len(starts))
+    owned = [(recording.start.body.model, p) for recording in recordings for p in recording.poses]
+    sexes = ("male", "female") if settings.sex == "unknown" else (settings.sex,)
+    backend = load_backend(settings.backend)
+    reporter.stage("body", len(starts) * len(sexes))
     found = []
     for start in starts:
-        surface = start.body.surface
-        sizes = replace(surface.model.sizes, stature_m=metres)
-        shaped = BodyModel.from_sizes(sizes)
-        surface, adapted = adapt_shape(
-            Surface(shaped.reshaped(start.body.model.shape), taken=surface.taken),
-            observations,
-            poses,
-            stature,
-            shaped.shape,
-        )
-        found.append((_mean_error(surface, adapted, observations, settings), surface, adapted))
-        reporter.advance()
-    error, surface, adapted = min(found, key=lambda one: one[0])
-    covariance = shape_covariance(surface, observations, adapted, stature)
-    return BodyEstimate(surface.model, covariance, len(observations), error)
-
-
-def _mean_error(
-    surface: Surface, poses: Sequence[Pose], observations: Sequence[Observation], settings: Settings
-) -> float:
-    backend = load_backend(settings.backend)
-    return float(
-        np.mean(
-            [
-                silhouette_error(surface.model, pose, observation, backend)
-                for pose, observation in zip(poses, observations, strict=True)
-            ]
-        )
-    )
+        first = start.body.model
+        for sex in sexes:
+            sizes = replace(first.sizes, stature_m=metres, sex=sex)
+            surface, expected = shaped_template(sizes, first.shape)
+            poses = [with_joints_of(surface.model, model, pose) for model, pose in owned]
+            prior = expected, np.diag(SHAPE_SIGMA**2)
+            found.append(adapted_to(surface, prior, observations, poses, stature, backend))
+            reporter.advance()
+    best = min(found, key=lambda one: one.cost)
+    covariance = shape_covariance(best.surface, observations, best.poses, stature)
+    return BodyEstimate(best.surface.model, covariance, len(observations), best.error)

@@ -1,10 +1,11 @@
 """Errors to be expected of fitted poses, by what can be seen of them without the truth.
 
 A frame's evidence are the shares of the silhouettes that body and silhouettes do not have in common
-(the mean and the median over the cameras), the same near every joint, the body's part outside the
-hull, how many of its angles are at their limits, how much worse the recording is explained by
-bodies turned half round, and how stout the body is: loose clothes make it stouter. Logistic
-regression on it gives probabilities, and linear regression of log(error + 3 mm) the median error:
+(the mean and the median over the cameras), the same near every joint, how uncertain the outlines
+leave the joint, the body's part outside the hull, how many of its angles are at their limits, how
+much worse the recording is explained by bodies turned half round, how thick the clothes are, and
+how many cameras there are. Logistic regression on it gives probabilities, and linear regression of
+log(error + 3 mm) the median error:
 
 .. math::
 
@@ -22,12 +23,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.posterior import landmark_sigma_m
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.matching.girth import stoutness_of
 from voxelpose.matching.matcher import MatchSettings, match
 from voxelpose.matching.observe import FrameObservation
 from voxelpose.matching.pose_search import SEARCHED, BodyGeometry, refine_fits
@@ -40,30 +42,32 @@ _SQUARE_M = 0.12  # half the side of the square around a joint
 ADDED_MM = 3.0
 _LEAST_SEEN = 0.3  # of a square that must be known
 _LEAST = 0.01  # share below which a joint's surroundings count as alike
+_USUAL_SIGMA_M, _USUAL_CAMERAS = 0.01, 4
 _TURNS = (1.0, 4.0)  # range of the half-turn ratio
 _AT_LIMIT_RAD = 0.02
 _ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
 
-# Constants of the 15 joints, then the weights of: log of the share near the joint, log of the mean
-# share, log of the median one, log of the half-turn ratio, share of the body outside the hull,
-# share of the angles at their limits, stoutness.
+# Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
+# standard deviation over a centimetre, log of the mean share, log of the median one, log of the
+# half-turn ratio, share of the body outside the hull, share of the angles at their limits,
+# thickness of the clothes in per cent of the stature, log of the number of cameras over four.
 NEAR_WEIGHTS = np.array(
     (
-        "-4.554 -5.359 -3.873 -2.708 -5.314 -3.74 -2.198 -2.826 -2.995 -4.002 -3.781 -3.957 "
-        "-3.776 -3.889 -4.032 -0.988 0.801 -1.792 0.976 -3.456 -9.215 -2.224"
+        "-7.308 -6.331 -5.296 -4.688 -6.505 -4.917 -4.24 -5.257 -3.992 -5.033 -4.589 -3.869 "
+        "-5.226 -4.952 -4.025 -1.893 -3.872 -0.568 -1.014 -0.12 -3.352 -10.114 -0.361 -1.823"
     ).split(),
     float,
 )
 ERROR_WEIGHTS = np.array(
     (
-        "5.028 5.054 4.582 4.242 5.047 4.559 4.245 4.469 4.43 4.684 4.591 4.716 4.66 4.605 4.734 "
-        "0.303 -0.483 0.701 -0.346 1.359 8.834 0.448"
+        "5.08 4.881 4.661 4.426 4.865 4.585 4.372 4.587 4.304 4.478 4.354 4.321 "
+        "4.493 4.394 4.336 0.393 0.833 -0.177 0.449 -0.092 1.192 9.316 0.049 0.545"
     ).split(),
     float,
 )
-# A constant, then the weights of the same without the share near the joint. Too few of the
-# recordings that the others come from are wrong: these are of earlier ones, without the last two.
-RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0".split(), float)
+# A constant, then the weights of the same without those of the joint. Too few of the
+# recordings that the others come from are wrong: these are of earlier ones, without the last three.
+RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0 0".split(), float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +80,13 @@ class FrameEvidence:
         joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
             square, the mean over the cameras that have the joint before them and know some of it.
         outside: share of the body's volume outside the hull.
+        joint_sigma_m: (15,) float64, standard deviations of the joints by the outlines, m.
     """
 
     camera_error: np.ndarray
     joint_error: np.ndarray
     outside: float
+    joint_sigma_m: np.ndarray
 
 
 def frame_evidence(
@@ -124,7 +130,9 @@ def frame_evidence(
     camera_error = np.array(errors)
     if np.isnan(camera_error).any() and not np.isnan(camera_error).all():
         camera_error[np.isnan(camera_error)] = np.nanmean(camera_error)
-    return FrameEvidence(camera_error, sums / np.maximum(known.sum(axis=0), 1), outside)
+    joint_error = sums / np.maximum(known.sum(axis=0), 1)
+    sigma_m = landmark_sigma_m(body.surface, frame.observation, pose)
+    return FrameEvidence(camera_error, joint_error, outside, sigma_m)
 
 
 def half_turn_ratio(
@@ -180,35 +188,44 @@ class MotionEvidence:
     Attributes:
         camera_error: (T, C) float64, as in `FrameEvidence`; rows of NaN where there is none.
         joint_error: (T, 15) float64, likewise.
+        joint_sigma_m: (T, 15) float64, likewise.
         outside: (T,) float64, likewise.
         at_limits: (T,) float64, share of the joint angles that are at an end of their range.
         half_turn: median half-turn ratio of the recording.
-        stoutness: logarithm of the body's girth over the usual one of its stature.
+        clothes: thickness of the body's clothes, as fractions of the stature, summed.
     """
 
     camera_error: np.ndarray
     joint_error: np.ndarray
+    joint_sigma_m: np.ndarray
     outside: np.ndarray
     at_limits: np.ndarray
     half_turn: float
-    stoutness: float
+    clothes: float
 
     @classmethod
-    def from_motion(
-        cls,
-        motion: Motion,
-        camera_error: np.ndarray,
-        joint_error: np.ndarray,
-        outside: np.ndarray,
-        half_turn: float,
-    ) -> MotionEvidence:
-        """Evidence of which a motion itself holds the rest."""
+    def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
+        """Evidence of a motion with its quality.
+
+        Args:
+            motion: the motion of a person by several cameras.
+            half_turn: median half-turn ratio.
+        """
+        quality = motion.quality
         low, high = motion.model.dof_limits_rad.T
         angles, free = motion.angles_rad, high > low
         at_end = (angles <= low + _AT_LIMIT_RAD) | (angles >= high - _AT_LIMIT_RAD)
         at_limits = (at_end & free).mean(axis=1)
-        stoutness = stoutness_of(motion.model)
-        return cls(camera_error, joint_error, outside, at_limits, half_turn, stoutness)
+        clothes = float(motion.model.shape[IS_CLOTHING].sum())
+        return cls(
+            1 - quality["camera_agreement"],
+            quality["joint_disagreement"],
+            quality["joint_sigma_mm"] / 1000,
+            quality["outside"],
+            at_limits,
+            half_turn,
+            clothes,
+        )
 
 
 def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
@@ -222,18 +239,21 @@ def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
 
 
 def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
-    """Regressors of the joints (T, 15, 22) and of the frames (T, 7), in the weights' order."""
+    """Regressors of the joints (T, 15, 24) and of the frames (T, 8), in the weights' order."""
     camera_error = np.maximum(evidence.camera_error, 1e-3)
     mean = np.log(camera_error.mean(axis=1))
     middle = np.log(np.median(camera_error, axis=1))
     turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, *_TURNS)))
-    stout = np.full(len(mean), evidence.stoutness)
-    shared = [mean, middle, turn, evidence.outside, evidence.at_limits, stout]
+    clothes = np.full(len(mean), 100 * evidence.clothes)
+    cameras = np.full(len(mean), np.log(camera_error.shape[1] / _USUAL_CAMERAS))
+    shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
     frames = np.stack([np.ones(len(mean)), *shared], axis=1)
     near = np.log(evidence.joint_error + _LEAST)
+    sigma = np.log(evidence.joint_sigma_m / _USUAL_SIGMA_M)
     constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
     of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)
-    return np.concatenate([constants, near[..., None], of_frame], axis=2), frames
+    of_joint = np.stack([near, sigma], axis=2)
+    return np.concatenate([constants, of_joint, of_frame], axis=2), frames
 
 
 def logistic(value: np.ndarray) -> np.ndarray:

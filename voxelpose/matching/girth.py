@@ -33,11 +33,3 @@ def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
     usual_m3 = _HULL_OVER_BODY * model.part_volumes_m3(_COUNTED_M).sum()
     girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), *_RANGE))
     return float(np.clip(girth * _USUAL_CHEST * model.sizes.stature_m, *CHESTS_M))
-
-
-def stoutness_of(model: BodyModel) -> float:
-    """Logarithm of a body's girth over the usual one of its stature, clothes included."""
-    sizes = model.sizes
-    usual = _USUAL_CHEST * sizes.stature_m
-    chest = 1.0 if sizes.chest_girth_m is None else sizes.chest_girth_m / usual
-    return float(np.log(chest) + np.log1p(model.shape[_GIRTHS]).mean())

@@ -87,11 +87,10 @@ def motion_quality(
         np.full(len(tracker.observations.observer.views.rig), np.nan),
         np.full(len(body.model.landmarks_m), np.nan),
         np.nan,
+        np.full(len(body.model.landmarks_m), np.nan),
     )
-    evidence = [nothing if one is None else one[1] for one in found]
-    camera_error = np.stack([frame.camera_error for frame in evidence])
-    joint_error = np.stack([frame.joint_error for frame in evidence])
-    outside = np.array([frame.outside for frame in evidence])
+    frames = [nothing if one is None else one[1] for one in found]
+    camera_error = np.stack([frame.camera_error for frame in frames])
     parts = len(body.model.names)
     arrays = {
         "part_overlap": np.stack(
@@ -101,16 +100,16 @@ def motion_quality(
             [np.zeros(parts, bool) if one is None else one[0].part_unsupported for one in found]
         ),
         "unexplained": np.array([np.nan if one is None else one[0].unexplained for one in found]),
-        "outside": outside,
+        "outside": np.array([frame.outside for frame in frames]),
         "outline_agreement": 1 - camera_error.mean(axis=1),
         "camera_agreement": 1 - camera_error,
-        "joint_disagreement": joint_error,
+        "joint_disagreement": np.stack([frame.joint_error for frame in frames]),
+        "joint_sigma_mm": 1000 * np.stack([frame.joint_sigma_m for frame in frames]),
     }
     if body.model.person is None:  # the regression is of people
         return MotionQuality(arrays, ratio)
-    expected = expected_errors(
-        MotionEvidence.from_motion(motion, camera_error, joint_error, outside, ratio)
-    )
+    evidence = MotionEvidence.from_motion(replace(motion, quality=arrays), ratio)
+    expected = expected_errors(evidence)
     arrays |= {
         "right_probability": np.nan_to_num(expected.right_probability),
         "joint_error_mm": expected.median_mm,

@@ -78,7 +78,7 @@ class BodyGeometry:
     def from_model(cls, model: BodyModel, voxel_size_m: float, backend: Backend) -> BodyGeometry:
         """Samples surface and inside of a body."""
         person = model.person
-        taken = None if person is None else _sampled_vertices(person.sex)
+        taken = None if person is None else sampled_vertices(person.sex)
         surface = Surface(model, taken=taken)
         return cls.from_surface(surface, voxel_size_m, backend)
 
@@ -89,7 +89,7 @@ class BodyGeometry:
 
 
 @cache
-def _sampled_vertices(sex: str) -> np.ndarray:
+def sampled_vertices(sex: str) -> np.ndarray:
     """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
     return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken
 

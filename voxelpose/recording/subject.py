@@ -5,6 +5,7 @@ from pathlib import Path
 
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from silhouette_core.body.presets import body_preset
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 1_000_000
@@ -19,13 +20,13 @@ class Subject:
         stature_m: height, metres.
         chest_girth_m: chest girth, metres.
         sex: "male", "female" or "unknown".
-        body: file of a body model.
+        body: the body, as `load_body` names it; `fit` and `track` take it where no other is given.
     """
 
     stature_m: float | None = None
     chest_girth_m: float | None = None
     sex: str = "unknown"
-    body: Path | None = None
+    body: str | None = None
 
 
 def read_subject(path: Path) -> Subject:
@@ -63,10 +64,21 @@ def read_subject(path: Path) -> Subject:
         )
     name = table.get("body")
     if name is not None and not (isinstance(name, str) and 0 < len(name) < 200):
-        raise InputError(f"{path}: body must be the name of a file: correct it or remove the line")
-    body = None if name is None else path.parent / name
-    if body is not None and not body.exists():
+        raise InputError(
+            f"{path}: body must be a name of voxelpose body list, or a file's: correct it or remove"
+            " the line"
+        )
+    body = None if name is None else _body_of(name, path)
+    return Subject(table.get("stature"), table.get("chest_girth"), sex, body)
+
+
+def _body_of(name: str, path: Path) -> str:
+    """A preset's name as it is, a file's as a path beside subject.toml."""
+    if body_preset(name) is not None:
+        return name
+    body = path.parent / name
+    if not body.exists():
         raise InputError(
             f"{path}: body file {body} is missing: correct the path or remove the line"
         )
-    return Subject(table.get("stature"), table.get("chest_girth"), sex, body)
+    return str(body.resolve())

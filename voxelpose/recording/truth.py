@@ -1,7 +1,10 @@
-"""Known joint positions of a recording: truth.json, written and read; a TRC is read as well."""
+"""Known joint positions of a recording: truth.json, written and read; a TRC is read as well, and
+of any body a motion file or a joints.csv.
+"""
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +13,71 @@ from numpy.typing import NDArray
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion_file import read_motion
+from voxelpose.export.joints import column_names, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES, read_trc
 
 TRUTH = "truth.json"
+TRUE_MOTION = "truth.safetensors"
+TRUTH_SUFFIXES = (".json", ".trc", ".safetensors", ".csv")
+"""Suffixes of files that `load_truth` reads."""
 _LARGEST_BYTES = 300_000_000  # some hours
 _FARTHEST_M = 1e5
+
+
+@dataclass(frozen=True, eq=False)
+class KnownJoints:
+    """What is known of a movement.
+
+    Attributes:
+        names: L names of the joints, the first of which is the root's.
+        joints_m: (T, L, 3) float64, world, metres; NaN where a position is unknown.
+        motion: the motion, where its joint angles are known too.
+    """
+
+    names: tuple[str, ...]
+    joints_m: NDArray[np.float64]
+    motion: Motion | None = None
+
+
+def load_truth(
+    path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES
+) -> KnownJoints:
+    """Truth of a file of any format: a person's as `read_truth` reads it, a motion (.safetensors),
+    or a joints.csv with whatever joints it names.
+
+    Args:
+        path: the file.
+        markers: for a TRC, as for `read_trc`.
+        axes: for a TRC, as for `read_trc`.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    match path.suffix.lower():
+        case ".safetensors":
+            motion = read_motion(path)
+            if not len(motion):
+                raise InputError(f"{path} has no pose: give another file")
+            names = tuple(column_names(motion.model.tree.landmark_names))
+            joints_m = np.full((motion.frames[-1] + 1, len(names), 3), np.nan)
+            joints_m[motion.frames] = motion.landmarks()
+            return KnownJoints(names, joints_m, motion)
+        case ".csv":
+            names, count = list_joints(path)
+            names = LANDMARK_NAMES if set(LANDMARK_NAMES) <= set(names) else names
+            joints_m = read_joints(path, count, names=names)
+            if not np.isfinite(joints_m).all(axis=(1, 2)).any():
+                raise InputError(f"{path} has no frame with all of its joints: give another file")
+            return KnownJoints(names, joints_m)
+    return KnownJoints(LANDMARK_NAMES, read_truth(path, markers, axes))
+
+
+def truth_of(recording: Path) -> Path | None:
+    """The file of the truth in a recording's folder; None where there is none."""
+    files = (recording / TRUTH, recording / TRUE_MOTION)
+    return next((file for file in files if file.is_file()), None)
 
 
 def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m: float) -> None:

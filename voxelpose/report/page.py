@@ -15,15 +15,16 @@ import numpy as np
 from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, overall
+from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, noun_of, overall
 from voxelpose.results import Result
-from voxelpose.view.images.canvas import reduced
+from voxelpose.view.images.canvas import has_sides, reduced
 from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
@@ -60,7 +61,7 @@ _SETTINGS = {
 _FILES = {
     "contact_sheet.png": "the contact sheet above, larger",
     "overlay_*.webm": "the fitted body drawn over the whole videos, for every browser and player",
-    "joints.csv": "positions of 15 joints in every frame, metres, with a confidence",
+    "joints.csv": "positions of the joints in every frame, metres, with a confidence",
     "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
     "motion.safetensors": "joint angles, root and quality, for programs",
     "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
@@ -164,18 +165,19 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         ],
         "left": LEFT,
         "right": RIGHT,
+        "noun": noun_of(result),
+        "sided": has_sides(result.motion.model.names),
+        "parts_count": len(result.motion.model.names),
     }
 
 
 def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | None]:
     """Charts of angles with their notes, of quality, and of parts over time."""
     motion = result.motion
-    given = motion.model.person is None
-    angles = _joint_charts(motion) if given else []
-    values_deg = None if given else anatomical_angles(motion)
-    for k, (title, note, name) in enumerate(_ANGLES):
-        if values_deg is None:
-            break
+    person = is_person_tree(motion.model.tree)
+    angles = [] if person else _joint_charts(motion)
+    values_deg = anatomical_angles(motion) if person else {}
+    for k, (title, note, name) in enumerate(_ANGLES if person else ()):
         sides = {"left": LEFT, "right": RIGHT} if "{}" in name else {"": MIDDLE}
         curves = {side: (values_deg[name.format(side)], colour) for side, colour in sides.items()}
         chart = TimeChart(title, "degrees", curves)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.motion.dynamics import is_person_tree
 from voxelpose.report.cameras import CameraCheck
 from voxelpose.results import Result
 from voxelpose.view.viewer.legend import display_name
@@ -54,6 +55,7 @@ def findings(result: Result, cameras: CameraCheck | None = None) -> list[Finding
         _lost(result),
         *_outlines(result),
         *_parts(result),
+        *_joints(result),
         *_cameras(cameras or CameraCheck()),
     ]
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
@@ -71,6 +73,11 @@ def overall(assessed: Sequence[Finding]) -> tuple[Level, str]:
         "The numbers show no problem with this result. Check the pictures nevertheless: they show"
         " errors that no number does.",
     )
+
+
+def noun_of(result: Result) -> str:
+    """What was filmed, in texts: a person, or an object of any other kind."""
+    return "person" if is_person_tree(result.motion.model.tree) else "object"
 
 
 def frame_ranges(frames: NDArray[np.int64], chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -95,7 +102,7 @@ def _verdict(result: Result) -> list[Finding]:
     verdict: Any = result.summary.get("verdict", {})
     if verdict.get("level") != "doubtful":
         return []
-    advice = "Look at the contact sheet below before anything else: is that the person?"
+    advice = f"Look at the contact sheet below before anything else: is that the {noun_of(result)}?"
     reason = str(verdict["reason"])
     return [Finding("bad", "Doubtful", f"{reason[:1].upper()}{reason[1:]}.", advice)]
 
@@ -107,11 +114,12 @@ def _lost(result: Result) -> Finding:
     if not len(lost):
         return Finding("good", "Frames", f"All {count} frames have a pose.")
     runs = ranges_text(frame_ranges(lost, np.ones(len(lost), bool)))
+    noun = noun_of(result)
     return Finding(
         "bad" if len(lost) > _LOST * count else "look",
         "Frames",
         f"{len(lost)} of {count} frames have no pose: {runs}.",
-        "No person was detected there. If at least two cameras show the person, check the"
+        f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
         " silhouettes: voxelpose view shows them frame by frame.",
     )
 
@@ -129,10 +137,11 @@ def _outlines(result: Result) -> list[Finding]:
     if doubtful.any():
         runs = ranges_text(frame_ranges(result.motion.frames, doubtful))
         words += f" Below {100 * DOUBTFUL:.0f} %: {runs}."
+    noun = noun_of(result)
     advice = (
-        "Play the video at those frames. If the body misses the person, check the silhouettes in"
+        f"Play the video at those frames. If the body misses the {noun}, check the silhouettes in"
         " voxelpose view: film the empty room, avoid clothes of the walls' colour, keep other"
-        " people out. If body and person are shifted in one camera only, that camera was moved."
+        f" people out. If body and {noun} are shifted in one camera only, that camera was moved."
     )
     return [Finding(level, "Outlines", words, "" if level == "good" else advice)]
 
@@ -141,7 +150,9 @@ def _parts(result: Result) -> list[Finding]:
     overlap = result.motion.quality.get("part_overlap")
     if overlap is None:
         return []
-    names = result.motion.model.names
+    model = result.motion.model
+    names = model.names
+    trunk = _TRUNK if is_person_tree(model.tree) else names[:1]
     measured = [
         k
         for k, name in enumerate(names)
@@ -150,7 +161,7 @@ def _parts(result: Result) -> list[Finding]:
     weak = [k for k in measured if np.mean(np.asarray(overlap)[:, k] < COVERED) > _MANY]
     if not weak:
         return [Finding("good", "Body parts", "Every limb lies inside the carved hull.")]
-    level: Level = "bad" if any(names[k] in _TRUNK for k in weak) else "look"
+    level: Level = "bad" if any(names[k] in trunk for k in weak) else "look"
     listed = ", ".join(
         f"{display_name(names[k])} ({100 * np.mean(np.asarray(overlap)[:, k] < COVERED):.0f} %"
         " of frames)"
@@ -162,7 +173,24 @@ def _parts(result: Result) -> list[Finding]:
             "Body parts",
             f"Often outside the carved hull: {listed}.",
             "Thin parts are lost where one camera's silhouette has a hole: check it in voxelpose"
-            " view. Arms held against the trunk are occluded by it: cameras at other heights help.",
+            " view. Limbs beside the trunk are occluded by it: cameras at other heights help.",
+        )
+    ]
+
+
+def _joints(result: Result) -> list[Finding]:
+    """Joints that are said to be uncertain."""
+    verdict: Any = result.summary.get("verdict", {})
+    listed = [display_name(name) for name in verdict.get("uncertain", ())]
+    if not listed:
+        return []
+    return [
+        Finding(
+            "look",
+            "Joints",
+            f"More likely than not farther than 30 mm from the truth: {', '.join(listed)}.",
+            "The outlines say little of them: silhouettes that miss them, a limb that is held"
+            " against the body, or unusual proportions. Look at them in the video first.",
         )
     ]
 

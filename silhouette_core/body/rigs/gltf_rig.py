@@ -83,8 +83,9 @@ def read_gltf(path: Path) -> BodyModel:
         moves = _bind_to_rest(document, skin, np.array([worlds[node] for node in skins[skin]]))
         for primitive in _primitives(document, mesh):
             surfaces.append(_surface_of(document, primitive, parts, moves))
-            if sum(len(s.vertices) + len(s.faces) for s in surfaces) > 2 * MOST_VERTICES:
-                raise InputError(f"{path} has more than {MOST_VERTICES} vertices: simplify it")
+            count = max(sum(len(s.vertices) for s in surfaces), sum(len(s.faces) for s in surfaces))
+            if count > MOST_VERTICES:
+                raise InputError(f"{path} has more than {MOST_VERTICES} triangles: simplify it")
     if not surfaces:
         raise InputError(f"{path} has a skinned mesh without triangles: export it again")
     table = read_rig_table(path)
@@ -105,8 +106,8 @@ def _body(
     faces = np.concatenate([s.faces + n for s, n in zip(surfaces, first, strict=False)])
     check_rest(path, joints, vertices)
     kept, faces, vertices, _ = close_surface(vertices, faces)
-    if not len(faces):
-        raise InputError(f"{path} has a skinned mesh without an area: export it again")
+    if not 0 < len(faces) <= MOST_VERTICES:
+        raise InputError(f"{path} has a skinned mesh without an area, or too many holes: mend it")
     widest = max(surface.parts.shape[1] for surface in surfaces)
     room = [((0, 0), (0, widest - surface.parts.shape[1])) for surface in surfaces]
     every = np.concatenate([np.pad(s.parts, more) for s, more in zip(surfaces, room, strict=True)])
@@ -253,7 +254,11 @@ def _surface_of(
         corners = document.array(primitive["indices"], ("SCALAR",)).astype(np.int64)
     else:
         corners = np.arange(len(points))
-    if len(corners) % 3 or corners.max() >= len(points) or len(corners) > 3 * MOST_VERTICES:
+    if (
+        len(corners) % 3
+        or not 0 <= corners.min() <= corners.max() < len(points)
+        or len(corners) > 3 * MOST_VERTICES
+    ):
         raise document.damaged("its triangles are too many, or have vertices that do not exist")
     rest = np.zeros((len(points), 3))
     for k in range(joints.shape[1]):

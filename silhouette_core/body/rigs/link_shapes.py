@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.documents import load_text, parse_xml
 from calib.errors import InputError
 from silhouette_core.body.rigid_parts import ClosedMesh
 from silhouette_core.body.rigs.closed_surface import close_surface
@@ -17,6 +18,7 @@ MESH_SUFFIXES = ".stl", ".dae", ".obj", ".ply"
 _LARGEST_MESH = 100_000_000
 _FOLDERS_ABOVE = 3
 _SECTIONS, _EDGES = 24, 8
+_THINNEST_M = 1e-5
 
 
 def link_shapes(path: Path, link: Any, world: NDArray[np.float64]) -> list[ClosedMesh]:
@@ -67,7 +69,7 @@ def _geometry(
 
 def _sizes(path: Path, link: str, sizes: Any, count: int) -> NDArray[np.float64]:
     values = np.array([np.nan if size is None else size for size in np.ravel(sizes)], float)
-    if len(values) != count or not ((values > 0) & (values < LARGEST_M)).all():
+    if len(values) != count or not ((values > _THINNEST_M) & (values < LARGEST_M)).all():
         raise InputError(
             f"{path}: the link {short(link)} has a shape of the size {short(values.tolist())}: give"
             " metres above zero"
@@ -94,6 +96,8 @@ def _mesh(path: Path, mesh: Any) -> Any:
         raise InputError(f"{path}: the mesh {short(mesh.filename)} has no usable scale")
     if file.stat().st_size > _LARGEST_MESH:
         raise InputError(f"{file} is larger than {_LARGEST_MESH / 1e6:.0f} MB: simplify it")
+    if file.suffix.lower() == ".dae":  # its parser would follow what a document type defines
+        parse_xml(load_text(file, _LARGEST_MESH, errors="replace"), file)
     try:
         with file.open("rb") as stream, np.errstate(all="ignore"):
             loaded = trimesh.load_mesh(stream, file_type=file.suffix[1:].lower(), process=False)

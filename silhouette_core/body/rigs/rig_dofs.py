@@ -89,7 +89,7 @@ def read_rig_table(path: Path) -> RigTable:
     unit, radius = content.get("unit"), content.get("radius")
     if unit is not None and unit not in UNITS_M:
         raise InputError(f"{file}: no unit {short(unit)}: give one of {', '.join(UNITS_M)}")
-    if radius is not None and not (_is_number(radius) and 0 < radius < 10):
+    if radius is not None and not (_is_number(radius) and 1e-4 <= radius < 10):
         raise InputError(f"{file}: the radius {short(radius)} is none in metres: give 0.03, say")
     limits = content.get("limits", {})
     if not isinstance(limits, dict):

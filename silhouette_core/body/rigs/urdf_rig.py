@@ -21,7 +21,13 @@ from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import ClosedMesh, RigidShape, body_of_parts
 from silhouette_core.body.rigs.link_shapes import link_shapes
-from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, check_rest, parents_first, short
+from silhouette_core.body.rigs.rig_checks import (
+    MOST_PARTS,
+    MOST_VERTICES,
+    check_rest,
+    parents_first,
+    short,
+)
 from silhouette_core.body.rigs.rig_dofs import read_rig_table
 
 _LARGEST = 20_000_000
@@ -70,6 +76,11 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
     robot, links = _read_robot(path, say)
     table = read_rig_table(path)
     parts = [link for link in robot.order if robot.part[link] == link]
+    if len(parts) > MOST_PARTS:
+        raise InputError(
+            f"{path} has {len(parts)} links that turn, and a body can have {MOST_PARTS}: make"
+            " joints fixed that hardly move"
+        )
     above = {
         link: robot.part[robot.joint_to[link].parent] for link in parts if link in robot.joint_to
     }
@@ -83,13 +94,15 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
         root_fixed=table.root_fixed or parts[0] == "world",
     )
     shapes: dict[str, list[RigidShape]] = {link: [] for link in parts}
-    count = 0
+    count = np.zeros(2, int)
     for link in robot.order:
         for shape in link_shapes(path, links[link], robot.world[link]):
             shapes[robot.part[link]].append(shape)
-            count += len(shape.vertices_m) + len(shape.faces)
-            if count > 2 * MOST_VERTICES:
-                raise InputError(f"{path}: its meshes have too many vertices: simplify them")
+            count += len(shape.vertices_m), len(shape.faces)
+            if count.max() > MOST_VERTICES:
+                raise InputError(
+                    f"{path}: its meshes have more than {MOST_VERTICES} triangles: simplify them"
+                )
     surface = [s.vertices_m for own in shapes.values() for s in own if isinstance(s, ClosedMesh)]
     if not surface:
         raise InputError(f"{path} has no visual or collision shape: a silhouette needs some")

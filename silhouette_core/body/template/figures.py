@@ -2,10 +2,10 @@
 
 Breadths, depths and girths follow published surveys (ANSUR II, ISO 7250-1 and ISO/TR 7250-2, JIS
 L4004/L4005 for the choice of stature and chest), scaled to a lean adult; the distribution of flesh
-between front and back, and along a limb, is modelled by eye on anatomy. The thigh between joint
-centres has 0.2425 of men's stature and 0.2124 of women's (de Leva, J. Biomechanics 29, 1996, table
-4), while surveys of the surface put women's hips higher (the trochanter's height, 0.52 to 0.53 of
-the stature: ANSUR II): the woman's hip joint is about midway between both.
+between front and back, and along a limb, is modelled by eye on anatomy. The centres of the hip
+joints follow the length of the thigh between joint centres, 0.2425 of men's stature and 0.2124 of
+women's (de Leva, J. Biomechanics 29, 1996, table 4); for women, whose hips surveys of the surface
+put higher (the trochanter's height, 0.52 to 0.53: ANSUR II), about midway between both.
 Positions: x to the left, y to the back, z up, origin on the floor under the pelvis joint.
 """
 
@@ -126,7 +126,7 @@ MAN = Figure(
     sex="male",
     stature_m=1.75,
     chest_girth_m=0.96,
-    hip=(0.0625, 0.537),
+    hip=(0.0625, 0.5325),
     shoulder=0.1065,
     forearm=0.149,
     trunk=(

@@ -78,3 +78,9 @@ def test_lengths_follow_the_axis_that_changes_them(sex):
     )
     same = replace(after, arm_length_m=before.arm_length_m, mass_kg=before.mass_kg)
     assert list(same.known().values()) == pytest.approx(list(before.known().values()), rel=1e-9)
+
+
+def test_the_mans_acromia_are_as_far_apart_as_a_mans():
+    """Biacromial breadth over stature, ANSUR II."""
+    taken = measure_body(read_template("male"))
+    assert taken.shoulder_breadth_m / taken.stature_m == pytest.approx(0.237, rel=0.01)

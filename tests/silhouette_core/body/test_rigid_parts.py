@@ -5,7 +5,7 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
-from silhouette_core.body.rigid_parts import Box, Capsule, ClosedMesh, body_of_parts
+from silhouette_core.body.rigid_parts import Box, Capsule, ClosedMesh, body_of_parts, with_part
 
 _HINGE = (Dof("bend", (0.0, -1.0, 0.0), (-90.0, 90.0)),)
 _TREE = KinematicTree.from_parts((("base", "", ()), ("arm", "base", _HINGE)), {"tip": "arm"})
@@ -72,5 +72,20 @@ def test_unfit_trees_are_refused():
         KinematicTree.from_parts((("a", "", ()), ("a", "a", ())))
     with pytest.raises(InputError, match="does not come before"):
         KinematicTree.from_parts((("a", "", ()), ("b", "c", ())))
+    with pytest.raises(InputError, match="does not come before"):
+        KinematicTree.from_parts((("a", "", ()), ("b", "c", ()), ("c", "a", ())))
     with pytest.raises(InputError, match="no part"):
         KinematicTree.from_parts((("a", "", ()),), {"tip": "b"})
+
+
+def test_what_is_added_hangs_on_the_part_that_carries_it():
+    larger = with_part(
+        _body(), "tool", "arm", (0, 0, 0.7), [Box((-0.1, 0, 0.7), (0.1, 0.1, 0.8))],
+        {"blade": (0.1, 0.0, 0.75)},
+    )  # fmt: skip
+    assert larger.names == ("base", "arm", "tool") and larger.parents.tolist() == [-1, 0, 1]
+    assert larger.tree.landmark_names == ("base", "arm", "tip", "tool", "blade")
+    assert larger.tree.landmark_bones[-2:].tolist() == [[2, 3], [3, 4]]
+    assert larger.part_volumes_m3(0.01)[2] == pytest.approx(0.002, rel=0.1)
+    with pytest.raises(InputError, match="cannot be joined"):
+        with_part(larger, "tool", "arm", (0, 0, 0.7), [])

@@ -6,7 +6,7 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.body.body_file import write_body
 from silhouette_core.body.presets import body_preset
-from silhouette_core.motion.body_source import is_result, load_body, resolved_body
+from silhouette_core.motion.body_source import load_body, names_result, resolved_body
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, write_motion
 
@@ -34,7 +34,7 @@ def test_by_name_from_a_file_and_from_a_result(body, tmp_path):
         np.testing.assert_allclose(found.vertices_m, body.vertices_m, atol=1e-9)
         np.testing.assert_allclose(found.joints_m, body.joints_m, atol=1e-9)
         assert found.sizes.changes == body.sizes.changes
-        assert is_result(spec) == (spec in (str(tmp_path), str(tmp_path / MOTION)))
+        assert names_result(spec) == (spec in (str(tmp_path), str(tmp_path / MOTION)))
 
 
 def test_what_is_no_body_is_named(tmp_path):

@@ -6,15 +6,20 @@ import os
 import signal
 import threading
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
+from tests.other_bodies import TURNED_DEG, write_example_result
 from tests.sources import ring, write_recording
 from voxelpose.batch.batch_tables import write_tables
 from voxelpose.batch.jobs import jobs_of
-from voxelpose.batch.run import BatchSettings, run_batch
+from voxelpose.batch.run import BatchSettings, Outcome, run_batch
 from voxelpose.cli import run
+from voxelpose.evaluation import evaluate
+from voxelpose.recording.truth import TRUE_MOTION
+from voxelpose.results import Result
 
 STANDING = {"estimator": "standing"}
 SAME = ("joints.csv", "motion.bvh", "motion.safetensors", "settings.toml")
@@ -70,6 +75,24 @@ def test_tables_begin_with_what_is_wrong(studio):
     assert page.index(">two<") < page.index(">one<")
     assert 'href="one/report.html"' in page and page.count("data:image/webp") == 2
     assert (out / "one" / "report.html").is_file()
+
+
+def test_tables_hold_what_there_is_of_a_body_that_is_no_persons(desk):
+    """It has no stature and its joints have no sides; its joint angles are scored."""
+    write_example_result(desk / "out", "robot_arm", 3)
+    (job,) = jobs_of([desk / "out" / "robot_arm"], "fit", {})
+    (desk / "out" / "robot_arm_fit").rename(desk / "out" / "fit")
+    (desk / "out" / "robot_arm").rename(desk / "out" / "film")
+    (desk / "out" / "fit").rename(desk / "out" / "robot_arm")
+    score = asdict(evaluate(desk / "out" / "robot_arm", desk / "out" / "film" / TRUE_MOTION))
+    summary = Result.open(desk / "out" / "robot_arm").summary
+    write_tables([Outcome(job, "done", summary=summary, score=score)], desk / "out")
+    with (desk / "out" / "table.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["joint_angle_deg"]) == pytest.approx(TURNED_DEG / 6, rel=0.01)
+    assert "flips" not in row and "stature_m" not in row and "nan" not in str(row)
+    page = (desk / "out" / "index.html").read_text()
+    assert "joint_angle_deg 0.5" in page and "stature" not in page
 
 
 def test_an_interrupt_says_how_to_go_on(studio, capsys, monkeypatch):

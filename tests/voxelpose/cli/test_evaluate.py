@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.motion_file import write_motion
 from tests.clips import waving
-from tests.sources import ring, write_recording
+from tests.other_bodies import TURNED_DEG, write_example_result
+from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import run
+from voxelpose.demo.example_motions import example_motion
 from voxelpose.export.joints import write_joints
 from voxelpose.export.trc import write_trc
 
@@ -85,7 +88,7 @@ def test_truth_of_the_recording_that_was_fitted(desk, capsys):
         == 0
     )
     assert run(["evaluate", "fitted"]) == 2
-    assert "walk/truth.json: give --truth" in capsys.readouterr().err
+    assert "walk: give --truth" in capsys.readouterr().err
     rows = [
         line.split(",") for line in (desk / "fitted" / "joints.csv").read_text().splitlines()[1:]
     ]
@@ -132,3 +135,95 @@ def test_same_numbers_as_the_reviewers_script(results, shared, capsys):
         assert ours[name] == pytest.approx(value, abs=0.06 if name == "joint_root_mm" else 6e-4), (
             name
         )
+
+
+@pytest.mark.parametrize("name", ["robot_arm", "quadruped"])
+def test_any_body_is_scored_in_its_own_names(desk, capsys, name):
+    truth, motion = write_example_result(desk, name, pictures=False)
+    result, model = f"{name}_fit", truth.model
+    assert run(["evaluate", result, "--json"]) == 0  # the recording's own truth
+    score = json.loads(capsys.readouterr().out)
+    assert (score["frames"], score["lost"]) == (4, 1 / 4)
+    angles = score["each_joint_angle_deg"]
+    assert list(angles) == list(model.dof_names)
+    assert angles[model.dof_names[-1]] == pytest.approx(TURNED_DEG)
+    assert score["joint_angle_deg"] == pytest.approx(TURNED_DEG / model.dof_count)
+    apart = np.linalg.norm(motion.landmarks() - truth.landmarks()[1:], axis=2)
+    assert score["mpjpe_mm"] == pytest.approx(1000 * apart.mean(), abs=2e-3)
+    assert list(score["joint_root_mm"]) == list(model.tree.landmark_names)
+    assert 0 < score["angle_deg"] < TURNED_DEG
+    assert (score["flips"] is None) == (name == "robot_arm")
+    assert run(["evaluate", result]) == 0
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in (*model.dof_names, *model.tree.landmark_names))
+    assert run(["evaluate", result, "--markdown"]) == 0
+    assert "joint_angle_deg" in capsys.readouterr().out
+    # A joints.csv knows no angles.
+    write_joints(truth, desk / "truth.csv")
+    assert run(["evaluate", result, "--truth", "truth.csv", "--json"]) == 0
+    other = json.loads(capsys.readouterr().out)
+    assert other["mpjpe_mm"] == pytest.approx(score["mpjpe_mm"], abs=2e-3)
+    assert other["joint_angle_deg"] is None and other["each_joint_angle_deg"] == {}
+    # Compared two frames later, one frame is left.
+    assert run(["evaluate", result, "--offset", "2", "--json"]) == 0
+    late = json.loads(capsys.readouterr().out)
+    assert late["lost"] == 3 / 4
+    degrees = np.degrees(np.abs(motion.angles_rad[0] - truth.angles_rad[3]))
+    assert list(late["each_joint_angle_deg"].values()) == pytest.approx(degrees.tolist())
+
+
+def test_the_truth_of_another_body_is_refused(results, capsys):
+    write_example_result(results, "robot_arm", 2, pictures=False)
+    lamp = example_motion("desk_lamp", 2)
+    write_motion(lamp, results / "lamp.safetensors")
+    write_joints(lamp, results / "lamp.csv")
+    for truth, joint in (
+        ("truth.json", "pelvis"),
+        ("truth.trc", "pelvis"),
+        ("lamp.csv", "base"),
+        ("lamp.safetensors", "base"),
+    ):
+        assert run(["evaluate", "robot_arm_fit", "--truth", truth]) == 2
+        said = capsys.readouterr().err
+        assert f"{truth} has the joint '{joint}'" in said and "world, turret" in said
+        assert len(said.splitlines()) == 1
+    # One name in common is not enough.
+    text = (results / "lamp.csv").read_text().replace("base", "turret")
+    (results / "lamp.csv").write_text(text)
+    assert run(["evaluate", "robot_arm_fit", "--truth", "lamp.csv"]) == 2
+    assert "has the joint 'lower_arm'" in capsys.readouterr().err
+    # And a person's result is not scored against a robot.
+    assert run(["evaluate", "one", "--truth", "robot_arm/truth.safetensors"]) == 2
+    assert "has the joint 'world'" in capsys.readouterr().err
+
+
+def test_a_persons_true_motion_gives_the_angles_too(desk, capsys):
+    write_staged(desk / "walk", waving(5), ring(2))
+    words = ["fit", "walk", "--out", "fitted", "--estimator", "standing", "--no-pictures"]
+    assert run([*words, "--stature", "1.7"]) == 0
+    write_motion(waving(5), desk / "walk" / "truth.safetensors")
+    capsys.readouterr()
+    assert run(["evaluate", "fitted", "--json"]) == 0
+    score = json.loads(capsys.readouterr().out)
+    assert "left_shin.flexion" in score["each_joint_angle_deg"]
+    assert list(score["joint_root_mm"]) == list(LANDMARK_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("frame,joint,x_m,y_m,z_m\n99999999,arm,0,0,0\n", "1 rows, the last frame being 99999999"),
+        ("frame,joint,x_m,y_m,z_m\nfirst,arm,0,0,0\n", "line 2 cannot be read"),
+        ("frame,joint,x_m,y_m,z_m\n", "no frame with all of its joints"),
+        ("frame,joint,x_m,y_m,z_m\n0,arm,nan,0,0\n", "no frame with all of its joints"),
+        (
+            "frame,joint,x_m,y_m,z_m\n" + "".join(f"0,j{k},0,0,0\n" for k in range(1001)),
+            "more than 1000 joints",
+        ),
+    ],
+)
+def test_a_damaged_table_of_the_truth_is_refused(results, capsys, text, line):
+    (results / "truth.csv").write_text(text)
+    assert run(["evaluate", "one", "--truth", "truth.csv"]) == 2
+    said = capsys.readouterr().err
+    assert line in said and len(said.splitlines()) == 1

@@ -20,7 +20,8 @@ from tests.voxelpose.matching.matching_scenes import (
 from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching import body_choice
-from voxelpose.matching.body_choice import choose_body, refit
+from voxelpose.matching.body_choice import choose_body
+from voxelpose.matching.body_refit import refit
 from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observation_store import ObservationStore
@@ -86,7 +87,6 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     assert start.stature.metres == pytest.approx(1.70, rel=0.03)
 
 
-@pytest.mark.slow
 def test_of_a_known_body_only_the_clothes_are_adapted():
     known, seen_by = other_body(), views(4)
     clothes = np.array(
@@ -105,7 +105,7 @@ def test_of_a_known_body_only_the_clothes_are_adapted():
         start, kept = choose_body(*at), choose_body(*at, keep_clothes=True)
         tracking = PoseTrackerSettings(30.0, MatchSettings())
         tracker = PoseTracker(kept.body, store, tracking, StageClock(), lambda: None)
-        refit(tracker, kept)
+        refit(tracker, kept, any_sex=False)
     shape = start.body.model.shape
     np.testing.assert_allclose(shape[~IS_CLOTHING], known.shape[~IS_CLOTHING], atol=1e-3)
     np.testing.assert_allclose(shape[IS_CLOTHING], clothes[IS_CLOTHING], atol=0.004)

@@ -18,8 +18,10 @@ from tests.voxelpose.matching.matching_scenes import (
     stance,
     views,
 )
+from voxelpose.matching import body_estimate
 from voxelpose.matching.body_choice import Start
-from voxelpose.matching.body_estimate import PosedFrames, estimate_body
+from voxelpose.matching.body_estimate import BodyEstimate, PosedFrames, estimate_body
+from voxelpose.matching.body_refit import AdaptedBody
 from voxelpose.matching.pose_search import BodyGeometry
 
 TRUE = {"thigh_length": 0.05, "trunk_width": 0.06, "shirt": 0.008, "trousers": 0.012}
@@ -87,3 +89,56 @@ def test_clothes_are_told_from_the_body_and_errors_hold_the_truth(tmp_path):
 def test_no_recording_is_no_body():
     with pytest.raises(InputError, match="no recording"):
         estimate_body([], Settings(), SilentReporter())
+
+
+def test_standard_errors_are_those_of_the_bare_body_and_tripled():
+    model, bare = dressed(), fitting_model()
+    length = [axis.name for axis in SHAPE_AXES].index("thigh_length")
+    covariance = np.zeros((len(SHAPE_AXES),) * 2)
+    exact = BodyEstimate(model, covariance, 6, 0.1).standard_errors()
+    value = np.array([*measure_body(bare).known().values()])
+    names = BodyEstimate(model, covariance, 6, 0.1).names
+    usual = [{"stature_m": 0.005, "mass_kg": 0.1}.get(name, 0.04) for name in names]
+    np.testing.assert_allclose(exact, usual * value, rtol=1e-3)
+    covariance[length, length] = 0.01**2
+    longer = bare.reshaped(np.eye(len(SHAPE_AXES))[length] * 0.01)
+    change = np.array([*measure_body(longer).known().values()]) - value
+    found = BodyEstimate(model, covariance, 6, 0.1).standard_errors()
+    np.testing.assert_allclose(np.sqrt(found**2 - exact**2), 3 * np.abs(change), atol=2e-4)
+
+
+def test_clothes_are_told_in_metres():
+    assert BodyEstimate(dressed(), np.eye(len(SHAPE_AXES)), 6, 0.1).clothes_m() == pytest.approx(
+        {"shirt": 0.02 * STATURE_M, "trousers": 0.0}
+    )
+
+
+def test_statures_count_by_their_errors_and_the_best_start_is_taken(monkeypatch):
+    def start(metres, sigma_m, shape):
+        body = BodyGeometry.from_model(fitting_model().reshaped(shape), 0.06, load_backend("cpu"))
+        return PosedFrames(Start(body, {}, {}, Stature(metres, sigma_m), shape, None), [], [])
+
+    nothing = np.zeros(len(SHAPE_AXES))
+    wide = np.where([axis.name == "trunk_width" for axis in SHAPE_AXES], 0.1, 0.0)
+    told = []
+
+    costs = iter([-1.0, -3.0])
+
+    def adapted(surface, prior, observations, poses, stature, backend):
+        told.append(stature)
+        return AdaptedBody(surface, poses, 0.1, next(costs))
+
+    monkeypatch.setattr(body_estimate, "adapted_to", adapted)
+    monkeypatch.setattr(body_estimate, "shape_covariance", lambda *_: np.eye(len(nothing)))
+    starts = [start(1.70, 0.02, nothing), start(1.80, 0.01, wide)]
+    found = estimate_body(starts, Settings(sex="male"), SilentReporter())
+    assert [one.metres for one in told] == pytest.approx([1.78, 1.78])
+    assert told[0].sigma_m == pytest.approx(0.01) and found.error == 0.1
+    np.testing.assert_allclose(found.model.shape, wide)
+
+
+def dressed():
+    """A body with a shirt of 2 per cent of its stature."""
+    return fitting_model().reshaped(
+        np.where([axis.name == "shirt" for axis in SHAPE_AXES], 0.02, 0.0)
+    )

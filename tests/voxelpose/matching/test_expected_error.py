@@ -71,14 +71,17 @@ def test_a_body_turned_half_round_explains_less(scene):
     assert half_turn_ratio(body, pose, frame, MatchSettings()) > 1.5
 
 
-def evidence(camera, joint, outside, half_turn=3.0, at_limits=0.02, stoutness=0.0, frames=1):
+def evidence(
+    camera, joint, outside, half_turn=3.0, at_limits=0.02, clothes=0.0, frames=1, sigma=0.007
+):
     return MotionEvidence(
         np.full((frames, 4), camera),
         np.full((frames, 15), joint),
+        np.full((frames, 15), sigma),
         np.full(frames, outside),
         np.full(frames, at_limits),
         half_turn,
-        stoutness,
+        clothes,
     )
 
 
@@ -87,14 +90,21 @@ GOOD = {"camera": 0.06, "joint": 0.02, "outside": 0.0, "half_turn": 4.0}
 
 def test_worse_evidence_is_never_said_to_be_better():
     good = expected_errors(evidence(**GOOD))
-    bad = expected_errors(evidence(0.35, 0.2, 0.05, half_turn=1.1))
+    bad = expected_errors(evidence(0.35, 0.2, 0.05, half_turn=1.1, sigma=0.014))
     assert good.right_probability[0] > 0.95 and bad.right_probability[0] < 0.5
     assert good.near_probability.min() > 0.7 > bad.near_probability.max()
     assert good.median_mm.max() < 40 < bad.median_mm.max()
 
 
 @pytest.mark.parametrize(
-    "worse", [{"joint": 0.08}, {"outside": 0.1}, {"at_limits": 0.15}, {"stoutness": 0.2}]
+    "worse",
+    [
+        {"joint": 0.08},
+        {"sigma": 0.014},
+        {"outside": 0.1},
+        {"at_limits": 0.15},
+        {"clothes": 0.03},
+    ],
 )
 def test_each_piece_of_evidence_counts(worse):
     good, bad = (expected_errors(evidence(**GOOD | more)) for more in ({}, worse))
@@ -110,21 +120,26 @@ def test_frames_without_evidence_say_nothing():
     assert len(ERROR_WEIGHTS) == len(NEAR_WEIGHTS)
 
 
-def test_a_motion_tells_how_stout_it_is_and_how_far_its_joints_are_bent():
+def test_a_motion_tells_how_thick_its_clothes_are_and_how_far_its_joints_are_bent():
     model = fitting_model()
     bent = [stance(model, {"left_forearm.flexion": deg}).clipped() for deg in (500.0, -500.0)]
     poses = [stance(model), *bent]
     motion = Motion(
         30.0,
-        model.reshaped(np.where((np.arange(len(IS_CLOTHING)) > 8) & ~IS_CLOTHING, 0.1, 0.0)),
+        model.reshaped(np.where(IS_CLOTHING, 0.01, 0.0)),
         np.stack([pose.root_m for pose in poses]),
         np.array([[1.0, 0, 0, 0]] * 3),
         np.stack([pose.angles_rad for pose in poses]),
+        quality={
+            "camera_agreement": np.full((3, 4), 0.9),
+            "joint_disagreement": np.full((3, 15), 0.1),
+            "joint_sigma_mm": np.full((3, 15), 8.0),
+            "outside": np.zeros(3),
+        },
     )
-    found = MotionEvidence.from_motion(
-        motion, np.full((3, 4), 0.1), np.full((3, 15), 0.1), np.zeros(3), 2.0
-    )
-    assert found.stoutness == pytest.approx(np.log(1.1), abs=0.01)
+    found = MotionEvidence.from_motion(motion, 2.0)
+    assert found.camera_error == pytest.approx(0.1) and found.joint_sigma_m == pytest.approx(0.008)
+    assert found.clothes == pytest.approx(0.02)
     more = found.at_limits[1:] - found.at_limits[0]
     assert more == pytest.approx(1 / model.dof_count)
 
@@ -135,6 +150,7 @@ def test_expected_errors_are_the_regression():
     given = MotionEvidence(
         rng.uniform(0.05, 0.3, (6, 4)),
         rng.uniform(0, 0.2, (6, 15)),
+        rng.uniform(0.003, 0.02, (6, 15)),
         rng.uniform(0, 0.3, 6),
         rng.uniform(0, 0.2, 6),
         2.0,

@@ -175,7 +175,7 @@ def test_time_stretches_the_prediction():
 
 def striding(frame: int) -> Pose:
     """From one frame to the next the legs change places, as in a run seen too seldom."""
-    ahead, behind = {"thigh": 26, "shin": 8}, {"thigh": -10, "shin": 14}
+    ahead, behind = {"thigh": 22, "shin": 8}, {"thigh": -10, "shin": 14}
     left, right = (behind, ahead) if frame else (ahead, behind)
     turns = {f"left_{part}.flexion": angle for part, angle in left.items()}
     turns |= {f"right_{part}.flexion": angle for part, angle in right.items()}

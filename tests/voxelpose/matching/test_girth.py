@@ -1,12 +1,11 @@
 """Girth of a body by the volume of its hull."""
 
-import numpy as np
 import pytest
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from tests.voxelpose.matching.matching_scenes import fitting_model
-from voxelpose.matching.girth import chest_from_hull, stoutness_of
+from voxelpose.matching.girth import chest_from_hull
 
 MODEL = fitting_model()
 BODY_M3 = MODEL.part_volumes_m3(0.02).sum()
@@ -35,8 +34,3 @@ def test_no_hull_makes_a_chest_that_no_person_has():
     chest = chest_from_hull(giant, 10.0)
     assert chest == 1.8
     BodySizes(2.4, chest)
-
-
-def test_stoutness_grows_with_the_girths():
-    wider = MODEL.reshaped(MODEL.shape + 0.1)
-    assert stoutness_of(wider) == pytest.approx(stoutness_of(MODEL) + np.log(1.1), abs=0.02)

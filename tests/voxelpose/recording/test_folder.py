@@ -129,6 +129,17 @@ def test_some_cameras(folder: Path):
         Recording.open(folder, cameras=["cam_7", "cam_1"])
 
 
+def test_a_body_of_the_subject_is_a_name_or_a_file_beside_it(folder: Path):
+    about = folder / "subject.toml"
+    about.write_text('body = "92A5"\n')
+    assert Recording.open(folder).subject.body == "92A5"
+    about.write_text('body = "me.toml"\n')
+    with pytest.raises(InputError, match=r"body file .*me\.toml is missing"):
+        Recording.open(folder)
+    (folder / "me.toml").touch()
+    assert Recording.open(folder).subject.body == str((folder / "me.toml").resolve())
+
+
 def test_subject_and_regions(folder: Path):
     (folder / "subject.toml").write_text('stature = 1.62\nchest_girth = 0.9\nsex = "female"\n')
     (folder / "regions").mkdir()

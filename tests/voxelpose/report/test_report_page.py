@@ -12,6 +12,7 @@ from calib.camera import Rig
 from calib.files import write_rig
 from tests.browsing import new_page
 from tests.clips import waving
+from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.report.cameras import check_cameras
@@ -170,3 +171,20 @@ def test_the_page_plays(fitted):
         )
         assert page.evaluate("document.documentElement.scrollWidth") == 900
         assert faults == []
+
+
+@pytest.mark.parametrize("name", ["robot_arm", "quadruped"])
+def test_the_report_of_a_body_that_is_no_persons(desk, name):
+    truth, _ = write_example_result(desk, name)
+    assert run(["report", f"{name}_fit"]) == 0
+    text = (desk / f"{name}_fit" / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert set(SECTIONS) <= set(page.ids)
+    words = re.sub(r"<[^>]*>|data:[^\"]*", " ", text)
+    for phrase in ("person", "Anatomical", "arms and legs", "thumbs", "15 joints", "27 parts"):
+        assert phrase not in words
+    assert ("left side" in words) == (name == "quadruped")
+    count = len({part for part, dof in truth.model.dofs if not dof.fixed})
+    charts = [text for text in page.pictures if text and " over time: " in text]
+    assert sum("degrees" in chart for chart in charts) == count
+    assert f"of {len(truth.model.names)} parts" in words

@@ -75,3 +75,12 @@ def test_what_the_program_doubts_comes_first(tmp_path):
     doubted = replace(doubted, summary={**doubted.summary, "verdict": verdict})
     first = findings(doubted)[0]
     assert first.level == "bad" and first.words == "Turned half round, it fits as well."
+
+
+def test_uncertain_joints_are_named(tmp_path):
+    plain = result(tmp_path)
+    verdict = {"level": "reliable", "reason": "", "uncertain": ["left_wrist"]}
+    found = findings(replace(plain, summary={**plain.summary, "verdict": verdict}))
+    (joints,) = [one for one in found if one.title == "Joints"]
+    assert joints.level == "look" and "left wrist" in joints.words
+    assert not [one for one in findings(plain) if one.title == "Joints"]

@@ -11,6 +11,7 @@ from websockets.sync.client import connect
 from calib.errors import InputError
 from tests.browsing import new_page
 from tests.clips import waving
+from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.view.serving.page_server import Address
@@ -123,3 +124,34 @@ def test_other_machines_need_a_token(served):
         Browser(served.scenes, Address("0.0.0.0", 8399))
     with pytest.raises(InputError, match=r"--host no\.such\.name\.invalid"):
         Browser(served.scenes, Address("no.such.name.invalid", 8399), token="a long one")
+
+
+@pytest.mark.slow
+def test_the_page_of_an_animal(desk):
+    """Its own parts are offered, and seen from as far as its size asks for."""
+    _, motion = write_example_result(desk, "quadruped", pictures=False)
+    browser = Browser(ResultScenes("quadruped_fit", voxel_size_m=0.04), Address(port=8392))
+    camera = np.array(browser.server.initial_camera.position)
+    away_m = np.linalg.norm(camera - np.median(motion.root_m, axis=0))
+    assert 1.5 < away_m / motion.model.extent_m < 2.2
+    stopped = threading.Event()
+
+    def draw() -> None:
+        while not stopped.is_set():
+            browser.step(0.1)
+
+    thread = threading.Thread(target=draw)
+    thread.start()
+    try:
+        with new_page(900, 600) as (page, faults):
+            page.goto(browser.url)
+            page.get_by_text("Frame 2,").wait_for(timeout=60_000)
+            page.locator("canvas").first.wait_for()
+            page.locator("input[value=none]").first.click()
+            page.get_by_role("option", name="left hind upper").click()
+            page.get_by_text("The left hind upper could be").wait_for()
+            assert not faults
+    finally:
+        stopped.set()
+        thread.join()
+        browser.close()

@@ -7,10 +7,19 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_BONES
+from silhouette_core.body.kinematic_tree import KinematicTree
+from silhouette_core.body.rigid_parts import Box, body_of_parts
+from silhouette_core.estimator import Estimate, Settings
+from silhouette_core.motion.motion import Motion
 from tests.clips import waving
+from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.export.hypotheses import read_hypotheses
+from voxelpose.fitting import Output, write_estimate
+from voxelpose.recording.folder import Recording
+from voxelpose.view.serving.page_server import Address
+from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.legend import area_text, frame_html, legend_html, overlap_colours
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene_renderer import camera_picture
@@ -214,3 +223,37 @@ def test_what_is_unknown_is_told_hatched_and_not_carved(fitted):
     assert changed[130:].mean() > 0.9 and not changed[:110].any()
     assert whole.hull is not None and scene.hull is not None
     assert 0.99 < scene.hull.occupancy.sum() / whole.hull.occupancy.sum() < 1.6
+
+
+@pytest.mark.parametrize("name", ["robot_arm", "quadruped"])
+def test_scenes_pictures_and_film_of_a_body_that_is_no_persons(desk, name):
+    _, motion = write_example_result(desk, name, pictures=False)
+    scenes = ResultScenes(f"{name}_fit", voxel_size_m=0.04)
+    scene, model = scenes.scene(2), motion.model
+    assert scene.body.part_names == model.names
+    assert len(scene.body.bones) == len(model.tree.landmark_bones)
+    areas = scenes.areas(2)
+    assert scenes.limb_names and set(scenes.limb_names) <= set(model.names)
+    assert areas and set(areas) <= set(scenes.limb_names)
+    assert all(area_text(limb, areas) for limb in areas)
+    scenes.close()
+    for words in (["--png", "a.png"], ["--video", "a.webm"]):
+        assert run(["view", f"{name}_fit", "--voxel", "0.05", *words]) == 0
+    assert (desk / "a.png").stat().st_size > 1000 and (desk / "a.webm").stat().st_size > 1000
+
+
+def test_a_body_without_bones_is_shown(desk):
+    """Of a rigid object there is a surface, and no line."""
+    tree = KinematicTree.from_parts((("case", "", ()),))
+    model = body_of_parts(tree, np.zeros((1, 3)), [[Box((-0.3, -0.2, -0.2), (0.3, 0.2, 0.2))]])
+    still, root = np.tile([1.0, 0, 0, 0], (2, 1)), np.array([[0, 0, 0.9], [0.1, 0, 0.9]])
+    motion = Motion(15.0, model, root, still, np.zeros((2, 0)))
+    write_staged(desk / "case", motion, ring(3, (320, 240)))
+    estimate = Estimate(motion, {"search": np.full(2, 0.01)}, {})
+    write_estimate(Recording.open(desk / "case"), Output(desk / "out"), estimate, Settings())
+    for words in (["--png", "a.png"], ["--video", "a.webm"]):
+        assert run(["view", "out", "--voxel", "0.05", *words]) == 0
+    assert run(["report", "out"]) == 0
+    browser = Browser(ResultScenes("out", voxel_size_m=0.05), Address(port=8393))
+    browser.step(0.01)
+    browser.close()

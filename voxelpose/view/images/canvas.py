@@ -1,5 +1,7 @@
 """Colours, text and antialiased lines for all pictures."""
 
+from collections.abc import Iterable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,11 @@ _SHIFT = 4  # OpenCV draws with 1/16 pixel
 def colour_of(part: str) -> Colour:
     """Colour of a body part's side."""
     return LEFT if part.startswith("left_") else RIGHT if part.startswith("right_") else MIDDLE
+
+
+def has_sides(parts: Iterable[str]) -> bool:
+    """Whether a body has parts on its left or right side, by their names."""
+    return any(colour_of(part) != MIDDLE for part in parts)
 
 
 def write_text(

@@ -20,6 +20,7 @@ from voxelpose.view.images.canvas import (
     RIGHT,
     Image,
     dot,
+    has_sides,
     text_width,
     write_text,
 )
@@ -85,7 +86,8 @@ class ContactSheet:
         sheet = np.full((sheet_height, sheet_width, 3), PAPER, np.uint8)
         write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
         x = sheet_width - _MARGIN
-        for label, colour in (("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)):
+        sides = ("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)
+        for label, colour in sides if has_sides(self.motion.model.names) else ():
             x -= text_width(label, 14)
             write_text(sheet, label, x, 42, 14, FAINT)
             dot(sheet, np.array([x - 12.0, 37.0]), 5, colour)

@@ -60,6 +60,11 @@ def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
     ]
 
 
+def bone_ends(bones: list[tuple[int, int, Colour]]) -> NDArray[np.int64]:
+    """Joints (B, 2) int64 at both ends of the lines of `skeleton_bones`; a body may have none."""
+    return np.array([bone[:2] for bone in bones], np.int64).reshape(-1, 2)
+
+
 def skeleton_joints(
     model: BodyModel, rotation: NDArray[np.float64], origin: NDArray[np.float64]
 ) -> NDArray[np.float64]:

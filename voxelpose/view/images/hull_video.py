@@ -11,6 +11,7 @@ from calib.atomic import replacing, write_whole
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.view.images.canvas import FAINT, png, write_text
+from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.images.hull_picture import Skeleton, hull_picture
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -24,7 +25,7 @@ def skeleton_of(scene: Scene) -> Skeleton | None:
     """The fitted skeleton of a scene; None where there is no pose."""
     if scene.body is None:
         return None
-    return Skeleton(scene.body.joints_m, np.array([bone[:2] for bone in scene.body.bones]))
+    return Skeleton(scene.body.joints_m, bone_ends(scene.body.bones))
 
 
 def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:

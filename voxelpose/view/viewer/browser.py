@@ -27,6 +27,7 @@ _LAYERS = {
     "hypotheses": "Other likely poses",
 }
 _HIP_HEIGHT = 0.54  # of the stature
+_PERSON_M = 1.75  # a body of this extent is seen from 3.2 m, others from as many times theirs
 
 
 class Browser:
@@ -181,12 +182,12 @@ class Browser:
         motion = self.scenes.motion
         centers = np.array([camera.center_m for camera in self.scenes.rig])
         if motion is None:
-            middle, floor = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 0.0
+            middle, floor, size = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 0.0, 1.0
         else:
             middle = np.median(motion.root_m, axis=0)
             person = motion.model.person
             floor = motion.floor_m if person is None else middle[2] - _HIP_HEIGHT * person.stature_m
-            floor = float(floor)
+            floor, size = float(floor), motion.model.extent_m / _PERSON_M
         self.server.scene.set_up_direction("+z")
         # Reflections and shadows cost more than they show.
         self.server.scene.configure_default_lights(cast_shadow=False)
@@ -197,6 +198,6 @@ class Browser:
         )
         toward = centers[0] - middle
         beside = np.array([toward[0] - 0.4 * toward[1], toward[1] + 0.4 * toward[0], 0.0])
-        beside *= 3.2 / max(float(np.linalg.norm(beside)), 1e-9)
+        beside *= 3.2 * size / max(float(np.linalg.norm(beside)), 1e-9)
         self.server.initial_camera.look_at = middle
-        self.server.initial_camera.position = middle + beside + (0, 0, 0.9)
+        self.server.initial_camera.position = middle + beside + (0, 0, 0.9 * size)

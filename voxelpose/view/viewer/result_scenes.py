@@ -74,9 +74,10 @@ class ResultScenes:
             settings = result.settings
             frame, self.motion = result.motion.upright_frame, result.motion.upright()
             self.rig, self.fps = frame.rig(result.rig), result.motion.fps
+            tree = self.motion.model.tree
             self._hypotheses = {
                 number: tuple(replace(pose, joints_m=frame.points(pose.joints_m)) for pose in poses)
-                for number, poses in read_hypotheses(folder / HYPOTHESES).items()
+                for number, poses in read_hypotheses(folder / HYPOTHESES, tree).items()
             }
             self._reopen(result, recording, unit)
         else:

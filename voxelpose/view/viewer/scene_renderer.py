@@ -9,12 +9,12 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_BONES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
 from voxelpose.matching.matcher import LimbArea
 from voxelpose.view.images.canvas import hatched, reduced
+from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (
     AREA,
     DISPUTED,
@@ -153,18 +153,17 @@ class SceneRenderer:
             mesh.visible = True
 
     def _skeleton(self, body: BodyState | None) -> None:
-        if body is None:
+        if body is None or not body.bones:
             self._api.remove_by_name("/skeleton")
             return
-        bones = body.bones
-        ends = body.joints_m[np.array([bone[:2] for bone in bones])]
-        colours = np.array([[colour[::-1]] * 2 for _, _, colour in bones], np.uint8)
+        ends = body.joints_m[bone_ends(body.bones)]
+        colours = np.array([[colour[::-1]] * 2 for _, _, colour in body.bones], np.uint8)
         self._api.add_line_segments("/skeleton", ends, colours, thickness=0.015)
 
     def _other_poses(self, hypotheses: tuple[Hypothesis, ...]) -> None:
         likeliest = max((hypothesis.probability for hypothesis in hypotheses), default=1.0)
         for k, hypothesis in enumerate(hypotheses):
-            ends = hypothesis.joints_m[LANDMARK_BONES]
+            ends = hypothesis.joints_m[hypothesis.bones]
             ends = ends[np.isfinite(ends).all((1, 2))]
             # Lines have no opacity: the less likely fade into the background instead.
             opacity = 0.15 + 0.85 * hypothesis.probability / max(likeliest, 1e-9)

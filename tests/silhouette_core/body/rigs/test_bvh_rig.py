@@ -43,6 +43,7 @@ def test_a_file_without_a_unit_is_refused_with_a_question(rig_files, tmp_path):
         ("OFFSET 0 -45 1", "OFFSET 0 -4500000 1", "unit"),
         ("MOTION", "", "cut off"),
         ("OFFSET 0 -45 1", "OFFSET 0 -45", "three numbers"),
+        ("CHANNELS 3", "CHANNELS 2", "CHANNELS 2"),
     ],
 )
 def test_what_cannot_be_a_body_is_refused_in_one_line(rig_files, tmp_path, old, new, words):

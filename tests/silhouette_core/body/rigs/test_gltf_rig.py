@@ -1,5 +1,6 @@
 """Skinned glTF as a body: its joints and surface, and refusals."""
 
+import base64
 import json
 
 import numpy as np
@@ -55,8 +56,11 @@ def test_a_hole_is_closed_and_volume_known(changed):
 
 def test_limits_come_from_the_table_beside_it(changed):
     path = changed()
-    path.with_name("box.rig.toml").write_text("[limits.high]\nx = [-30, 60]\n")
+    assert not read_gltf(path).tree.root_fixed
+    table = "root_fixed = true\n[limits.high]\nx = [-30, 60]\n"
+    path.with_name("box.rig.toml").write_text(table)
     body = read_gltf(path)
+    assert body.tree.root_fixed
     assert body.dof_names == ("high.x",)
     assert np.allclose(np.degrees(body.dof_limits_rad), [[-30, 60]])
 
@@ -91,6 +95,17 @@ def _beyond(content):
     content["accessors"][0]["count"] = 10**8
 
 
+def _negative(content):
+    buffer = content["buffers"][0]
+    head, _, coded = buffer["uri"].partition(",")
+    data = base64.b64decode(coded) + np.array([0, 1, -1] * 12, np.int8).tobytes()
+    buffer |= {"uri": f"{head},{base64.b64encode(data).decode()}", "byteLength": len(data)}
+    view = {"buffer": 0, "byteOffset": len(data) - 36, "byteLength": 36}
+    content["bufferViews"].append(view)
+    number = len(content["bufferViews"]) - 1
+    content["accessors"][3] |= {"bufferView": number, "componentType": 5120}
+
+
 def _twice(content):
     content["nodes"][2]["name"] = "low"
 
@@ -117,6 +132,7 @@ def _elsewhere(content):
         (_half_weights, "sum to"),
         (_far_too_large, "unit"),
         (_beyond, "beyond its buffer"),
+        (_negative, "do not exist"),
         (_twice, "rename"),
         (_empty, "without triangles"),
         (_compressed, "without compression"),

@@ -31,6 +31,29 @@ def test_a_small_folder_is_read_with_its_targets(rig_files, tmp_path):
     assert body.face_part.tolist().count(0) > 0 and body.face_part.max() == 1
 
 
+def test_a_thin_body_is_made_of_the_target_of_thin_ones(rig_files, tmp_path):
+    rig_files.write_makehuman(tmp_path)
+    targets = tmp_path / "data" / "targets" / "macrodetails"
+    thin = "universal-male-young-averagemuscle-minweight.target"
+    (targets / thin).write_text("1 0 0 1\n")  # a decimetre toward the front
+    table = tmp_path / "body.toml"
+    table.write_text(table.read_text().replace("weight = 0.3", "weight = -0.3"))
+    vertices, _ = rig_files.box_mesh()
+    moved = read_rig_body(table).vertices_m[1] - vertices[1]
+    np.testing.assert_allclose(moved[:2], [0, -0.03], atol=1e-9)
+
+
+def test_weights_that_are_listed_in_pieces_are_added(rig_files, tmp_path):
+    rig_files.write_makehuman(tmp_path)
+    path = tmp_path / "data" / "rigs" / "standard" / "weights.two.json"
+    whole = read_rig_body(tmp_path / "body.toml")
+    assert "[0, 1.0]" in path.read_text()
+    path.write_text(path.read_text().replace("[0, 1.0]", "[0, 0.25], [0, 0.75]"))
+    np.testing.assert_allclose(
+        read_rig_body(tmp_path / "body.toml").skin_weights, whole.skin_weights
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [

@@ -114,3 +114,21 @@ def test_what_cannot_be_a_body_is_refused_in_one_line(robot, old, new, words):
     with pytest.raises(InputError, match=words) as refused:
         read_urdf(robot(old, new))
     assert "arm.urdf" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_axes_are_those_of_the_file_seen_from_the_body(robot):
+    """x of the file is forward, -y of the body; y is left, its x."""
+    body = read_urdf(robot(' rpy="0 0 1.5707963267948966"', ""))
+    np.testing.assert_allclose(body.dof_axis, [[0, -1, 0], [1, 0, 0]], atol=1e-12)
+
+
+def test_a_mesh_above_the_robots_folder_is_not_read(rig_files, tmp_path):
+    """Even where there is one."""
+    (tmp_path / "robot").mkdir()
+    rig_files.write_urdf(tmp_path / "robot", "stl")
+    (tmp_path / "robot" / "part.stl").rename(tmp_path / "part.stl")
+    path = tmp_path / "robot" / "arm.urdf"
+    assert "part.stl" in path.read_text()
+    path.write_text(path.read_text().replace("part.stl", "../part.stl"))
+    with pytest.raises(InputError, match="put it beside the robot's file"):
+        read_urdf(path)
