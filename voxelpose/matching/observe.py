@@ -13,12 +13,14 @@ from calib.components import MaskComponents, label_components
 from calib.errors import InputError
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
+from voxelpose.carving.bounds import LEAST_CAMERAS
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels.footprint import mark_voxels
 
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
+_LIMB_M = 1.0  # a leg's length, with the foot
 _EXPLAINED = 0.04  # largest unexplained fraction of a silhouette that the hull counts as explaining
 _SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
 _CRUMB = 0.03  # of the largest component
@@ -199,9 +201,18 @@ class HullObserver:
             masks: a raw silhouette (h, w) bool per camera.
             grid: the window.
         """
-        masks = self._confirmed_by_others(masks, grid)
+        masks = self._confirmed_by_others(masks, self._surroundings(grid))
         wide, unknown = self._dilated(masks, grid), self.views.unknown
         return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
+
+    def _surroundings(self, grid: VoxelGrid) -> VoxelGrid:
+        """Where silhouettes are confirmed: the window, or as far as limbs go that only one camera
+        may see, and that are no part of the hull therefore.
+        """
+        if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
+            return grid
+        low, high = grid.origin_m - _LIMB_M, grid.origin_m + grid.size_m + _LIMB_M
+        return VoxelGrid.from_bounds(low, high, _COARSE_M)
 
     def select(
         self,
