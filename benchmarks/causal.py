@@ -64,6 +64,9 @@ class Pictures:
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         return {}
 
+    def unknown(self) -> dict[str, NDArray[np.bool_]]:
+        return {}
+
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, NDArray[np.uint8]]]:
         turn = 2 * len(self.pictures) - 2
         for step in steps:

@@ -230,6 +230,17 @@ def _use_subject(folder: Path, thorough: bool) -> None:
         BodySizes(subject.stature_m, subject.chest_girth_m, subject.sex)
 
 
+def _make_recording_file(folder: Path) -> None:
+    text = "cam_0 = [[[10, 20], [100.5, 20], [100, 80]], [[0, 0], [9, 0], [9, 9], [0, 9]]]"
+    (folder / "recording.toml").write_text(f"[unknown]\n{text}\ncam_1 = []\n")
+
+
+def _use_recording_file(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.unknown_places import read_unknown_polygons
+
+    read_unknown_polygons(folder / "recording.toml", _rig(), _rig().names)
+
+
 def _make_timestamps(folder: Path) -> None:
     from voxelpose.recording.timestamps import write_timestamps
 
@@ -538,6 +549,9 @@ TARGETS: dict[str, FuzzTarget] = {
         _make_estimate, {"truth.json": any_json}, partial(_use_estimate, truth="truth.json")
     ),
     "subject": FuzzTarget(_make_subject, {"subject.toml": any_text}, _use_subject),
+    "recording-file": FuzzTarget(
+        _make_recording_file, {"recording.toml": any_text}, _use_recording_file
+    ),
     "hypotheses": FuzzTarget(_make_hypotheses, {"hypotheses.csv": any_table}, _use_hypotheses),
     "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
     "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),

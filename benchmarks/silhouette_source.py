@@ -31,6 +31,9 @@ class SilhouetteSource:
     def regions(self) -> dict:
         return {}
 
+    def unknown(self) -> dict:
+        return {}
+
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, np.ndarray]]:
         for step in steps:
             mask = self.masks[step % len(self.masks)]

@@ -83,7 +83,8 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
     except RecursionError:
         raise _too_deep(path) from None
     except ValueError as error:
-        raise InputError(f"{path}: no valid TOML: {error}; mend it or make it again") from None
+        words = str(error)[:200]  # a key may be as long as the file
+        raise InputError(f"{path}: no valid TOML: {words}; mend it or make it again") from None
     check_depth(content, path)
     return content
 

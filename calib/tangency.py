@@ -28,6 +28,7 @@ _LEAST_PIXELS = 50
 _GAP = 0.01  # of the image's diagonal
 _LARGE_COMPONENT = 0.25  # of the largest component's area
 _NEAR_BORDER_PX = 1.5
+_TOUCHING_PX = 3  # a silhouette so near to something unknown goes on behind it
 _WIDEST_RAD = np.radians(150.0)  # beyond, the baseline passes through or close to the body
 _AROUND = 0.5 * np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
 _CACHE_SIZE = 64
@@ -55,12 +56,14 @@ class Outline:
     area_px: float
 
     @classmethod
-    def from_mask(cls, camera: Camera, mask: Mask) -> "Outline | None":
+    def from_mask(cls, camera: Camera, mask: Mask, unknown: Mask | None = None) -> "Outline | None":
         """Outline of the large components of a silhouette, or None if it is (nearly) empty.
 
         Args:
             camera: The camera.
             mask: (H, W) bool, silhouette in the camera's image or in a reduced one.
+            unknown: (H, W) bool, where nothing is known: where that touches the silhouette, the
+                body may go on behind it, as it does at the image's border. None: nowhere.
 
         Raises:
             TypeError: The silhouette is not bool.
@@ -85,6 +88,9 @@ class Outline:
         border = (np.minimum(edge, np.array(mask.shape[::-1]) - 1 - edge) < _NEAR_BORDER_PX).any(
             axis=1
         )
+        if unknown is not None and len(hiding := _hiding(body, unknown)):
+            edge = np.concatenate([edge, hiding])
+            border = np.concatenate([border, np.ones(len(hiding), np.bool_)])
         points = ((edge[:, None] + _AROUND).reshape(-1, 2) + 0.5) / scale - 0.5
         undistorted = camera.undistort(points)  # a convex hull needs straight lines
         known = np.flatnonzero(np.isfinite(undistorted).all(axis=1))
@@ -103,6 +109,21 @@ class Outline:
         return cls(
             pixels, inside, middle, float(np.ptp(pixels[:, 1])), len(row) / float(np.prod(scale))
         )
+
+
+def _hiding(body: Mask, unknown: Mask) -> NDArray[np.int64]:
+    """Edge (N, 2), px, of the unknown places (H, W) that touch a silhouette."""
+    wide = np.ones((2 * _TOUCHING_PX + 1, 2 * _TOUCHING_PX + 1), np.uint8)
+    places = np.asarray(cv2.dilate(unknown.astype(np.uint8), wide), np.uint8).view(np.bool_)
+    labels = label_components(places).labels
+    touched = np.unique(labels[places & body])
+    if not len(touched):
+        return np.zeros((0, 2), np.int64)
+    places &= np.isin(labels, touched)
+    contours, _ = cv2.findContours(
+        places.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+    )
+    return np.concatenate(contours).reshape(-1, 2).astype(np.int64)
 
 
 def main_components(mask: Mask) -> Mask:
@@ -137,13 +158,17 @@ class OutlineTrack:
 
     @classmethod
     def from_masks(
-        cls, camera: Camera, time_s: FloatArray, masks: Sequence[Mask]
+        cls,
+        camera: Camera,
+        time_s: FloatArray,
+        masks: Sequence[Mask],
+        unknown: Mask | None = None,
     ) -> "OutlineTrack":
-        """Outlines of silhouettes (H, W) bool taken at times (T,)."""
+        """Outlines of silhouettes (H, W) bool taken at times (T,), but for what is unknown."""
         return cls(
             camera,
             np.asarray(time_s, dtype=np.float64),
-            tuple(Outline.from_mask(camera, mask) for mask in masks),
+            tuple(Outline.from_mask(camera, mask, unknown) for mask in masks),
         )
 
     @property

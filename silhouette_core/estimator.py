@@ -65,6 +65,10 @@ class FrameSource(Protocol):
         """Regions in which the person may be, (H, W) bool, by camera name, where given."""
         ...
 
+    def unknown(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Where nothing is known of the person, (H, W) bool, by camera name, where given."""
+        ...
+
     def at(self, steps: Sequence[int]) -> Iterator[Mapping[str, Frame]]:
         """Yields the frames of selected time steps, counted from 0, in ascending order."""
         ...

@@ -61,6 +61,9 @@ class GreySource:
     def regions(self) -> dict:
         return {}
 
+    def unknown(self) -> dict:
+        return {}
+
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, np.ndarray]]:
         for _ in steps:
             yield {

@@ -97,6 +97,8 @@ class MonocularEstimator:
         reporter.stage("background")
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
         silhouettes.note(reporter)
+        if silhouettes.unknown:
+            reporter.note("with one camera, what is marked as unknown counts as background")
         if settings.smooth or source.silhouettes_given:
             _check_silhouettes(source, silhouettes)
         library, root = (

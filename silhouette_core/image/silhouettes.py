@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from math import gcd
@@ -34,6 +34,8 @@ class Silhouettes:
     Attributes:
         without_background: Cameras without frames of the empty scene; theirs is estimated from
             the recording's own frames.
+        unknown: (h, w) bool by camera name, of the silhouettes' size, where nothing is known;
+            silhouettes are empty there.
     """
 
     def __init__(
@@ -63,6 +65,9 @@ class Silhouettes:
             name: self._scaled(name, region.astype(np.uint8)) > 0
             for name, region in source.regions().items()
         }
+        self.unknown = scaled_unknown(source, long_side_px)
+        for name, mask in self.unknown.items():
+            self._regions[name] = ~mask & self._regions.get(name, True)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
         self.without_background: tuple[str, ...] = ()
@@ -87,6 +92,13 @@ class Silhouettes:
         if ahead and method == "refined":
             self._measure_shadow(source)
 
+    def unknown_of(self, names: Sequence[str]) -> list[NDArray[np.bool_]] | None:
+        """Unknown places (h, w) bool of some cameras; None where there are none in any."""
+        if not self.unknown:
+            return None
+        sizes = ((name, self._sizes[name][::-1]) for name in names)
+        return [self.unknown.get(name, np.zeros(size, np.bool_)) for name, size in sizes]
+
     def note(self, reporter: Reporter) -> None:
         """Tells which cameras have no pictures of the empty scene."""
         if self.without_background:
@@ -109,8 +121,8 @@ class Silhouettes:
 
         def silhouette(name: str) -> NDArray[np.bool_]:
             if near is None or self._given:
-                return self._silhouette(name, frames[name])
-            return self._silhouette_near(name, frames[name], near.get(name))
+                return self._known(name, self._silhouette(name, frames[name]))
+            return self._known(name, self._silhouette_near(name, frames[name], near.get(name)))
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
@@ -119,11 +131,16 @@ class Silhouettes:
 
         def soft_silhouette(name: str) -> SoftSilhouette:
             if self._given:
-                return SoftSilhouette.of(self._silhouette(name, frames[name]))
+                return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
             frame = self._scaled(name, frames[name])
-            return self._models[name].soft_silhouette(frame, self._regions.get(name))
+            soft = self._models[name].soft_silhouette(frame, self._regions.get(name))
+            return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
+
+    def _known(self, name: str, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Mask without what is unknown, where holes may have been filled."""
+        return mask & ~self.unknown[name] if name in self.unknown else mask
 
     def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._scaled(name, frame)
@@ -191,6 +208,20 @@ class Silhouettes:
             }
 
 
+def scaled_unknown(source: FrameSource, long_side_px: int | None) -> dict[str, NDArray[np.bool_]]:
+    """Unknown places (h, w) bool of a recording by camera name, of its silhouettes' size; pixels
+    that are so in part included.
+    """
+    scaled = {}
+    for name, mask in source.unknown().items():
+        size = scaled_size(source.rig[name], long_side_px)
+        image = mask.astype(np.uint8) * 255
+        if size != image.shape[::-1]:
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        scaled[name] = image > 0
+    return scaled
+
+
 def _spread(count: int, most: int) -> list[int]:
     """At most so many numbers, spread over 0 to count - 1."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist()
@@ -236,6 +267,14 @@ class UndistortedView:
         if self.maps is None:
             return mask
         return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
+
+    def undistort_unknown(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Unknown places (h, w) bool as the pinhole camera sees them, pixels that are so in part
+        included.
+        """
+        if self.maps is None:
+            return mask
+        return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 0
 
     def undistort_part(
         self, picture: NDArray[np.uint8], corner: tuple[int, int], size: tuple[int, int]

@@ -4,6 +4,7 @@ planes that touch the body there.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ _BORDER_PX = 2  # contour points this near the image border bound the view, not 
 USUAL_SPACING_M = 0.025
 """Distance between contour points on the body for which their weights are stated."""
 _TANGENT_PX = 4  # half length of the contour piece whose direction is taken as the tangent
+_UNKNOWN_PX = _BORDER_PX + _TANGENT_PX  # contour points this near to what is unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +29,8 @@ class PinholeViews:
         rotation: (C, 3, 3) float64, camera from world.
         translation_m: (C, 3) float64, camera from world.
         center_m: (C, 3) float64, world positions of the cameras.
+        unknown: C arrays (h, w) bool, pixels about which nothing is known, where silhouettes are
+            empty; None: there are none.
     """
 
     rig: Rig
@@ -34,10 +38,11 @@ class PinholeViews:
     rotation: np.ndarray
     translation_m: np.ndarray
     center_m: np.ndarray
+    unknown: tuple[np.ndarray, ...] | None = None
 
     @classmethod
-    def from_rig(cls, rig: Rig) -> PinholeViews:
-        """Packs the pinhole cameras of a rig (`Camera.pinhole`)."""
+    def from_rig(cls, rig: Rig, unknown: Sequence[np.ndarray] | None = None) -> PinholeViews:
+        """Packs the pinhole cameras of a rig (`Camera.pinhole`), with what is unknown in each."""
         matrices = np.stack([camera.matrix for camera in rig])
         return cls(
             rig,
@@ -47,7 +52,19 @@ class PinholeViews:
             np.stack([camera.rotation for camera in rig]),
             np.stack([camera.translation for camera in rig]),
             np.stack([camera.center_m for camera in rig]),
+            None if unknown is None else tuple(unknown),
         )
+
+    @property
+    def partly_unknown(self) -> int:
+        """Number of cameras in which something is unknown."""
+        return sum(bool(mask.any()) for mask in self.unknown or ())
+
+    def without_unknown(self, masks: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Masks (h, w) bool, one per camera, that are empty where nothing is known."""
+        if self.unknown is None:
+            return list(masks)
+        return [mask & ~unknown for mask, unknown in zip(masks, self.unknown, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +76,8 @@ class Observation:
     Attributes:
         views: the cameras.
         masks: C arrays (h, w) bool.
-        outside_px: C arrays (h, w) float32, distance to the silhouette, see `outside_distances`.
+        outside_px: C arrays (h, w) float32, distance to the silhouette and to what is unknown, see
+            `outside_distances`.
         camera: (N,) int32, the camera of each contour point.
         ray: (N, 3) float64, unit viewing directions in the world.
         normal: (N, 3) float64, unit normals of the tangent planes, away from the body.
@@ -95,12 +113,14 @@ class Observation:
         cameras, rays, normals, outside = [], [], [], []
         for c, mask in enumerate(masks):
             step = max(round(spacing_m * views.intrinsics[c, 0] / distance_m), 1)
-            pixels, directions = contour_points(mask, step)
+            unknown = None if views.unknown is None else views.unknown[c]
+            pixels, directions = contour_points(mask, step, unknown)
             ray, normal = _tangent_planes(views, c, pixels, directions)
             cameras.append(np.full(len(ray), c, np.int32))
             rays.append(ray)
             normals.append(normal)
-            outside.append(outside_distances(mask, margin))
+            possible = mask if unknown is None else mask | unknown
+            outside.append(outside_distances(possible, margin))
         return cls(
             views,
             tuple(masks),
@@ -132,20 +152,25 @@ def outside_distances(mask: np.ndarray, margin: float = 0.5) -> np.ndarray:
     return cv2.copyMakeBorder(near, *edges, cv2.BORDER_REPLICATE)
 
 
-def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+def contour_points(
+    mask: np.ndarray, step: int, unknown: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Points on a silhouette's edge, with the direction that leads out of it.
 
     Args:
         mask: (h, w) bool.
         step: pixels of contour between points.
+        unknown: (h, w) bool, where nothing is known; None: nowhere.
 
     Returns:
         Positions (N, 2) float64, px, on the edge between inside and outside, and unit outward
-        directions (N, 2) float64. There are none where the image border cuts the silhouette.
+        directions (N, 2) float64. There are none where the image border cuts the silhouette, nor
+        where something unknown does.
     """
     height, width = mask.shape
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     positions, outward = [np.empty((0, 2))], [np.empty((0, 2))]
+    near = None if unknown is None else _around(unknown)
     for contour in contours:
         points = contour[:, 0].astype(float)
         if len(points) < 4 * _TANGENT_PX:
@@ -162,10 +187,18 @@ def contour_points(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]
         before, after = (_on_mask(mask, points + side * normal) for side in (-1.5, 1.5))
         normal[after & ~before] *= -1
         good = inner & (before ^ after)
+        if near is not None:
+            good &= ~_on_mask(near, points)
         # A contour pixel belongs to the inside; the edge is half a pixel farther out.
         positions.append((points + 0.5 * normal)[good])
         outward.append(normal[good])
     return np.concatenate(positions), np.concatenate(outward)
+
+
+def _around(unknown: np.ndarray) -> np.ndarray:
+    """Pixels (h, w) bool so near to what is unknown that it bounds the silhouette there."""
+    square = np.ones((2 * _UNKNOWN_PX + 1, 2 * _UNKNOWN_PX + 1), np.uint8)
+    return np.asarray(cv2.dilate(unknown.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
 def _on_mask(mask: np.ndarray, points: np.ndarray) -> np.ndarray:

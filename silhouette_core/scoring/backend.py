@@ -112,6 +112,7 @@ class Backend(Protocol):
         matrices: FloatArray,
         vertices_cam: FloatArray,
         faces: NDArray[np.integer],
+        unknown: Sequence[NDArray[np.bool_]] | None = None,
     ) -> FloatArray:
         r"""Unexplained fraction of the silhouettes for K poses, the mean over the cameras.
 
@@ -124,6 +125,8 @@ class Backend(Protocol):
             matrices: (C, 3, 3) pinhole matrices, px.
             vertices_cam: (K, C, V, 3) m, each pose's closed mesh in the frame of every camera.
             faces: (F, 3) vertex indices, oriented outwards.
+            unknown: C arrays (h, w) bool, pixels that do not count, where the silhouettes P are
+                empty; None: all count.
 
         Returns:
             (K,) float64, 0 perfect, 1 apart.

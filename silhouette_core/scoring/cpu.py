@@ -78,6 +78,7 @@ class CpuBackend:
         matrices: FloatArray,
         vertices_cam: FloatArray,
         faces: NDArray[np.integer],
+        unknown: Sequence[NDArray[np.bool_]] | None = None,
     ) -> FloatArray:
         """See `Backend.silhouette_errors`."""
         check_array("vertices_cam", vertices_cam, ("K", len(masks), "V", 3))
@@ -91,8 +92,13 @@ class CpuBackend:
         totals = [np.count_nonzero(mask) for mask in masks]
         for k, own in enumerate(images.reshape(*corners.shape[:2], *images.shape[1:])):
             ratios = []
-            for image, mask, total, (left, top) in zip(own, masks, totals, corners[k], strict=True):
-                seen = mask[top : top + size[1], left : left + size[0]]
+            for c, (image, mask, (left, top)) in enumerate(
+                zip(own, masks, corners[k], strict=True)
+            ):
+                window = slice(top, top + size[1]), slice(left, left + size[0])
+                seen, total = mask[window], totals[c]
+                if unknown is not None:
+                    image[: seen.shape[0], : seen.shape[1]][unknown[c][window]] = 0
                 apart, either = silhouettes.count_disagreement(image, seen)
                 missed = total - np.count_nonzero(seen)
                 if either + missed:

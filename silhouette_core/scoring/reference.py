@@ -78,13 +78,16 @@ class ReferenceBackend:
         matrices: FloatArray,
         vertices_cam: FloatArray,
         faces: NDArray[np.integer],
+        unknown: Sequence[NDArray[np.bool_]] | None = None,
     ) -> FloatArray:
         """See `Backend.silhouette_errors`."""
         labels, errors = np.zeros(len(faces), np.int32), np.ones(len(vertices_cam))
         for k, meshes in enumerate(vertices_cam):
             ratios = []
-            for mask, matrix, mesh in zip(masks, matrices, meshes, strict=True):
+            for c, (mask, matrix, mesh) in enumerate(zip(masks, matrices, meshes, strict=True)):
                 parts, _ = render_parts(mesh, faces, labels, matrix, mask.shape[::-1], True)
+                if unknown is not None:
+                    parts = np.where(unknown[c], 0, parts)
                 apart, either = kernels.count_disagreement(parts, mask)
                 if either:
                     ratios.append(apart / either)

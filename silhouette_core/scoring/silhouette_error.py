@@ -29,7 +29,8 @@ def silhouette_error(
     model: BodyModel, pose: Pose, observation: Observation, backend: Backend = CPU
 ) -> float:
     """Unexplained fraction of the silhouettes, the mean over the cameras of |XOR| / |OR| between
-    the pose's and the observed ones: 0 perfect, 1 apart. See `Backend.silhouette_errors`.
+    the pose's and the observed ones: 0 perfect, 1 apart. What is unknown does not count. See
+    `Backend.silhouette_errors`.
     """
     return float(mask_errors(model, [pose], observation.views, observation.masks, backend)[0])
 
@@ -45,4 +46,4 @@ def mask_errors(
     in_cameras = posed_meshes(model, poses)[:, None] @ views.rotation.transpose(0, 2, 1)
     in_cameras += views.translation_m[:, None]
     matrices = np.stack([camera.matrix for camera in views.rig])
-    return backend.silhouette_errors(masks, matrices, in_cameras, model.faces)
+    return backend.silhouette_errors(masks, matrices, in_cameras, model.faces, views.unknown)

@@ -70,3 +70,30 @@ def test_a_reduced_silhouette_has_the_same_corners(rig):
         np.testing.assert_allclose(outline.pixels.min(0), [59.5, 39.5], atol=1e-6)
         np.testing.assert_allclose(outline.pixels.max(0), [159.5, 119.5], atol=1e-6)
         np.testing.assert_allclose(outline.middle, [109.5, 79.5], atol=2)
+
+
+def test_where_something_unknown_hides_the_body_no_plane_is_compared(rig, film):
+    unknown = np.zeros_like(film["cam_0"][0])
+    unknown[: len(unknown) // 2] = True
+    cut = [mask & ~unknown for mask in film["cam_0"]]
+    other = track_of(rig, film, "cam_1")
+
+    def errors(hidden: np.ndarray | None) -> np.ndarray:
+        track = OutlineTrack.from_masks(rig["cam_0"], np.arange(COUNT) / FPS, cut, hidden)
+        return np.abs(tangency(track, other, MOMENTS))
+
+    whole = np.abs(tangency(track_of(rig, film, "cam_0"), other, MOMENTS))
+    assert np.nanmax(errors(None)) > 3 * np.nanmax(whole)
+    known = errors(unknown)
+    assert np.isnan(known).any(axis=1).all()
+    assert not np.isfinite(known).any() or np.nanmax(known) < 1.5 * np.nanmax(whole)
+
+
+def test_what_is_unknown_elsewhere_changes_nothing(rig, film):
+    mask = film["cam_0"][0]
+    unknown = np.zeros_like(mask)
+    unknown[:4, :4] = True
+    found, plain = (Outline.from_mask(rig["cam_0"], mask, where) for where in (unknown, None))
+    assert found is not None and plain is not None
+    np.testing.assert_array_equal(found.pixels, plain.pixels)
+    np.testing.assert_array_equal(found.inside, plain.inside)

@@ -26,7 +26,8 @@ def carve_blocks(rng):
         for i, lens in enumerate(LENSES)
     )
     rig = Rig(tuple(cameras))
-    frames, sums, pixels = pack_masks([mask(rng, camera.size) for camera in rig])
+    unknown = [mask(rng, camera.size) > rng.integers(2) for camera in rig]
+    frames, sums, pixels = pack_masks([mask(rng, camera.size) for camera in rig], unknown)
     grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
     axes = grid.axes(LARGEST)
     order = block_order(int(np.prod([len(axis) // LARGEST for axis in axes])))

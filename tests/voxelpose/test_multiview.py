@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from benchmarks.unknown_places import ankle_error_mm, make
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.presets import body_preset
@@ -22,6 +23,7 @@ from voxelpose.evaluation import score_motion
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview import MultiViewEstimator
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
 
 FRAMES = 3
 
@@ -124,3 +126,19 @@ def test_a_body_that_is_not_there(tmp_path):
         MultiViewEstimator().estimate(
             source, Settings(options={"body": "nobody"}), SilentReporter()
         )
+
+
+@pytest.mark.slow
+def test_legs_behind_furniture_are_found_where_it_is_marked(tmp_path):
+    folder = make_recording(tmp_path / "walk", frames=FRAMES)
+    truth = read_truth(folder / "truth.json")
+    errors = {}
+    for way in ("whole", "hidden", "marked"):
+        recording = Recording.open(make(folder, ["cam_1"], 0.5, way, tmp_path / way))
+        result = fit(
+            recording, Output(tmp_path / f"{way}_fit", pictures=False), Settings(threads=2)
+        )
+        errors[way] = ankle_error_mm(truth, result.motion.landmarks())
+        share = {"cam_1": 0.5} if way == "marked" else {}
+        assert result.summary["facts"]["unknown_share"] == pytest.approx(share, abs=0.01)
+    assert errors["marked"] < max(1.4 * errors["whole"], 25) < errors["hidden"]

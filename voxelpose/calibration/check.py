@@ -184,7 +184,8 @@ def _outlines(
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)
         for name, mask in masks.items():
-            outlines[name].append(Outline.from_mask(recording.rig[name], mask))
+            unknown = silhouettes.unknown.get(name)
+            outlines[name].append(Outline.from_mask(recording.rig[name], mask, unknown))
         if moment in shown:
             checked_frames[moment + recording.first] = {
                 name: _checked_frame(frames[name], mask) for name, mask in masks.items()
@@ -215,9 +216,10 @@ def _dense_outlines(
         np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
     )
     reporter.stage(f"{name} frame by frame", len(near))
-    outlines = []
+    outlines, unknown = [], silhouettes.unknown.get(name)
     for frame in recording.readers[name].select((near + recording.first).tolist()):
-        outlines.append(Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name]))
+        mask = silhouettes.of({name: frame})[name]
+        outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
         reporter.advance()
     return OutlineTrack(recording.rig[name], recording.times_s[near], tuple(outlines))
 

@@ -113,11 +113,10 @@ def sync_recording(
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         without_background += silhouettes.without_background
-        outlines = []
+        outlines, unknown = [], silhouettes.unknown.get(name)
         for frame in recording.readers[name].frames(int(used[0]), int(used[-1]) + 1):
-            outlines.append(
-                Outline.from_mask(recording.rig[name], silhouettes.of({name: frame})[name])
-            )
+            mask = silhouettes.of({name: frame})[name]
+            outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
             reporter.advance()
         tracks.append(OutlineTrack(recording.rig[name], times[name][used], tuple(outlines)))
     reporter.stage("offsets")

@@ -1,5 +1,6 @@
 """Bounding box of a visual hull, before it is carved."""
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -36,6 +37,7 @@ def place_grid(
     voxel_size_m: float | None = None,
     resolution: int = 128,
     rule: CarveRule | None = None,
+    unknown: Sequence[NDArray[np.bool_]] | None = None,
 ) -> VoxelGrid:
     """Smallest grid that holds the visual hull.
 
@@ -51,6 +53,7 @@ def place_grid(
         voxel_size_m: Edge of a voxel, m; None divides the box's longest edge by `resolution`.
         resolution: Voxels along the longest edge where no size is given.
         rule: Condition under which a voxel is occupied; its tolerance holds here as well.
+        unknown: As of `carve`; what they hide bounds nothing.
 
     Returns:
         The grid, with a margin of one voxel.
@@ -67,10 +70,13 @@ def place_grid(
         raise ValueError(f"voxel_size_m must be positive, got {voxel_size_m}")
     images = mask_list(rig, masks)
     require_foreground(rig, images, rule.tolerance)
-    low, high = _pyramid_box(rig, images, rule)
+    possible = images
+    if unknown is not None:
+        possible = [mask | where for mask, where in zip(images, unknown, strict=True)]
+    low, high = _pyramid_box(rig, possible, rule)
     if len(_blind(rig, low, high)) > rule.tolerance:
         raise _nothing_common(rig)
-    low, high = _shrink(rig, images, rule, low, high)
+    low, high = _shrink(rig, images, rule, (low, high), unknown)
     size = voxel_size_m or float((high - low).max()) / resolution
     return grid_within(low - _MARGIN_VOXELS * size, high + _MARGIN_VOXELS * size, size)
 
@@ -259,10 +265,11 @@ def _shrink(
     rig: Rig,
     masks: list[NDArray[np.uint8]],
     rule: CarveRule,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    box: _Box,
+    unknown: Sequence[NDArray[np.bool_]] | None,
 ) -> _Box:
     """Box after repeated coarse carving, until that no longer shrinks it much."""
+    low, high = box
     for _ in range(_SEARCH_STEPS):
         # A silhouette that reaches all borders leaves a box so large that coarse voxels are larger
         # than a person.
@@ -273,6 +280,7 @@ def _shrink(
                 [_dilated(camera, mask, grid) for camera, mask in zip(rig, masks, strict=True)],
                 grid,
                 rule,
+                unknown,
             )
             if occupancy.any():
                 break

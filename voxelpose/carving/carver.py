@@ -1,6 +1,7 @@
 """Visual hull of silhouettes, as voxels."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -56,7 +57,11 @@ class CarveRule:
 
 
 def carve(
-    rig: Rig, masks: Masks, grid: VoxelGrid, rule: CarveRule | None = None
+    rig: Rig,
+    masks: Masks,
+    grid: VoxelGrid,
+    rule: CarveRule | None = None,
+    unknown: Sequence[NDArray[np.bool_]] | None = None,
 ) -> NDArray[np.bool_]:
     r"""Visual hull: the voxels whose projections are foreground.
 
@@ -83,6 +88,9 @@ def carve(
         grid: The volume.
         rule: Condition for a voxel; by default every camera that sees it agrees, and three quarters
             of all cameras do.
+        unknown: Pixels about which nothing is known, (h, w) bool each, in the order of the rig: a
+            camera neither agrees nor objects to what projects there, whatever the rule; None:
+            there are none.
 
     Returns:
         (nx, ny, nz) bool, True where the voxel is occupied.
@@ -96,7 +104,7 @@ def carve(
     are ours.
     """
     rule = rule or CarveRule()
-    frames, sums, pixels = pack_masks(mask_list(rig, masks))
+    frames, sums, pixels = pack_masks(mask_list(rig, masks), unknown)
     rows, kinds, bounds = pack_rig(rig)
     occupancy = np.zeros(grid.shape, dtype=np.bool_)
     axes = grid.axes(blocks.LARGEST)

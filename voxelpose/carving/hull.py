@@ -1,5 +1,6 @@
 """Visual hull of one frame of a recording folder."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -113,7 +114,11 @@ def carve_recording(
     silhouettes = Silhouettes(recording)
     _, _, frames = next(iter(recording))
     hull = carve_masks(
-        recording.rig, silhouettes.of(frames), settings, silhouettes.without_background
+        recording.rig,
+        silhouettes.of(frames),
+        settings,
+        silhouettes.without_background,
+        silhouettes.unknown_of(recording.rig.names),
     )
     if out is not None:
         write_ply(out, hull.grid, hull.occupancy, settings.style)
@@ -125,6 +130,7 @@ def carve_masks(
     masks: dict[str, NDArray[np.bool_]],
     settings: CarveSettings,
     without_background: tuple[str, ...] = (),
+    unknown: Sequence[NDArray[np.bool_]] | None = None,
 ) -> Hull:
     """Visual hull of one set of silhouettes, in the given volume or in the smallest that holds it.
 
@@ -133,12 +139,14 @@ def carve_masks(
         masks: Silhouettes, (h, w) bool, by camera name.
         settings: Volume, resolution and rule.
         without_background: Cameras whose background was estimated from the recording.
+        unknown: As of `carve`.
 
     Raises:
         InputError: No voxel is occupied.
     """
     if settings.volume_m is None:
-        grid = place_grid(rig, masks, settings.voxel_size_m, settings.resolution, settings.rule)
+        size = settings.voxel_size_m, settings.resolution
+        grid = place_grid(rig, masks, *size, settings.rule, unknown)
     else:
         check_tolerance(settings.rule.tolerance, len(rig))
         require_foreground(rig, [masks[name] for name in rig.names], settings.rule.tolerance)
@@ -148,7 +156,7 @@ def carve_masks(
             high,
             settings.voxel_size_m or max(float((high - low).max()), 1e-9) / settings.resolution,
         )
-    occupancy = carve(rig, masks, grid, settings.rule)
+    occupancy = carve(rig, masks, grid, settings.rule, unknown)
     if not occupancy.any():
         raise InputError(
             "no voxel is left: choose smaller voxels, another volume, or tolerate a bad camera"

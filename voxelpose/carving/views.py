@@ -108,15 +108,23 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
 
 
 def pack_masks(
-    masks: list[NDArray[np.uint8]],
+    masks: list[NDArray[np.uint8]], unknown: Sequence[NDArray[np.bool_]] | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
-    """Frames, sums and pixels of all masks, as in `blocks.carve_blocks`, cropped to the foreground.
+    """Frames, sums and pixels of all masks, as in `blocks.carve_blocks`, cropped to the foreground
+    and to what is unknown, (h, w) bool each.
 
     The last two are overwritten by the next call in the same thread.
     """
-    frames = np.zeros((len(masks), 8), dtype=np.int64)
+    counts = [1] * len(masks)
+    if unknown is not None:
+        counts = [2 if where.any() else 1 for where in unknown]
+        masks = [
+            np.where(where, np.uint8(blocks.BLIND), mask) if count > 1 else mask
+            for mask, where, count in zip(masks, unknown, counts, strict=True)
+        ]
+    frames = np.zeros((len(masks), 9), dtype=np.int64)
     pixel_count, sum_count = 3, 0
-    for frame, mask in zip(frames, masks, strict=True):
+    for frame, mask, count in zip(frames, masks, counts, strict=True):
         left, top, wide, high = foreground_box(mask)
         # One pixel more on every side, even beyond the image: the rim is empty, and no crop is.
         frame[:] = (
@@ -128,19 +136,21 @@ def pack_masks(
             high + 2,
             pixel_count,
             sum_count,
+            count,
         )
         pixel_count += (wide + 2) * (high + 2)
         sum_count += (wide + 3) * (high + 3)
     pixels, sums = _workspace.pixels.take(pixel_count), _workspace.sums.take(sum_count)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
-    for (_, _, left, top, wide, high, pixel, total), mask in zip(
+    for (_, _, left, top, wide, high, pixel, total, count), mask in zip(
         frames.tolist(), masks, strict=True
     ):
         crop = pixels[pixel : pixel + wide * high].reshape(high, wide)
         crop[0], crop[-1], crop[:, 0], crop[:, -1] = 0, 0, 0, 0
         crop[1:-1, 1:-1] = mask[top + 1 : top + high - 1, left + 1 : left + wide - 1]
+        counted = crop if count == 1 else np.where(crop == blocks.BLIND, np.uint8(1), 2 * crop)
         sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1)[:] = cv2.integral(
-            crop
+            counted
         )  # wraps around
     return frames, sums, pixels
 

@@ -60,6 +60,10 @@ class EmptyView:
         """See `FrameSource.regions`."""
         return self.allowed
 
+    def unknown(self) -> Mapping[str, Mask]:
+        """See `FrameSource.unknown`: live, nothing is marked."""
+        return {}
+
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, Picture]]:
         """See `FrameSource.at`: there are no frames."""
         return iter(())

@@ -22,6 +22,7 @@ _MOST_TURNED_DEG = 5.0  # a larger turn is no bump: somebody should look
 _IMPROVED = 0.5  # share of the error left by which a repair is sure although not all agree yet
 _FEWEST = 4  # cameras: of three, the two others tell too little
 _REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
+Unknown = Sequence[NDArray[np.bool_]] | None
 _LOOK = f"look at the silhouettes (voxelpose view), and see {_REMEDY}"
 
 
@@ -55,7 +56,13 @@ class RepairedCameras:
 
 
 def repair_cameras(
-    rig: Rig, store: MaskStore, times_s: NDArray[np.float64], fps: float, *, repair: bool
+    rig: Rig,
+    store: MaskStore,
+    times_s: NDArray[np.float64],
+    fps: float,
+    *,
+    repair: bool,
+    unknown: Unknown = None,
 ) -> RepairedCameras:
     """Checks cameras against the silhouettes of a dozen moments.
 
@@ -69,13 +76,14 @@ def repair_cameras(
         times_s: (T,) times of the frames, s.
         fps: frames per second.
         repair: whether sure repairs are made; otherwise they are only told.
+        unknown: C arrays (h, w) bool, where nothing is known; None: nowhere.
     """
     unchanged = RepairedCameras(rig, {})
     moments = even_moments(len(store), _MOMENTS)
     if len(rig) < 3 or len(moments) < 3:
         return unchanged
     at = times_s[moments]
-    tracks = _tracks(rig, store, moments, times_s)
+    tracks = _tracks(rig, store, moments, times_s, unknown)
     try:
         checked = agreement(list(tracks.values()), at)
         if checked.agrees:
@@ -86,7 +94,7 @@ def repair_cameras(
         near = np.unique(
             np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, len(store) - 1)
         )
-        tracks |= _tracks(rig, store, near, times_s, checked.culprits)
+        tracks |= _tracks(rig, store, near, times_s, unknown, checked.culprits)
         repairs = explain(tracks, checked, at, most / fps)
         repaired = rig
         for found in repairs:
@@ -126,9 +134,11 @@ def _tracks(
     store: MaskStore,
     frames: NDArray[np.int64],
     times_s: NDArray[np.float64],
+    unknown: Unknown,
     names: Sequence[str] | None = None,
 ) -> dict[str, OutlineTrack]:
     """Outlines of some frames, of all cameras or of those named."""
+    hidden = [None] * len(rig) if unknown is None else unknown
     chosen = [c for c, name in enumerate(rig.names) if names is None or name in names]
     masks: dict[int, list[NDArray[np.bool_]]] = {c: [] for c in chosen}
     for frame in frames.tolist():
@@ -136,6 +146,6 @@ def _tracks(
         for c in chosen:
             masks[c].append(seen[c])
     return {
-        rig.names[c]: OutlineTrack.from_masks(rig.cameras[c], times_s[frames], masks[c])
+        rig.names[c]: OutlineTrack.from_masks(rig.cameras[c], times_s[frames], masks[c], hidden[c])
         for c in chosen
     }

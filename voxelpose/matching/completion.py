@@ -51,7 +51,7 @@ class SilhouetteCompletion:
         self, views: PinholeViews, volume: VoxelGrid, rule: CarveRule, floor_m: float = 0.0
     ):
         """Keeps the settings."""
-        self.rig, self._rule = views.rig, rule
+        self.rig, self._views, self._rule = views.rig, views, rule
         low = volume.origin_m
         self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, _VOXEL_M)
         outvoted = len(views.rig) // 4
@@ -61,7 +61,7 @@ class SilhouetteCompletion:
         depth = np.maximum(views.rotation[:, 2] @ middle + views.translation_m[:, 2], 0.1)
         self._voxel_px = views.intrinsics[:, 0] * grid.voxel_size_m / depth
         self._radius = [window_radius(camera.size) for camera in views.rig]
-        self._floor = FloorShadows(views.rig, floor_m)
+        self._floor = FloorShadows(views.rig, floor_m, views.unknown)
 
     def complete(self, masks: Masks, tint: Masks, brightness: Masks) -> Masks:
         """Silhouettes (h, w) bool of one frame with what was found to be missing, one per camera.
@@ -72,10 +72,11 @@ class SilhouetteCompletion:
             brightness: where the brightness differs, (h, w) bool.
         """
         masks = self._seen_by_some(masks, tint, brightness)
-        return self._missed_by_all(masks, tint, brightness)
+        return self._views.without_unknown(self._missed_by_all(masks, tint, brightness))
 
     def _seen_by_some(self, masks: Masks, tint: Masks, brightness: Masks) -> Masks:
-        hull = carve(self.rig, masks, self._grid, self._rule)
+        unknown = self._views.unknown
+        hull = carve(self.rig, masks, self._grid, self._rule, unknown)
         unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
         if not any(pixels.any() for pixels in unexplained):
             return masks
@@ -83,9 +84,9 @@ class SilhouetteCompletion:
         shaded = [
             self._without_holes(masks[c] | tint[c] | brightness[c], c) for c in range(len(masks))
         ]
-        hidden = carve(self.rig, unexplained, self._grid, self._seen_by_one) & ~hull
+        hidden = carve(self.rig, unexplained, self._grid, self._seen_by_one, unknown) & ~hull
         allowed = self._carved(possible) & hidden
-        agreed = carve(self.rig, masks, self._grid, self._majority) & hidden
+        agreed = carve(self.rig, masks, self._grid, self._majority, unknown) & hidden
         completed = []
         for c, (mask, more, most) in enumerate(zip(masks, possible, shaded, strict=True)):
             added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
@@ -135,6 +136,8 @@ class SilhouetteCompletion:
             edge = int(np.ceil(1.5 * self._voxel_px[c])) | 1
             inside = ~dilated(~self._footprint(piece, c), edge)
             inside &= ~dilated(mask, 2 * self._radius[c] + 1)
+            if self._views.unknown is not None:
+                inside &= ~self._views.unknown[c]
             if (pixels := np.count_nonzero(inside)) > _PIECE_PX:
                 shares.append(np.count_nonzero(found & inside) / pixels)
         if not shares:
@@ -152,7 +155,7 @@ class SilhouetteCompletion:
             dilated(mask, 2 * round(0.5 * size) + 1)
             for mask, size in zip(masks, self._voxel_px, strict=True)
         ]
-        return carve(self.rig, wide, self._grid, self._rule)
+        return carve(self.rig, wide, self._grid, self._rule, self._views.unknown)
 
     def _unexplained(
         self, mask: NDArray[np.bool_], hull: NDArray[np.bool_], c: int

@@ -40,6 +40,7 @@ RIGHT_MM = 80.0
 """Mean error of the joints relative to the pelvis up to which a frame counts as right."""
 _SQUARE_M = 0.12  # half the side of the square around a joint
 ADDED_MM = 3.0
+_LEAST_SEEN = 0.3  # of a square that must be known
 _LEAST = 0.01  # share below which a joint's surroundings count as alike
 _USUAL_SIGMA_M, _USUAL_CAMERAS = 0.01, 4
 _TURNS = (1.0, 4.0)  # range of the half-turn ratio
@@ -74,9 +75,10 @@ class FrameEvidence:
     """What speaks for and against one frame's pose.
 
     Attributes:
-        camera_error: (C,) float64, |XOR| / |OR| of body and silhouette in each camera.
+        camera_error: (C,) float64, |XOR| / |OR| of body and silhouette in each camera; what is
+            unknown does not count, and a camera in which all of it is has the others' mean.
         joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
-            square, the mean over the cameras that have the joint before them.
+            square, the mean over the cameras that have the joint before them and know some of it.
         outside: share of the body's volume outside the hull.
         joint_sigma_m: (15,) float64, standard deviations of the joints by the outlines, m.
     """
@@ -101,26 +103,36 @@ def frame_evidence(
     """
     model, vertices_m = body.model, posed_mesh(body.model, pose)
     errors, near = [], []
-    for camera, mask in zip(frame.views.rig, frame.masks, strict=True):
+    for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
         seen = vertices_m @ camera.rotation.T + camera.translation
         parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
-        drawn = parts > 0
+        drawn, unknown = parts > 0, None
+        if frame.views.unknown is not None:
+            unknown = frame.views.unknown[c]
+            drawn &= ~unknown
         apart = drawn ^ mask
-        errors.append(np.count_nonzero(apart) / max(np.count_nonzero(drawn | mask), 1))
+        either = np.count_nonzero(drawn | mask)
+        hidden = unknown is not None and not either
+        errors.append(np.nan if hidden else np.count_nonzero(apart) / max(either, 1))
         pixels, depth_m = camera.project(joints_m)
         shares = np.full(len(joints_m), np.nan)
         for k in np.flatnonzero(np.isfinite(pixels).all(axis=1)):
             reach = _SQUARE_M * camera.matrix[0, 0] / max(float(depth_m[k]), 0.3)
             low = np.maximum((pixels[k] - reach).astype(int), 0)
             high = np.maximum((pixels[k] + reach).astype(int) + 1, 0)
-            square = apart[low[1] : high[1], low[0] : high[0]]
-            shares[k] = np.count_nonzero(square) / (2 * reach) ** 2
+            square, area = (slice(low[1], high[1]), slice(low[0], high[0])), (2 * reach) ** 2
+            seen = area if unknown is None else area - np.count_nonzero(unknown[square])
+            if seen >= _LEAST_SEEN * area:
+                shares[k] = np.count_nonzero(apart[square]) / seen
         near.append(shares)
     known = np.isfinite(near)
     sums = np.where(known, near, 0.0).sum(axis=0)
+    camera_error = np.array(errors)
+    if np.isnan(camera_error).any() and not np.isnan(camera_error).all():
+        camera_error[np.isnan(camera_error)] = np.nanmean(camera_error)
     joint_error = sums / np.maximum(known.sum(axis=0), 1)
     sigma_m = landmark_sigma_m(body.surface, frame.observation, pose)
-    return FrameEvidence(np.array(errors), joint_error, outside, sigma_m)
+    return FrameEvidence(camera_error, joint_error, outside, sigma_m)
 
 
 def half_turn_ratio(

@@ -17,7 +17,8 @@ _IN_FLOOR_M = 1e-3  # a camera at this height sees the floor as a line
 _FOOT_M3 = 0.0005
 _FLOOR_M = 0.15  # a floor no farther from the world's origin than this is there
 
-Masks = list[NDArray[np.bool_]]
+Mask = NDArray[np.bool_]
+Masks = list[Mask]
 """A mask (h, w) bool per camera."""
 
 
@@ -27,12 +28,13 @@ class FloorShadows:
     Args:
         rig: the C pinhole cameras.
         floor_m: height of the floor.
+        unknown: as of `PinholeViews`.
     """
 
-    def __init__(self, rig: Rig, floor_m: float = 0.0):
+    def __init__(self, rig: Rig, floor_m: float = 0.0, unknown: Sequence[Mask] | None = None):
         """Prepares the homographies between floor and images."""
         lift = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, floor_m], [0, 0, 1]])
-        self._rig = rig
+        self._rig, self._unknown = rig, unknown
         self._from_floor = [camera.projection @ lift for camera in rig]
         self._above_m = [float(camera.center_m[2]) - floor_m for camera in rig]
 
@@ -47,6 +49,9 @@ class FloorShadows:
             person_m: (2,) place of the person on the floor.
         """
         wide = [dilated(mask, _EDGE_PX).view(np.uint8) for mask in dark]
+        if self._unknown is not None:
+            seen = zip(wide, self._unknown, strict=True)
+            wide = [np.where(where, np.uint8(_UNSEEN), mask) for mask, where in seen]
         return [self._possible(c, wide, person_m) for c in range(len(dark))]
 
     def _possible(

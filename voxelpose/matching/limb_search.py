@@ -91,13 +91,17 @@ def _carried(limb: Limb | None, upper: Limb, limbs: Sequence[Limb]) -> bool:
 
 
 def _pixel_values(observation: Observation) -> np.ndarray:
-    """Value (C, h, w) int8 of each pixel for a limb, where no other part covers it."""
-    masks = observation.masks
+    """Value (C, h, w) int8 of each pixel for a limb, where no other part covers it; what is
+    unknown is worth nothing.
+    """
+    masks, unknown = observation.masks, observation.views.unknown
     height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
     images = np.zeros((len(masks), height, width), np.int8)
     for image, mask in zip(images, masks, strict=True):
         inside = mask.view(np.int8) * np.int8(_UNEXPLAINED - _OUTSIDE)
         np.add(inside, np.int8(_OUTSIDE), out=image[: mask.shape[0], : mask.shape[1]])
+    for image, where in zip(images, unknown or (), strict=unknown is not None):
+        image[: where.shape[0], : where.shape[1]][where] = _EXPLAINED
     return images
 
 

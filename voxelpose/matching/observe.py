@@ -13,12 +13,14 @@ from calib.components import MaskComponents, label_components
 from calib.errors import InputError
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
+from voxelpose.carving.bounds import LEAST_CAMERAS
 from voxelpose.carving.carver import CarveRule, carve
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.carving.kernels.footprint import mark_voxels
 
 _COARSE_M = 0.05
 _MARGIN_M = 0.10
+_LIMB_M = 1.0  # a leg's length, with the foot
 _EXPLAINED = 0.04  # largest unexplained fraction of a silhouette that the hull counts as explaining
 _SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
 _CRUMB = 0.03  # of the largest component
@@ -105,10 +107,15 @@ class HullComponents:
         return best if self.volume_m3[best] >= _SMALLEST_M3 else None
 
 
-def body_rule(cameras: int, tolerance: int) -> CarveRule:
+def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
     """Rule by which a voxel may belong to a body.
 
     A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
+
+    Args:
+        cameras: number of cameras.
+        tolerance: number of them that may be wrong about a voxel.
+        partly_unknown: number of them of which parts are unknown, so that fewer may agree, but two.
 
     Raises:
         InputError: so many cameras may be wrong that none need agree.
@@ -119,7 +126,12 @@ def body_rule(cameras: int, tolerance: int) -> CarveRule:
             f"a tolerance of {tolerance} of {cameras} cameras leaves none to agree: give at most"
             f" {most}"
         )
-    return CarveRule(tolerance, least_agreeing=most - tolerance)
+    return CarveRule(tolerance, least_agreeing=_least(most - tolerance, partly_unknown))
+
+
+def _least(usual: int, partly_unknown: int) -> int:
+    """Fewest cameras that must agree where parts of some are unknown."""
+    return max(usual - partly_unknown, min(usual, 2))
 
 
 class HullObserver:
@@ -170,7 +182,7 @@ class HullObserver:
 
     def components(self, masks: list[np.ndarray]) -> HullComponents:
         """Components of the coarse hull of the whole volume."""
-        hull = carve(self.views.rig, masks, self._coarse, self.rule)
+        hull = carve(self.views.rig, masks, self._coarse, self.rule, self.views.unknown)
         return HullComponents.from_voxels(
             _label_bodies(hull, self._coarse, self._joined_m), self._coarse
         )
@@ -189,8 +201,18 @@ class HullObserver:
             masks: a raw silhouette (h, w) bool per camera.
             grid: the window.
         """
-        masks = self._confirmed_by_others(masks, grid)
-        return masks, carve(self.views.rig, self._dilated(masks, grid), grid, self.rule)
+        masks = self._confirmed_by_others(masks, self._surroundings(grid))
+        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
+
+    def _surroundings(self, grid: VoxelGrid) -> VoxelGrid:
+        """Where silhouettes are confirmed: the window, or as far as limbs go that only one camera
+        may see, and that are no part of the hull therefore.
+        """
+        if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
+            return grid
+        low, high = grid.origin_m - _LIMB_M, grid.origin_m + grid.size_m + _LIMB_M
+        return VoxelGrid.from_bounds(low, high, _COARSE_M)
 
     def select(
         self,
@@ -230,11 +252,14 @@ class HullObserver:
         that only some of the others show are false foreground. Small ones stay,
         if most cameras agree: hands and feet are easily lost from a hull.
         """
-        strict = self._confirmed(masks, grid, self.rule)
+        strict_rule = self.rule
+        if self.views.unknown is not None:  # what no other camera sees, none contradicts
+            strict_rule = replace(self.rule, least_agreeing=1)
+        strict = self._confirmed(masks, grid, strict_rule)
         if len(masks) < 4:
             return strict
         tolerance = self.rule.tolerance + max(1, len(masks) // 4)
-        least = 3 * len(masks) // 4 - tolerance + 1
+        least = _least(3 * len(masks) // 4 - tolerance + 1, self.views.partly_unknown)
         loose = self._confirmed(
             masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=least)
         )
@@ -252,7 +277,8 @@ class HullObserver:
     def _confirmed(
         self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
-        hull = carve(self.views.rig, self._dilated(masks, grid), grid, rule)
+        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        hull = carve(self.views.rig, wide, grid, rule, unknown)
         hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
         for c, mask in enumerate(masks):
             footprint = np.zeros(mask.shape, np.uint8)

@@ -4,7 +4,7 @@ world upright, what was missed completed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 
@@ -108,8 +108,17 @@ def prepare_silhouettes(
         stores = [
             kept.enter_context(closing(MaskStore(sizes, source.frame_count))) for _ in range(3)
         ]
-        work = _Preparation(source, stores, preparation, clock, reporter)
-        numbers, times_s = work.subtract_background(settings, lenses)
+        reporter.stage("background")
+        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
+        silhouettes.note(reporter)
+        unknown = unknown_views(silhouettes.unknown, lenses)
+        pairs = zip(source.rig.names, unknown or (), strict=unknown is not None)
+        shares = {name: round(float(mask.mean()), 4) for name, mask in pairs if mask.any()}
+        if shares:
+            listed = ", ".join(f"{100 * share:.0f} % of {name}" for name, share in shares.items())
+            reporter.note(f"marked as unknown, and left out: {listed}")
+        work = _Preparation(source, stores, unknown, preparation, clock, reporter)
+        numbers, times_s = work.subtract_background(silhouettes, lenses)
         moments = [stores[0][int(t)] for t in even_moments(len(stores[0]), MOMENTS)]
         by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
         check_plausible(by_camera, least=LEAST_CAMERAS)
@@ -128,6 +137,7 @@ def prepare_silhouettes(
         for words in checked.words:
             reporter.note(words)
         facts: dict[str, object] = {
+            "unknown_share": shares,
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
             "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
@@ -140,22 +150,23 @@ def prepare_silhouettes(
 
 @dataclass(frozen=True, eq=False)
 class _Preparation:
-    """Steps of the preparation; `stores` are of silhouettes, differences of tint, of brightness."""
+    """Steps of the preparation; `stores` are of silhouettes, differences of tint, of brightness;
+    `unknown` is as of `PinholeViews`.
+    """
 
     source: FrameSource
     stores: list[MaskStore]
+    unknown: tuple[np.ndarray, ...] | None
     settings: PreparationSettings
     clock: StageClock
     reporter: Reporter
 
     def subtract_background(
-        self, settings: Settings, lenses: list[UndistortedView]
+        self, silhouettes: Silhouettes, lenses: list[UndistortedView]
     ) -> tuple[np.ndarray, FloatArray]:
         """Stores the soft silhouettes of all frames; frame numbers (T,) and times (T,) s."""
         source, reporter = self.source, self.reporter
-        reporter.stage("background")
-        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
-        silhouettes.note(reporter)
+        views = PinholeViews.from_rig(Rig(tuple(lens.pinhole for lens in lenses)), self.unknown)
         reporter.stage("silhouettes", source.frame_count)
         numbers, times_s = np.zeros(source.frame_count, np.int64), np.zeros(source.frame_count)
         frames: Mapping[str, Frame]
@@ -164,9 +175,10 @@ class _Preparation:
                 soft = silhouettes.soft(frames)
                 masks = zip(*(soft[name] for name in source.rig.names), strict=True)
                 for store, seen in zip(self.stores, masks, strict=True):
-                    store.put(
-                        t, [lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)]
-                    )
+                    masks_t = [
+                        lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)
+                    ]
+                    store.put(t, views.without_unknown(masks_t))
             numbers[t], times_s[t] = number, seconds
             reporter.advance()
         return numbers, times_s
@@ -178,7 +190,8 @@ class _Preparation:
         self.reporter.stage("cameras")
         repair = self.settings.repair == "auto"
         with self.clock("cameras"):
-            checked = repair_cameras(rig, self.stores[0], times_s, self.source.fps, repair=repair)
+            at = times_s, self.source.fps
+            checked = repair_cameras(rig, self.stores[0], *at, repair=repair, unknown=self.unknown)
         for name, late in checked.late_frames.items():
             for silhouettes in self.stores:
                 silhouettes.advance(rig.names.index(name), late)
@@ -212,16 +225,41 @@ class _Preparation:
 
     def observer(self, rig: Rig) -> HullObserver:
         """Observer of hulls by some cameras."""
-        return observer_of(rig, self.stores[0], self.settings)
+        return observer_of(rig, self.stores[0], self.settings, self.unknown)
 
 
-def observer_of(rig: Rig, store: MaskStore, settings: PreparationSettings) -> HullObserver:
+def unknown_views(
+    unknown: Mapping[str, np.ndarray], lenses: Sequence[UndistortedView]
+) -> tuple[np.ndarray, ...] | None:
+    """Unknown places (h, w) bool as of `PinholeViews`; None where there are none.
+
+    Args:
+        unknown: by camera name, as recorded.
+        lenses: of all cameras.
+    """
+    if not unknown:
+        return None
+    return tuple(
+        lens.undistort_unknown(unknown[lens.pinhole.name])
+        if lens.pinhole.name in unknown
+        else np.zeros(lens.pinhole.size[::-1], np.bool_)
+        for lens in lenses
+    )
+
+
+def observer_of(
+    rig: Rig,
+    store: MaskStore,
+    settings: PreparationSettings,
+    unknown: Sequence[np.ndarray] | None = None,
+) -> HullObserver:
     """Observer of the volume in which the silhouettes of the whole recording allow a body."""
+    views = PinholeViews.from_rig(rig, unknown)
     union = store[0]
     for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
         union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
     require_foreground(rig, union, settings.tolerance)
-    rule = body_rule(len(rig), settings.tolerance)
-    grid = place_grid(rig, union, voxel_size_m=2 * settings.voxel_size_m, rule=rule)
-    views = PinholeViews.from_rig(rig)
+    rule = body_rule(len(rig), settings.tolerance, views.partly_unknown)
+    size_m = 2 * settings.voxel_size_m
+    grid = place_grid(rig, union, voxel_size_m=size_m, rule=rule, unknown=unknown)
     return HullObserver(views, grid, settings.voxel_size_m, rule, settings.joined_m)

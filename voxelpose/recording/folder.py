@@ -22,6 +22,12 @@ from voxelpose.recording.frame_reader import (
 )
 from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import TIMESTAMPS, match_frames, read_timestamps
+from voxelpose.recording.unknown_places import (
+    RECORDING_FILE,
+    UnknownMasks,
+    paint_unknown,
+    read_unknown_polygons,
+)
 
 _CALIBRATIONS = (
     "calibration.toml",
@@ -31,7 +37,7 @@ _CALIBRATIONS = (
     "calibration.xml",
     "calibration",
 )
-_SUBFOLDERS = frozenset({"background", "masks", "regions", "calibration"})
+_SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 # Focal length over the longer image side: 53 degrees, between a telephone and a webcam.
 _DEFAULT_FOCAL = 1.0
 _RATE_TOLERANCE = 0.01  # cameras triggered together write average rates that differ a little
@@ -58,6 +64,7 @@ class Recording:
             masks/) and not camera images.
         up: (3,) float64, unit, direction of up in the world as the calibration states it; None:
             not stated.
+        camera_names: all cameras of the recording, in use or not.
     """
 
     folder: Path
@@ -71,6 +78,7 @@ class Recording:
     subject: Subject
     silhouettes_given: bool = False
     up: NDArray[np.float64] | None = None
+    camera_names: tuple[str, ...] = ()
 
     @classmethod
     def open(
@@ -114,6 +122,7 @@ class Recording:
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
             rig = Rig((default_camera(cameras[0], sizes.pop()),))
+            names = tuple(_paths(folder, None)[0])
         elif calibration is None:
             raise InputError(
                 f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml;"
@@ -121,6 +130,7 @@ class Recording:
             )
         else:
             rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
+            names = rig.names
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
         if fps is None and (folder / TIMESTAMPS).exists():
@@ -142,6 +152,7 @@ class Recording:
             subject,
             silhouettes_given,
             None if calibration is None else read_up(calibration),
+            names,
         )
 
     @classmethod
@@ -170,10 +181,14 @@ class Recording:
             if name not in rig:
                 known = ", ".join(rig.names)
                 raise InputError(f"there is no camera {name}: {calibration} knows {known}")
-        rig = rig.select([name for name in rig.names if cameras is None or name in cameras])
+        names = rig.names
+        rig = rig.select([name for name in names if cameras is None or name in cameras])
         subject = read_subject(folder / "subject.toml")
         up = read_up(calibration)
-        return cls(folder, calibration, rig, {}, 0, 0, 1.0, np.zeros(0), subject, up=up)
+        none = np.zeros(0)
+        return cls(
+            folder, calibration, rig, {}, 0, 0, 1.0, none, subject, up=up, camera_names=names
+        )
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
         """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.
@@ -261,6 +276,20 @@ class Recording:
                     )
                 regions[name] = image.max(axis=2) > 127
         return regions
+
+    def unknown(self) -> UnknownMasks:
+        """Returns where nothing is known, (H, W) bool, of the cameras for which something is marked
+        in unknown/ or recording.toml.
+
+        Raises:
+            InputError: a file cannot be read, does not fit its camera, or names none.
+        """
+        paths = pictures_by_camera(self.folder / "unknown", stills=True)
+        masks = paint_unknown(paths, self.rig, self.camera_names)
+        drawn = read_unknown_polygons(self.folder / RECORDING_FILE, self.rig, self.camera_names)
+        for name, mask in drawn.items():
+            masks[name] = masks[name] | mask if name in masks else mask
+        return {name: mask for name, mask in masks.items() if mask.any()}
 
 
 def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:

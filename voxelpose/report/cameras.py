@@ -31,6 +31,7 @@ class CameraLine:
         outline_px: error of its outlines against those of the other cameras, independent of the
             body; None where it cannot be measured.
         apart: whether it agrees clearly less than the others.
+        unknown: share of its picture that is marked as unknown.
     """
 
     camera: str
@@ -40,6 +41,7 @@ class CameraLine:
     moments: int
     outline_px: float | None
     apart: bool
+    unknown: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -70,15 +72,18 @@ def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
     rows = np.unique(np.linspace(0, len(motion) - 1, min(moments, len(motion))).round().astype(int))
     masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in scenes.rig.names}
     compared: dict[str, list[tuple[float, float, float]]] = {name: [] for name in masks}
-    cameras: dict[str, Camera] = {}
+    cameras: dict[str, tuple[Camera, NDArray[np.bool_] | None]] = {}
     for frame in motion.frames[rows].tolist():
         body = scenes.body(frame)
         for camera_frame in scenes.camera_frames(frame):
             camera, mask = camera_frame.camera, camera_frame.mask
             if body is not None and mask is not None:
-                cameras[camera.name] = camera
-                masks[camera.name].append(mask)
+                unknown = camera_frame.unknown
+                cameras[camera.name] = camera, unknown
                 drawn = body_parts(motion.model, body.vertices_m, camera, cull_back=True) > 0
+                if unknown is not None:
+                    drawn, mask = drawn & ~unknown, mask & ~unknown
+                masks[camera.name].append(mask)
                 if drawn.any() and mask.any():
                     compared[camera.name].append(_compare(drawn, mask))
     pixels, culprits, words = _outlines(cameras, masks, motion.time_s[rows])
@@ -89,12 +94,14 @@ def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
         apart = name in culprits or (len(means) > 2 and bool(overlap < middle - _OUTLIER))
         fractions = float(overlap), float(uncovered), float(beyond)
         moments = len(compared[name])
-        lines.append(CameraLine(name, *fractions, moments, pixels.get(name), apart))
+        hidden = cameras[name][1]
+        share = 0.0 if hidden is None else float(hidden.mean())
+        lines.append(CameraLine(name, *fractions, moments, pixels.get(name), apart, share))
     return CameraCheck(tuple(lines), words)
 
 
 def _outlines(
-    cameras: dict[str, Camera],
+    cameras: dict[str, tuple[Camera, NDArray[np.bool_] | None]],
     masks: dict[str, list[NDArray[np.bool_]]],
     times_s: NDArray[np.float64],
 ) -> tuple[dict[str, float], tuple[str, ...], str]:
@@ -102,7 +109,8 @@ def _outlines(
     if len(cameras) < 2:
         return {}, (), ""
     tracks = [
-        OutlineTrack.from_masks(camera, times_s, masks[name]) for name, camera in cameras.items()
+        OutlineTrack.from_masks(camera, times_s, masks[name], unknown)
+        for name, (camera, unknown) in cameras.items()
     ]
     try:
         result = agreement(tracks, times_s)

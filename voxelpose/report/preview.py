@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.results import Result
+from voxelpose.view.images.canvas import hatched
 from voxelpose.view.images.figure import FigurePainter
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
@@ -111,6 +112,8 @@ def _drawn(
                 if picture is None:
                     picture = np.where(mask[..., None], 200, 40).repeat(3, 2)
                 tile = np.ascontiguousarray(picture[..., ::-1], np.uint8)
+                if camera_frame.unknown is not None:
+                    tile = hatched(tile, camera_frame.unknown)
                 if row is not None:
                     painter = FigurePainter(scenes.motion.model, camera)
                     tile = painter.paint(tile, rotation[row], origin[row])

@@ -17,10 +17,12 @@ class ArrayBackend:
         drawn = _drawn(vertices_cam, faces, matrix, weights.shape, cull_back)
         return np.tensordot(drawn.astype(float), weights, 2)
 
-    def silhouette_errors(self, masks, matrices, vertices_cam, faces):
+    def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
         apart, either = np.zeros((2, len(masks), len(vertices_cam)))
         for c, (mask, matrix) in enumerate(zip(masks, matrices, strict=True)):
             drawn = _drawn(vertices_cam[:, c], faces, matrix, mask.shape, True)
+            if unknown is not None:
+                drawn &= ~unknown[c]
             apart[c], either[c] = (drawn ^ mask).sum((1, 2)), (drawn | mask).sum((1, 2))
         ratios = np.divide(apart, either, out=np.full(apart.shape, np.nan), where=either > 0)
         ratios[:, np.isnan(ratios).all(0)] = 1.0

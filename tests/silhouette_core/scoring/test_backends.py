@@ -224,3 +224,20 @@ def test_scoring_kernels_are_known_to_the_scoring_room_alone():
         if "scoring.kernels" in path.read_text(encoding="utf-8")
     }
     assert users == {("silhouette_core", "scoring")}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_unknown_pixels_do_not_count_as_silhouette_errors(backend, seed):
+    rng = np.random.default_rng(seed)
+    unknown = [rng.random(shape) > 0.6 for shape in ((48, 64), (40, 80))]
+    masks = [(rng.random(where.shape) > 0.3) & ~where for where in unknown]
+    matrices, meshes = np.stack([MATRIX, MATRIX]), meshes_of(rng, 3, 2)
+    result = backend.silhouette_errors(masks, matrices, meshes, FACES, unknown)
+    for k, error in enumerate(result):
+        ratios = []
+        for mask, where, mesh in zip(masks, unknown, meshes[k], strict=True):
+            size = mask.shape[::-1]
+            drawn = render_parts(mesh, FACES, np.zeros(10, int), MATRIX, size, True)[0] > 0
+            drawn &= ~where
+            ratios.append((drawn ^ mask).sum() / (drawn | mask).sum())
+        assert error == pytest.approx(np.mean(ratios), abs=1e-12)

@@ -66,9 +66,9 @@ def carved(monkeypatch):
     """A list that grows with every grid that is carved."""
     calls, carve = [], observe.carve
 
-    def counted(rig, masks, grid, rule):
+    def counted(rig, masks, grid, rule, unknown):
         calls.append(grid)
-        return carve(rig, masks, grid, rule)
+        return carve(rig, masks, grid, rule, unknown)
 
     monkeypatch.setattr(observe, "carve", counted)
     return calls

@@ -57,3 +57,19 @@ def test_every_tile_of_the_sheet_shows_the_figure(tmp_path):
     for tile in sheet.tiles.values():
         assert tile.shape[:2] == sheet.tile[::-1]
         assert (np.abs(tile.astype(int) - 90).sum(axis=2) > 60).mean() > 0.1
+
+
+def test_what_is_unknown_is_hatched(tmp_path):
+    class Marked(GreySource):
+        def unknown(self) -> dict:
+            mask = np.zeros((120, 160), bool)
+            mask[90:, :40] = True
+            return {"cam_1": mask}
+
+    draw_pictures(Marked(ring(2), 2), waving(2), tmp_path, "a title", SilentReporter())
+    corners = {
+        name: frames_of(tmp_path / f"overlay_{name}.webm")[0][0, 138:170, 4:52].astype(float)
+        for name in ("cam_1", "cam_2")
+    }
+    assert corners["cam_1"].std() > 15 and corners["cam_1"].mean() > 95
+    assert corners["cam_1"].mean() > corners["cam_2"].mean() + 10

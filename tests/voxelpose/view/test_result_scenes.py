@@ -208,6 +208,23 @@ def test_colours_tell_good_from_bad():
     )
 
 
+def test_what_is_unknown_is_told_hatched_and_not_carved(fitted):
+    whole = ResultScenes("out", voxel_size_m=0.03).scene(2)
+    (fitted / "walk" / "recording.toml").write_text(
+        "[unknown]\ncam_1 = [[[-1, 120], [320, 120], [320, 240], [-1, 240]]]\n"
+    )
+    scene = ResultScenes("out", voxel_size_m=0.03).scene(2)
+    assert scene.notes == ("50 % of cam_1 is marked as unknown",)
+    hidden = scene.camera_frames[0]
+    assert hidden.unknown is not None and not (hidden.mask & hidden.unknown).any()
+    assert not scene.camera_frames[1].unknown.any()
+    pictures = [camera_picture(one.camera_frames[0], "picture") for one in (whole, scene)]
+    changed = (pictures[0] != pictures[1]).any(axis=2)
+    assert changed[130:].mean() > 0.9 and not changed[:110].any()
+    assert whole.hull is not None and scene.hull is not None
+    assert 0.99 < scene.hull.occupancy.sum() / whole.hull.occupancy.sum() < 1.6
+
+
 @pytest.mark.parametrize("name", ["robot_arm", "quadruped"])
 def test_scenes_pictures_and_film_of_a_body_that_is_no_persons(desk, name):
     _, motion = write_example_result(desk, name, pictures=False)

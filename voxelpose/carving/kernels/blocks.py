@@ -32,13 +32,15 @@ TILT = 29  # nine numbers, row by row
 FIELD_SQUARED, SEEN_RADIUS, REACH = 38, 39, 40
 COLUMNS = 41
 
-# Columns of a camera's frame: its image; the crop, which is the box of its foreground and one pixel
-# around; where that starts in pixels and in sums.
-WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS = 0, 1, 2, 3, 4, 5, 6, 7
+# Columns of a camera's frame: its image; the crop, which is the box of its foreground and unknown
+# places and one pixel around; where that starts in pixels and in sums; what a pixel in the
+# foreground counts in the sums.
+WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS, COUNTS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 # Verdict of one camera on a voxel, or on all voxels of a block. UNCLEAR: they differ, but all are
 # visible. CUT: some may not be visible. BLIND is also what a voxel adds to the votes of a leaf:
-# cameras that agree are counted below it, those that do not see the voxel above.
+# cameras that agree are counted below it, those that do not see the voxel above; and the value of a
+# pixel of which nothing is known.
 OBJECTS, AGREES, UNCLEAR, CUT, BLIND = 0, 1, 2, 3, 64
 _BLIND_BITS = 6
 
@@ -142,7 +144,7 @@ def _judge(frames, sums, c, seen, boxes):
     width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     wide, high, first = np.int32(frames[c, WIDE]), np.int32(frames[c, HIGH]), frames[c, SUMS]
     left_crop, upper_crop = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER])
-    line = frames[c, WIDE] + 1
+    line, counts = frames[c, WIDE] + 1, np.int32(frames[c, COUNTS])
     for n in range(8):
         left, right = boxes[0, n] + (0.5 - _PAD_PX), boxes[1, n] + (0.5 + _PAD_PX)
         top, bottom = boxes[2, n] + (0.5 - _PAD_PX), boxes[3, n] + (0.5 + _PAD_PX)
@@ -154,12 +156,12 @@ def _judge(frames, sums, c, seen, boxes):
         east = np.int32(right if whole else 0.0) + np.int32(1) - left_crop
         north = np.int32(top if whole else 0.0) - upper_crop
         south = np.int32(bottom if whole else 0.0) + np.int32(1) - upper_crop
-        area = (east - west) * (south - north)
+        area = (east - west) * (south - north) * counts
         west, east = min(max(west, np.int32(0)), wide), min(max(east, np.int32(0)), wide)
         north, south = min(max(north, np.int32(0)), high), min(max(south, np.int32(0)), high)
         upper, lower = first + north * line, first + south * line
         # Counted modulo 2^16, which is enough where the box has fewer pixels; half the memory is
-        # half the traffic between cores.
+        # half the traffic between cores. An unknown pixel counts half of one in the foreground.
         count = (np.int32(sums[lower + east]) - sums[lower + west]) - (
             np.int32(sums[upper + east]) - sums[upper + west]
         )
@@ -194,14 +196,14 @@ def _visible_positions(rows, frames, c, points, positions):
 
 
 @kernel
-def _positions(rows, kinds, frames, c, points, positions):
+def _positions(rows, kinds, frames, c, points, unseen, positions):
     """Fills positions as `_visible_positions`, for any camera and any voxels: 0 (OBJECTS) beyond
-    the crop, 2 (BLIND) where a voxel is not visible.
+    the crop, `unseen` where a voxel is not visible.
     """
     width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     for n in range(_LEAF_VOXELS):
         x, y, z = points[0, n], points[1, n], points[2, n]
-        positions[n] = 2
+        positions[n] = unseen
         w = ((rows[c, 8] * x + rows[c, 9] * y) + rows[c, 11]) + rows[c, 10] * z
         if not w > 0.0:
             continue
@@ -236,7 +238,7 @@ def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
         points[1, n] = ys[j0 + n // LEAF % LEAF]
         points[2, n] = zs[k0 + n % LEAF]
         votes[n] = 0
-    voting = 0
+    voting, unseen = 0, 0 if outside == OBJECTS else 2
     for c in range(len(kinds)):
         if not (unclear >> c) & 1:
             continue
@@ -244,7 +246,7 @@ def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
         if kinds[c] == PINHOLE and not (cut >> c) & 1:
             _visible_positions(rows, frames, c, points, positions)
         else:
-            _positions(rows, kinds, frames, c, points, positions)
+            _positions(rows, kinds, frames, c, points, unseen, positions)
         for n in range(_LEAF_VOXELS):
             votes[n] += pixels[positions[n]]
     enough_agree = least - agreeing
@@ -254,7 +256,7 @@ def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
             for k in range(min(LEAF, occupancy.shape[2] - k0)):
                 vote = votes[(i * LEAF + j) * LEAF + k]
                 agree = vote & (BLIND - 1)
-                unopposed = agree if outside == OBJECTS else agree + (vote >> _BLIND_BITS)
+                unopposed = agree + (vote >> _BLIND_BITS)
                 occupancy[i0 + i, j0 + j, k0 + k] = (agree >= enough_agree) & (
                     unopposed >= enough_unopposed
                 )
@@ -348,11 +350,11 @@ def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, o
         kinds: (C,) int64, PINHOLE, RATIONAL or FISHEYE.
         bounds: (C, 2, bins) float64, largest norms of a lens's Jacobian and of its difference from
             the identity, up to a radius.
-        frames: (C, 8) int64, images and crops.
+        frames: (C, 9) int64, images and crops.
         sums: (S,) uint16, summed-area tables of all crops, (HIGH + 1) * (WIDE + 1) each, modulo
-            2^16.
-        pixels: (P,) uint8, OBJECTS or AGREES; the first three are OBJECTS, AGREES and BLIND, then
-            come all crops.
+            2^16: of pixels in the foreground, or of twice those and of unknown ones.
+        pixels: (P,) uint8, OBJECTS, AGREES or, unknown, BLIND; the first three are these, then come
+            all crops.
         rule: most cameras that may object, fewest that must agree, verdict of a camera that does
             not see the voxel.
         axes: centres of the voxels along x, y and z, float64, m, continued to a multiple of

@@ -123,6 +123,22 @@ def tint(
     return image
 
 
+def hatched(image: Image, unknown: NDArray[np.bool_]) -> Image:
+    """Image (h, w, 3) uint8 with stripes where nothing is known.
+
+    Args:
+        image: of any size.
+        unknown: (H, W) bool, of the same view.
+    """
+    height, width = image.shape[:2]
+    size = width, height
+    inside = cv2.resize(unknown.view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    period = max(12, height // 40)
+    stripes = (np.arange(width) + np.arange(height)[:, None]) % period < period // 3
+    result = np.where(inside[..., None], image // 2 + np.uint8(48), image)
+    return np.where((inside & stripes)[..., None], np.array(FAINT, np.uint8), result)
+
+
 def reduced(image: NDArray[np.uint8], scale: float) -> Image:
     """Copy of an image (h, w, 3), scaled where `scale` is below 1."""
     scale = min(1.0, scale)

@@ -41,6 +41,7 @@ class ContactSheet:
         rotation: NDArray[np.float64],
         origin: NDArray[np.float64],
         cameras: Sequence[Camera],
+        unknown: Mapping[str, NDArray[np.bool_]] | None = None,
         moments: int = _MOMENTS,
     ) -> None:
         """Chooses the moments and the crops.
@@ -50,6 +51,7 @@ class ContactSheet:
             rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
             origin: (T, P, 3) metres, likewise.
             cameras: one row each.
+            unknown: (H, W) bool by camera name, where nothing is known.
             moments: largest number of columns.
         """
         self.motion = motion
@@ -63,7 +65,7 @@ class ContactSheet:
         height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
         self.tile = round(height * aspect), round(height)
         self.views = [
-            _View(motion, camera, box, self.tile)
+            _View(motion, camera, box, self.tile, (unknown or {}).get(camera.name))
             for camera, box in zip(cameras, boxes, strict=True)
         ]
         self.tiles: dict[tuple[int, int], Image] = {}
@@ -113,12 +115,13 @@ class _View:
         camera: Camera,
         box: tuple[float, float, float, float],
         tile: tuple[int, int],
+        unknown: NDArray[np.bool_] | None,
     ) -> None:
         left, top, width, height = box
         self.tile = tile
         # A distant figure is enlarged threefold at most: beyond that no more detail appears.
         scale = min(3.0, tile[0] / width, tile[1] / height)
-        self.painter = FigurePainter(motion.model, camera, scale)
+        self.painter = FigurePainter(motion.model, camera, scale, unknown)
         middle = (np.array([left + width / 2, top + height / 2]) + 0.5) * scale - 0.5
         self.shift = np.array(tile) / 2 - middle
         # Where the picture continues beyond the tile's edge, it is shown instead of an empty rim.

@@ -23,6 +23,7 @@ from voxelpose.view.images.canvas import (
     Image,
     colour_of,
     dot,
+    hatched,
     stroke,
     tint,
 )
@@ -116,15 +117,23 @@ class FigurePainter:
         size: width and height of the working picture.
     """
 
-    def __init__(self, model: BodyModel, camera: Camera, scale: float = 1.0) -> None:
+    def __init__(
+        self,
+        model: BodyModel,
+        camera: Camera,
+        scale: float = 1.0,
+        unknown: NDArray[np.bool_] | None = None,
+    ) -> None:
         """Prepares for a body and a camera.
 
         Args:
             model: the body.
             camera: as calibrated, at the recorded size.
             scale: size of the working picture over that of the recorded one.
+            unknown: (H, W) bool, where nothing is known, which is hatched; None: nowhere.
         """
         self.model = model
+        self._unknown = unknown
         self.camera = camera
         self.scale = scale
         self.ideal = camera.pinhole(self.scale)
@@ -134,6 +143,8 @@ class FigurePainter:
 
     def resized(self, frame: Image) -> Image:
         """Copy of a recorded frame at the working size."""
+        if self._unknown is not None:
+            frame = hatched(frame, self._unknown)
         if self.scale == 1.0:
             return frame.copy()
         method = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_CUBIC

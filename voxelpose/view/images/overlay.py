@@ -44,8 +44,12 @@ def draw_pictures(
     """
     rotation, origin = motion.parts()
     rows = {int(frame): row for row, frame in enumerate(motion.frames)}
-    sheet = ContactSheet(motion, rotation, origin, list(source.rig))
-    videos = [_Video(folder, camera, motion, source.fps) for camera in source.rig]
+    unknown = source.unknown()
+    sheet = ContactSheet(motion, rotation, origin, list(source.rig), unknown)
+    videos = [
+        _Video(folder, camera, motion, source.fps, unknown.get(camera.name))
+        for camera in source.rig
+    ]
     reporter.stage("pictures", source.frame_count)
     painted: deque[list[Future[Image]]] = deque()
     tiles: list[Future[None]] = []
@@ -96,10 +100,18 @@ def draw_pictures(
 class _Video:
     """Writer of one camera's overlay."""
 
-    def __init__(self, folder: Path, camera: Camera, motion: Motion, fps: float) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        camera: Camera,
+        motion: Motion,
+        fps: float,
+        unknown: NDArray[np.bool_] | None,
+    ) -> None:
         self.camera = camera
         # Small pictures are enlarged, so that lines stay thinner than limbs.
-        self.painter = FigurePainter(motion.model, camera, min(1.5, _LONGEST_PX / max(camera.size)))
+        scale = min(1.5, _LONGEST_PX / max(camera.size))
+        self.painter = FigurePainter(motion.model, camera, scale, unknown)
         self.writer = WebmWriter(folder / f"overlay_{camera.name}.webm", fps, self.painter.size)
 
     def painted(

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
-from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
+from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX, unknown_views
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.view.viewer.scene import CameraFrame
@@ -48,18 +48,25 @@ class CameraFrames:
     def _silhouettes(self) -> Silhouettes:
         return Silhouettes(self._recording, self._method, LONG_SIDE_PX)
 
+    @cached_property
+    def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
+        """Where nothing is known, (h, w) bool in every view; None: nowhere."""
+        found = scaled_unknown(self._recording, LONG_SIDE_PX)
+        return unknown_views(found, list(self._views.values()))
+
     def read(self, frame: int) -> tuple[CameraFrame, ...]:
         """Undistorted pictures and silhouettes of a frame, one per camera."""
         pictures = self._read(frame)
         masks = self._silhouettes.of(pictures)
-        given = self._recording.silhouettes_given
+        given, unknown = self._recording.silhouettes_given, self.unknown or [None] * len(masks)
         return tuple(
             CameraFrame(
                 view.pinhole,
                 None if given else _undistorted(pictures[name], view),
                 view.undistort(masks[name]),
+                hidden,
             )
-            for name, view in self._views.items()
+            for (name, view), hidden in zip(self._views.items(), unknown, strict=True)
         )
 
     def _read(self, frame: int) -> dict[str, Frame]:

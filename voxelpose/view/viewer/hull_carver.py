@@ -55,7 +55,7 @@ class HullCarver:
         """
         near = None if row is None or self._fitted is None else self._fitted.motion.root_m[row]
         observer = HullObserver(self._views, self._volume(masks), self._voxel_size_m, self._rule)
-        return observer.observe(masks, near)
+        return observer.observe(self._views.without_unknown(masks), near)
 
     def hull(self, observation: FrameObservation, row: int | None) -> CarvedHull:
         """Surface of an observed hull, and the voxels that the body of a row leaves unexplained."""
@@ -83,6 +83,7 @@ class HullCarver:
     def _volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
         coarse_m = 2 * self._voxel_size_m
         if self._fitted is None:
-            return place_grid(self._views.rig, masks, coarse_m, rule=self._rule)
+            hidden = self._views.unknown
+            return place_grid(self._views.rig, masks, coarse_m, rule=self._rule, unknown=hidden)
         root = self._fitted.motion.root_m
         return VoxelGrid.from_bounds(root.min(0) - _REACH_M, root.max(0) + _REACH_M, coarse_m)

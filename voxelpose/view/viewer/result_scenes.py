@@ -94,10 +94,13 @@ class ResultScenes:
         self._reader = CameraFrames(self.recording, method, views) if self.recording else None
         self._cameras = tuple(view.pinhole for view in views.values())
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
+        unknown = self._reader.unknown if self._reader else None
+        carved = PinholeViews.from_rig(Rig(self._cameras), unknown)
+        tolerance = int(options.get("tolerance", 0))
         self._carver = HullCarver(
-            PinholeViews.from_rig(Rig(self._cameras)),
+            carved,
             self.voxel_size_m,
-            body_rule(len(self.rig), int(options.get("tolerance", 0))),
+            body_rule(len(self.rig), tolerance, carved.partly_unknown),
             self._fitted,
         )
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
@@ -169,6 +172,10 @@ class ResultScenes:
         camera_frames, row = self.camera_frames(frame), self.row(frame)
         if self.motion is not None and row is None:
             notes.append("no pose was found in this frame")
+        for one in camera_frames:
+            if one.unknown is not None and one.unknown.any():
+                share = 100 * one.unknown.mean()
+                notes.append(f"{share:.0f} % of {one.camera.name} is marked as unknown")
         observation = self._observe(camera_frames, row, notes)
         hull = None if observation is None else self._carver.hull(observation, row)
         time_s = frame / self.fps

@@ -22,11 +22,13 @@ class CameraFrame:
         picture: (h, w, 3) uint8 RGB, undistorted; None where the recording is missing or holds
             silhouettes only.
         mask: (h, w) bool, the silhouette; None where the recording is missing.
+        unknown: (h, w) bool, where nothing is known; None: nowhere.
     """
 
     camera: Camera
     picture: NDArray[np.uint8] | None = None
     mask: NDArray[np.bool_] | None = None
+    unknown: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
 from voxelpose.matching.matcher import LimbArea
-from voxelpose.view.images.canvas import reduced
+from voxelpose.view.images.canvas import hatched, reduced
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (
     AREA,
@@ -198,6 +198,8 @@ def camera_picture(camera_frame: CameraFrame, pictures: Pictures) -> NDArray[np.
         picture = np.where(mask[..., None], person, picture // 2)
     if picture is None:
         return None
+    if camera_frame.unknown is not None:
+        picture = hatched(picture, camera_frame.unknown)
     return reduced(picture, _PICTURE_PX / max(picture.shape[:2]))
 
 

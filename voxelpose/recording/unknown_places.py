@@ -1,0 +1,116 @@
+"""Places of the pictures about which nothing is known: furniture or people before the person.
+
+They are painted, unknown/CAMERA.png, or drawn as polygons in recording.toml.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Rig
+from calib.documents import load_text, parse_toml
+from calib.errors import InputError
+from voxelpose.recording.frame_reader import FrameReader, size_text
+
+RECORDING_FILE = "recording.toml"
+_LARGEST_BYTES = 1_000_000
+_FARTHEST_PX = 30_000  # of a corner from the picture's own
+_EXAMPLE = "cam_1 = [[[0, 300], [200, 300], [200, 480], [0, 480]]]"
+
+UnknownMasks = dict[str, NDArray[np.bool_]]
+"""(H, W) bool by camera name, where nothing is known."""
+
+
+def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> UnknownMasks:
+    """Reads painted unknown places: everything that is not black.
+
+    Args:
+        paths: a picture by camera name, of the camera's size.
+        rig: the cameras in use.
+        names: all cameras of the recording; those that are not in use may have pictures, too.
+
+    Raises:
+        InputError: a picture cannot be read, differs in size from its camera's, or is of a camera
+            that there is not.
+    """
+    masks: UnknownMasks = {}
+    for name, path in paths.items():
+        _check_camera(name, str(path), names)
+        if name not in rig:
+            continue
+        image = next(iter(FrameReader.open(path)))
+        if image.shape[1::-1] != rig[name].size:
+            raise InputError(
+                f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
+                f" {size_text(rig[name].size)}: paint it on a frame of the video"
+            )
+        masks[name] = image.max(axis=2) > 0
+    return masks
+
+
+def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> UnknownMasks:
+    """Reads the unknown places of recording.toml: `[unknown]` with polygons for each camera.
+
+    Args:
+        path: the file; one that does not exist names no places.
+        rig: the cameras in use.
+        names: all cameras of the recording.
+
+    Raises:
+        InputError: the file is not TOML, a key is not known, there is no such camera, or what it
+            holds are no polygons.
+    """
+    if not path.exists():
+        return {}
+    table = parse_toml(load_text(path, _LARGEST_BYTES), path)
+    for key in table:
+        if key != "unknown":
+            raise InputError(f"{path}: {key[:40]!r} is not known: use [unknown]")
+    listed = table.get("unknown", {})
+    if not isinstance(listed, dict):
+        raise InputError(f"{path}: unknown is no table: write [unknown] and {_EXAMPLE}")
+    masks: UnknownMasks = {}
+    for name, polygons in listed.items():
+        _check_camera(name, str(path), names)
+        corners = _corners(polygons, f"{path}: unknown places of {name[:40]}")
+        if name in rig:
+            width, height = rig[name].size
+            image = np.zeros((height, width), np.uint8)
+            for polygon in corners:
+                cv2.fillPoly(image, [np.rint(polygon).astype(np.int32)], 1)
+            masks[name] = image.view(np.bool_)
+    return masks
+
+
+def _check_camera(name: str, where: str, names: Sequence[str]) -> None:
+    if name not in names:
+        raise InputError(
+            f"{where}: there is no camera {name[:40]!r}: the recording has {', '.join(names)}"
+        )
+
+
+def _corners(polygons: object, where: str) -> list[NDArray[np.float64]]:
+    """Polygons (N, 2) of a parsed list, px."""
+    found = []
+    for polygon in polygons if isinstance(polygons, list) else [None]:
+        points = polygon if isinstance(polygon, list) and len(polygon) >= 3 else [None]
+        if not all(map(_is_pixel, points)):
+            raise InputError(
+                f"{where} are no list of polygons of three or more corners, px: write {_EXAMPLE}"
+            )
+        found.append(np.array(points, float))
+    return found
+
+
+def _is_pixel(point: object) -> bool:
+    return (
+        isinstance(point, list)
+        and len(point) == 2
+        and all(isinstance(x, int | float) and not isinstance(x, bool) for x in point)
+        and all(abs(x) <= _FARTHEST_PX for x in point)
+    )
