@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from voxelpose.cli.terminal import message
+
+if TYPE_CHECKING:
+    from silhouette_core.motion.motion import Motion
 
 _FORMATS = "bvh,glb,trc,c3d,csv,npz"
 
@@ -28,6 +33,10 @@ class Export:
 
   voxelpose export walk_fit
   voxelpose export walk_fit --to glb,csv --out for_the_lab
+  voxelpose export walk_fit --to trc --out at_12_hz --filter butterworth --cutoff 12
+
+Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit and
+--gap-method makes the files, not the result, from its unfiltered poses. export.json says how.
 """
 
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
@@ -38,6 +47,20 @@ class Export:
     """Folder to write to. Default: RESULT, where an earlier export is replaced."""
     overwrite: bool = False
     """Replace files of the same names in FOLDER."""
+    filter: Annotated[
+        Literal["butterworth", "savgol", "gaussian", "none"] | None, arg(help_behavior_hint="")
+    ] = None
+    """Another low-pass filter than the result's."""
+    cutoff: Annotated[float | None, arg(metavar="HZ", help_behavior_hint="")] = None
+    """Another cut-off."""
+    filter_order: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Another order of the filter."""
+    gap_limit: Annotated[str | None, arg(metavar="N|SECONDSs", help_behavior_hint="")] = None
+    """Another longest gap that is filled, frames or seconds."""
+    gap_method: Annotated[Literal["linear", "pchip", "none"] | None, arg(help_behavior_hint="")] = (
+        None
+    )
+    """Another method of filling gaps."""
 
     def run(self) -> int:
         """Writes the files and prints their names; returns the exit code."""
@@ -47,8 +70,36 @@ class Export:
         formats = [name.strip().lower() for name in self.to.split(",") if name.strip()]
         if not formats:
             raise InputError(f"--to names no format: give some of {_FORMATS}")
-        motion = Result.open(self.result).motion
+        motion = self._conditioned(Result.open(self.result).motion)
         overwrite = self.overwrite or self.out is None
         for path in export_motion(motion, self.out or self.result, formats, overwrite):
             print(path)
         return 0
+
+    def _conditioned(self, motion: Motion) -> Motion:
+        """The motion with another filter, where one is asked for."""
+        from silhouette_core.motion.conditioning import Conditioning, conditioned, filter_warning
+
+        asked = {
+            "filter": self.filter,
+            "cutoff_hz": self.cutoff,
+            "filter_order": self.filter_order,
+            "gap_limit": self.gap_limit,
+            "gap_method": self.gap_method,
+        }
+        asked = {name: value for name, value in asked.items() if value is not None}
+        if not asked:
+            return motion
+        if motion.conditioning is None:
+            raise InputError(
+                f"{self.result} was made by an earlier version, which kept no unfiltered poses:"
+                " fit again, or leave out --filter, --cutoff, --filter-order, --gap-limit and"
+                " --gap-method"
+            )
+        usual = asdict(motion.conditioning)
+        if "filter" in asked and asked["filter"] != usual["filter"]:
+            usual["filter_order"] = None  # that of another filter
+        motion = conditioned(motion, Conditioning(**usual | asked))
+        if warning := filter_warning(motion):
+            print(f"note: {message(warning)}", file=sys.stderr)
+        return motion

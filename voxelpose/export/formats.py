@@ -10,6 +10,7 @@ from pathlib import Path
 from calib.atomic import replacing, unwritable
 from calib.errors import InputError
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.export_record import EXPORT_RECORD, read_export_record, write_export_record
 
 # Files of every format, each with the module and the function that write it.
 _WRITERS = {
@@ -39,7 +40,7 @@ def export_motion(
         overwrite: whether files of the same names are replaced.
 
     Returns:
-        Paths of the files.
+        Paths of the files, with export.json, which says how they were made.
 
     Raises:
         InputError: a format is unknown, the motion has no pose, a file exists, or the folder cannot
@@ -60,6 +61,7 @@ def export_motion(
                 raise InputError(
                     f"{folder / name} exists: give --out another folder, or add --overwrite"
                 )
+    earlier = read_export_record(folder)
     made = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -67,10 +69,12 @@ def export_motion(
             for name, (module, function) in files.items():
                 writer = getattr(importlib.import_module(f"voxelpose.export.{module}"), function)
                 writer(motion, complete.enter_context(replacing(folder / name)))
+            record = complete.enter_context(replacing(folder / EXPORT_RECORD))
+            write_export_record(motion, files, earlier, record)
     except OSError as error:
         raise unwritable(folder, error) from error
     finally:
         if made:
             with suppress(OSError):  # it holds something
                 folder.rmdir()
-    return [folder / name for name in files]
+    return [folder / name for name in (*files, EXPORT_RECORD)]
