@@ -65,7 +65,7 @@ class LowPass:
         return _ORDERS.get(self.kind) if self.order is None else self.order
 
     def window(self, fps: float) -> int:
-        """Frames of Savitzky and Golay's window: the shortest that leaves half at the cut-off."""
+        """Frames of Savitzky and Golay's window that leaves about half at the cut-off."""
         from scipy.signal import savgol_coeffs
 
         order = self.usual_order or 0
@@ -82,7 +82,9 @@ class LowPass:
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (middle, high) if left(middle) > _HALF else (low, middle)
-        return 2 * high + 1
+        # The shortest windows can leave everything as it is.
+        nearer = left(low) - _HALF < min(_HALF - left(high), _HALF / 2)
+        return 2 * (low if nearer else high) + 1
 
     def sigma(self, fps: float) -> float:
         """Standard deviation of the Gaussian, frames."""

@@ -163,11 +163,14 @@ def _turned(old: np.ndarray, new: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _chained(motions: Sequence[Motion]) -> Motion:
-    """Motions one after the other."""
+    """Motions of different frames as one, in the order of the frames."""
     names = set.intersection(*(set(motion.quality) for motion in motions))
 
+    # Frames that one piece has lost lie between those of another.
+    order = np.argsort(np.concatenate([motion.frames for motion in motions]))
+
     def chained(name: str) -> np.ndarray:
-        return np.concatenate([getattr(motion, name) for motion in motions])
+        return np.concatenate([getattr(motion, name) for motion in motions])[order]
 
     return replace(
         motions[0],
@@ -178,6 +181,7 @@ def _chained(motions: Sequence[Motion]) -> Motion:
         time_s=chained("time_s"),
         filled=chained("filled"),
         quality={
-            name: np.concatenate([motion.quality[name] for motion in motions]) for name in names
+            name: np.concatenate([motion.quality[name] for motion in motions])[order]
+            for name in names
         },
     )

@@ -92,9 +92,9 @@ Filter and gaps are those of the result; any of --filter, --cutoff, --filter-ord
             return motion
         if motion.conditioning is None:
             raise InputError(
-                f"{self.result} was made by an earlier version, which kept no unfiltered poses:"
-                " fit again, or leave out --filter, --cutoff, --filter-order, --gap-limit and"
-                " --gap-method"
+                f"{self.result} does not record its filter, nor its unfiltered poses, as results of"
+                " earlier versions do not: fit again, or leave out --filter, --cutoff,"
+                " --filter-order, --gap-limit and --gap-method"
             )
         usual = asdict(motion.conditioning)
         if "filter" in asked and asked["filter"] != usual["filter"]:

@@ -18,7 +18,7 @@ def test_limits_in_frames_and_in_seconds(limit, frames):
 
 @pytest.mark.parametrize("limit", ["", "-1", "1.5", "2 m", "s", "1e9s", "nan", "9" * 20])
 def test_limits_that_are_none(limit):
-    with pytest.raises(InputError, match="as in 12, or seconds, as in 0.2s"):
+    with pytest.raises(InputError, match=r"as in 12, or seconds, as in 0\.2s"):
         gap_limit_frames(limit, 30.0)
 
 
