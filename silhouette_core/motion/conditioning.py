@@ -82,9 +82,9 @@ def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
     source = _as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
     result = _with_frames(source, missing, conditioning.gap_method) if len(missing) else source
-    arrays = [a.copy() for a in (result.root_m, result.root_quaternion, result.angles_rad)]
-    smooth_runs(*arrays, result.frames, source.fps, conditioning.low_pass)
-    root_m, quaternion, angles = arrays
+    root_m, quaternion = result.root_m.copy(), result.root_quaternion.copy()
+    angles = result.angles_rad.copy()
+    smooth_runs(root_m, quaternion, angles, result.frames, source.fps, conditioning.low_pass)
     result = replace(
         result,
         root_m=root_m,
@@ -179,7 +179,7 @@ def describe_conditioning(motion: Motion) -> dict[str, object]:
         "frames_unfiltered": unfiltered_frames(motion),
         "gap_limit_frames": done.longest_gap(motion.fps),
         "gap_method": done.gap_method,
-        "frames_filled": motion.frames[motion.filled],
+        "frames_filled": motion.frames[motion.filled].tolist(),
         "frames_left": int(missing.sum()),
         "words": conditioning_words(motion),
     }

@@ -132,7 +132,8 @@ def smooth(values: np.ndarray, fps: float, low_pass: LowPass | None = None) -> n
         sections = butter(low_pass.usual_order, low_pass.cutoff_hz, fs=fps, output="sos")
         return sosfiltfilt(sections, values, axis=0)
     if low_pass.kind == "savgol":
-        return savgol_filter(values, low_pass.window(fps), low_pass.usual_order, axis=0)
+        order = low_pass.usual_order or 0
+        return np.asarray(savgol_filter(values, low_pass.window(fps), order, axis=0))
     sigma = low_pass.sigma(fps)
     margin = math.ceil(4 * sigma)
     # Continued beyond its ends point-symmetrically, as the Butterworth filter's input is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -9,7 +10,6 @@ from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
-from voxelpose.results import as_json
 from voxelpose.version import __version__
 
 EXPORT_RECORD = "export.json"
@@ -47,11 +47,12 @@ def write_export_record(
     entry = {
         "fps": motion.fps,
         "frames": {
-            "first": motion.frames[0],
-            "last": motion.frames[-1],
+            "first": int(motion.frames[0]),
+            "last": int(motion.frames[-1]),
             "with_pose": int((~motion.filled).sum()),
         },
         "conditioning": describe_conditioning(motion),
     }
     files = earlier | dict.fromkeys(names, entry)
-    path.write_text(as_json({"voxelpose": __version__, "files": files}), encoding="utf-8")
+    text = json.dumps({"voxelpose": __version__, "files": files}, indent=1)
+    path.write_text(text + "\n", encoding="utf-8")
