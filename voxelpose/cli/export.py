@@ -27,12 +27,15 @@ class Export:
   bvh  motion.bvh: skeleton, for Blender, Maya, MotionBuilder
   glb  motion.glb: animated body, for Blender, three.js, game engines
   trc  motion.trc, motion.mot: points and joint coordinates, for OpenSim
+  opensim  the same, with marker set, static pose and setup files that scale Rajagopal's model
+       (which you download, docs/exports.md) and run inverse kinematics; only where it is named
   c3d  motion.c3d: points, for motion capture software and MATLAB
   csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
   npz  motion.npz: all data as NumPy arrays
 
   voxelpose export walk_fit
   voxelpose export walk_fit --to glb,csv --out for_the_lab
+  voxelpose export walk_fit --to opensim --out for_opensim
   voxelpose export walk_fit --to trc --out at_12_hz --filter butterworth --cutoff 12
 
 Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit and
@@ -42,7 +45,7 @@ Filter and gaps are those of the result; any of --filter, --cutoff, --filter-ord
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
     """Folder of a result."""
     to: Annotated[str, arg(metavar="NAME,NAME")] = _FORMATS
-    """Formats to write."""
+    """Formats to write: of those above; by default all but opensim."""
     out: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
     """Folder to write to. Default: RESULT, where an earlier export is replaced."""
     overwrite: bool = False

@@ -26,6 +26,14 @@ _WRITERS = {
     "npz": {"motion.npz": ("tables", "write_npz")},
 }
 FORMATS = tuple(_WRITERS)
+"""Formats that are written where none is named."""
+
+_WRITERS["opensim"] = _WRITERS["trc"] | {
+    "opensim_static.trc": ("opensim", "write_static"),
+    "opensim_markers.xml": ("opensim", "write_marker_set"),
+    "opensim_scale.xml": ("opensim", "write_scale_setup"),
+    "opensim_ik.xml": ("opensim", "write_ik_setup"),
+}
 
 
 def export_motion(
@@ -36,20 +44,23 @@ def export_motion(
     Args:
         motion: at least one pose.
         folder: folder of the files; it is created if it does not exist.
-        formats: names out of `FORMATS`. Of a body that is no person's, `trc` writes no motion.mot.
+        formats: names out of `FORMATS`, or `opensim`: TRC, MOT and the setup files of OpenSim. Of a
+            body that is no person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
 
     Returns:
         Paths of the files, with export.json, which says how they were made.
 
     Raises:
-        InputError: a format is unknown, the motion has no pose, a file exists, or the folder cannot
+        InputError: a format is unknown or does not fit the body, the motion has no pose, a file exists, or the folder cannot
             be written to.
     """
     folder, files = Path(folder), {}
     for name in formats:
         if name not in _WRITERS:
-            raise InputError(f"there is no format {name!r}: the formats are {', '.join(FORMATS)}")
+            raise InputError(f"there is no format {name!r}: the formats are {', '.join(_WRITERS)}")
+        if name == "opensim" and motion.model.person is None:
+            raise InputError("OpenSim's model is a person, this body is none: export trc instead")
         files |= _WRITERS[name]
     if motion.model.person is None:
         files.pop("motion.mot", None)  # coordinates of a person's joints
