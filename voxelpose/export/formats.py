@@ -52,8 +52,8 @@ def export_motion(
         Paths of the files, with export.json, which says how they were made.
 
     Raises:
-        InputError: a format is unknown or does not fit the body, the motion has no pose, a file exists, or the folder cannot
-            be written to.
+        InputError: a format is unknown or does not fit the body, the motion has no pose, a file
+            exists, or the folder cannot be written to.
     """
     folder, files = Path(folder), {}
     for name in formats:

@@ -23,8 +23,10 @@ MODEL_FILE = "Rajagopal2016.osim"
 
 MARKERS_FILE, SCALE_FILE, IK_FILE = "opensim_markers.xml", "opensim_scale.xml", "opensim_ik.xml"
 STATIC_FILE, SCALED_MODEL_FILE = "opensim_static.trc", "opensim_scaled.osim"
-_MOTION_FILE, _IK_RESULT, _PLACED_MARKERS = "motion.trc", "opensim_ik.mot", "opensim_placed.xml"
+_MOTION_FILE, _COORDINATES_FILE = "motion.trc", "motion.mot"
+_IK_RESULT, _PLACED_MARKERS = "opensim_ik.mot", "opensim_placed.xml"
 _STATIC_FRAMES = 3
+_TURNING_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def write_marker_set(motion: Motion, path: Path) -> None:
 
 def write_static(motion: Motion, path: Path) -> None:
     """Writes the fitted body in its rest pose as TRC: upright, facing OpenSim's +x, arms 45 degrees
-    down, which takes the place of a static trial.
+    down. It takes the place of a static trial.
 
     Args:
         motion: its body is a person's.
@@ -218,10 +220,14 @@ def write_ik_setup(motion: Motion, path: Path) -> None:
         output_motion_file=_IK_RESULT,
         report_errors="true",
         marker_file=_MOTION_FILE,
+        coordinate_file=_COORDINATES_FILE,
     )
     tasks = _add_marker_tasks(tool, placing=False)
     for side in _SIDES.values():  # silhouettes do not show pronation
         _add_coordinate_task(tasks, f"pro_sup_{side}")
+    # The model begins facing +x, from where it would not find a person who faces the other way; so
+    # little weight turns it, and leaves the markers to decide.
+    _add_coordinate_task(tasks, "pelvis_rotation", "from_file", _TURNING_WEIGHT)
     _write_document(tool, path)
 
 
@@ -267,9 +273,12 @@ def _add_marker_tasks(tool: ElementTree.Element, placing: bool) -> ElementTree.E
     return objects
 
 
-def _add_coordinate_task(tasks: ElementTree.Element, name: str) -> None:
+def _add_coordinate_task(
+    tasks: ElementTree.Element, name: str, source: str = "manual_value", weight: float = 1.0
+) -> None:
+    """Adds a task that keeps a coordinate near zero, or near its value in a file."""
     task = ElementTree.SubElement(tasks, "IKCoordinateTask", name=name)
-    _add(task, apply="true", weight="1", value_type="manual_value", value="0")
+    _add(task, apply="true", weight=f"{weight:g}", value_type=source, value="0")
 
 
 def _add(element: ElementTree.Element, **texts: str) -> None:

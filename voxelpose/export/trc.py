@@ -24,6 +24,7 @@ from voxelpose.export.skeleton import ascii_names, every_frame, named_points
 POSE2SIM_AXES = "yzx"
 """World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""
 
+_NAMED = "motion.trc"
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "meters": 1.0, "millimeters": 0.001}
 _LARGEST_BYTES = 300_000_000
 _MOST_MARKERS = 1000
@@ -67,7 +68,8 @@ def write_trc(motion: Motion, path: Path) -> None:
     }
     axes = "\t".join(f"{axis}{number}" for number in range(1, len(names) + 1) for axis in "XYZ")
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"PathFileType\t4\t(X/Y/Z)\t{path.name}\n")
+        # Not the path's own name, which is another until the file is complete.
+        file.write(f"PathFileType\t4\t(X/Y/Z)\t{_NAMED}\n")
         file.write("\t".join(header) + "\n" + "\t".join(map(str, header.values())) + "\n")
         file.write("Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t\n" + f"\t\t{axes}\n\n")
         for frame in frames.tolist():

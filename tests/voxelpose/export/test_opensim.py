@@ -112,6 +112,10 @@ def test_the_files_and_times_are_those_beside_them(folder):
         times = [float(row.split("\t")[1]) for row in rows]
         assert (first, last) == (times[0], times[-1])
     assert inverse.findtext("marker_file") == "motion.trc"
+    assert inverse.findtext("coordinate_file") == "motion.mot"
+    heading = inverse.find("IKTaskSet/objects/IKCoordinateTask[@name='pelvis_rotation']")
+    assert heading is not None and heading.findtext("value_type") == "from_file"
+    assert float(heading.findtext("weight", "0")) < 0.01  # markers decide
     rows = (folder / "motion.trc").read_text().splitlines()[6:]
     times = [float(row.split("\t")[1]) for row in rows]
     assert [float(word) for word in inverse.findtext("time_range", "").split()] == [
