@@ -28,7 +28,9 @@ _WRITERS = {
 FORMATS = tuple(_WRITERS)
 """Formats that are written where none is named."""
 
-_WRITERS["opensim"] = _WRITERS["trc"] | {
+_WRITERS["opensim"] = {
+    "motion.mot": ("mot", "write_mot"),
+    "opensim_motion.trc": ("opensim", "write_seen"),
     "opensim_static.trc": ("opensim", "write_static"),
     "opensim_markers.xml": ("opensim", "write_marker_set"),
     "opensim_scale.xml": ("opensim", "write_scale_setup"),

@@ -23,7 +23,7 @@ MODEL_FILE = "Rajagopal2016.osim"
 
 MARKERS_FILE, SCALE_FILE, IK_FILE = "opensim_markers.xml", "opensim_scale.xml", "opensim_ik.xml"
 STATIC_FILE, SCALED_MODEL_FILE = "opensim_static.trc", "opensim_scaled.osim"
-_MOTION_FILE, _COORDINATES_FILE = "motion.trc", "motion.mot"
+_MOTION_FILE, _COORDINATES_FILE = "opensim_motion.trc", "motion.mot"
 _IK_RESULT, _PLACED_MARKERS = "opensim_ik.mot", "opensim_placed.xml"
 _STATIC_FRAMES = 3
 _TURNING_WEIGHT = 1e-4
@@ -158,6 +158,16 @@ def write_static(motion: Motion, path: Path) -> None:
         np.zeros((_STATIC_FRAMES, model.dof_count)),
     )
     write_trc(standing, path)
+
+
+def write_seen(motion: Motion, path: Path) -> None:
+    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop.
+
+    Args:
+        motion: at least one pose.
+        path: the file.
+    """
+    write_trc(motion, path, lost_rows=False)
 
 
 def write_scale_setup(motion: Motion, path: Path) -> None:

@@ -33,16 +33,17 @@ _GAP_FRAMES, _GAP_RATE = 100_000, 10
 _CENTRE = {"pelvis": ("midhip", "hip", "chip"), "neck": (), "head_top": ("head", "vertex")}
 
 
-def write_trc(motion: Motion, path: Path) -> None:
+def write_trc(motion: Motion, path: Path, *, lost_rows: bool = True) -> None:
     """Writes the points of `named_points` as TRC, with the axis map above.
 
-    Every frame from the first to the last pose has a row; frame 1 of the file is frame 0 of the
-    recording. In frames without a pose the cells hold NaN, which OpenSim reads as markers that were
-    not seen (empty cells at the end of a row stop its reader).
+    Frame 1 of the file is frame 0 of the recording.
 
     Args:
         motion: at least one pose.
         path: the file.
+        lost_rows: whether frames without a pose have a row. Its cells then hold NaN, which OpenSim
+            reads as markers that were not seen (empty cells at the end of a row stop its reader);
+            at a frame that shows none its inverse kinematics stop.
     """
     motion = motion.upright()
     words, positions = named_points(motion)
@@ -54,7 +55,7 @@ def write_trc(motion: Motion, path: Path) -> None:
             strict=True,
         )
     )
-    frames = every_frame(motion)
+    frames = every_frame(motion) if lost_rows else motion.frames
     rate = f"{motion.fps:.10g}"
     header = {
         "DataRate": rate,
