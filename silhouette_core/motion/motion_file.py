@@ -54,9 +54,9 @@ _UNFIT = (
     RecursionError,
     msgspec.ValidationError,
 )
-# Half a day at 60 frames a second; a pose takes some 900 bytes.
+# Half a day at 60 frames a second; a pose takes some 1,400 bytes.
 _MOST_POSES = 12 * 3600 * 60
-_LARGEST = 1000 * _MOST_POSES
+_LARGEST = 1500 * _MOST_POSES
 _FARTHEST_M = 1e5
 _LARGEST_RAD = 50.0
 _LATEST_S = 1e10
