@@ -27,9 +27,7 @@ class Export:
   bvh  motion.bvh: skeleton, for Blender, Maya, MotionBuilder
   glb  motion.glb: animated body, for Blender, three.js, game engines
   trc  motion.trc, motion.mot: points and joint coordinates, for OpenSim
-  opensim  for OpenSim: points, coordinates, marker set, static pose, and setup files that scale
-       Rajagopal's model (which you download, see docs/exports.md) and run inverse kinematics;
-       only where it is named
+  opensim  opensim_*: setup files that scale a model and run inverse kinematics
   c3d  motion.c3d: points, for motion capture software and MATLAB
   csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
   npz  motion.npz: all data as NumPy arrays
