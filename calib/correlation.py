@@ -111,11 +111,11 @@ class Correlogram:
             return near_s, 0.0
         before, here, after = values[at - 1 : at + 2]
         curvature = before - 2 * here + after
-        if curvature >= 0 or here <= 0:
+        if here <= max(before, after, 0) or curvature >= 0:
             return near_s, 0.0
         shift = 0.5 * (before - after) / curvature
         weight = -curvature / step**2 * here / max(1 - here**2, 1e-6)
-        return float(self.offsets_s[at] + step * np.clip(shift, -1, 1)), float(weight)
+        return float(self.offsets_s[at] + step * shift), float(weight)
 
 
 def sampled(signal: Signal, settings: SignalSettings) -> Signal:
