@@ -29,7 +29,8 @@ from calib.tangency import offset_grid
 _ROUNDS = 4
 _BLOCKS = 6
 _ALIKE = 0.3  # correlation below which two signals do not show the same
-_RIVAL = 0.6  # of the best offset's correlation: from there on another offset is as likely
+_RIVAL = 0.6  # of the best offset's correlation: from there on another offset may be as likely,
+_TELLING = 4.0  # unless it leaves so many times more of the variance unexplained
 _APART_SIGMAS, _APART_S = 4.0, 0.05  # by which offsets differ that are not the same peak
 
 
@@ -124,7 +125,7 @@ def offsets_from_signals(
     best = [
         max(value for pair, value in at.items() if index in pair) for index in range(len(names))
     ]
-    rivals = [_rival(curves, offsets, index, settings) for index in range(len(names))]
+    rivalled = [_is_rivalled(curves, offsets, index, settings) for index in range(len(names))]
     return SignalOffsets(
         reference,
         tuple(sorted(lines, key=lambda line: names.index(line.camera))),
@@ -133,19 +134,19 @@ def offsets_from_signals(
         tuple(name for name, value in zip(order, best, strict=True) if value < _ALIKE),
         tuple(
             name
-            for name, best_one, rival in zip(order, best, rivals, strict=True)
-            if best_one >= _ALIKE and rival > _RIVAL
+            for name, value, other in zip(order, best, rivalled, strict=True)
+            if value >= _ALIKE and other
         ),
     )
 
 
-def _rival(
+def _is_rivalled(
     curves: Mapping[tuple[int, int], Correlogram],
     offsets: FloatArray,
     camera: int,
     settings: SignalSettings,
-) -> float:
-    """Correlation of a camera with the others at the best other offset, over that at its own."""
+) -> bool:
+    """Whether a camera correlates with the others nearly as well at another offset."""
     grid = offset_grid(settings.max_offset_s, settings.step_s)
     total, own = np.zeros(len(grid)), 0.0
     for (a, b), curve in curves.items():
@@ -157,7 +158,10 @@ def _rival(
             total += np.interp(at, curve.offsets_s, values, left=0.0, right=0.0)
             own += curve.at(sign * (offsets[camera] - offsets[other]))
     apart = np.abs(grid) > max(_APART_SIGMAS * settings.sigma_s, _APART_S)
-    return float(total[apart].max() / max(own, 1e-9)) if apart.any() else 0.0
+    if not apart.any():
+        return False
+    own, rival = own / (len(offsets) - 1), float(total[apart].max()) / (len(offsets) - 1)
+    return rival > _RIVAL * own and 1 - rival**2 < _TELLING * (1 - own**2)
 
 
 def checked_reference(names: Sequence[str], reference: str | None) -> str:
