@@ -43,7 +43,7 @@ class SignalSettings:
     """How signals are compared.
 
     Attributes:
-        max_offset_s: Largest offset considered, s.
+        max_offset_s: Largest offset between two cameras, s.
         step_s: Step at which signals are sampled, s.
         sigma_s: Standard deviation of the Gaussian by which they are smoothed, s.
         lasting: Whether they say something all the time, so that parts of them can be left out to

@@ -65,6 +65,24 @@ def test_moments_without_a_value_are_left_out():
     np.testing.assert_allclose([line.offset_s for line in result.offsets], TRUE_S, atol=0.006)
 
 
+def test_clocks_may_begin_anywhere():
+    made = signals()
+    made[1] = Signal("cam_2", made[1].time_s + 7.0, made[1].values)
+    result = offsets_from_signals(made, SignalSettings(10.0))
+    late = TRUE_S + np.array([0, 7.0, 0, 0])
+    np.testing.assert_allclose([line.offset_s for line in result.offsets], late, atol=0.004)
+
+
+def test_signals_are_sampled_at_multiples_of_the_step():
+    values = np.ones((5, 2))
+    values[2, 1] = np.nan
+    even = sampled(Signal("cam_1", 0.105 + np.arange(5) / 10, values), SignalSettings(1.0, 0.05))
+    np.testing.assert_allclose(even.time_s, np.arange(3, 11) * 0.05)
+    assert np.isfinite(even.values[:, 0]).all()
+    unknown = (even.time_s > 0.205) & (even.time_s < 0.405)
+    assert np.isnan(even.values[:, 1]).tolist() == unknown.tolist()
+
+
 def test_standard_errors_are_as_large_as_the_noise_makes_them():
     stated, found = [], []
     for seed in range(10):

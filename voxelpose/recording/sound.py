@@ -55,7 +55,9 @@ def onsets(path: Path, camera: str, seconds: float) -> Signal:
     floor = minimum_filter1d(smooth, round(_FLOOR_S / STEP_S))
     above = np.maximum(level - floor - _SUDDEN, 0)
     rise = np.maximum(np.diff(above, prepend=above[0]), 0)
-    time_s = (np.arange(len(rise)) + 0.5) * STEP_S - _first_picture_s(path)
+    time_s = np.asarray(
+        (np.arange(len(rise)) + 0.5) * STEP_S - _first_picture_s(path), dtype=np.float64
+    )
     return Signal(camera, time_s, rise[:, None])
 
 
