@@ -1,9 +1,9 @@
 """Errors of `calibrate sync` by each method, and of a rig from a carried board, where cameras film
 at 25, 30 and 60 frames per second and began at different times: python -m benchmarks.out_of_step
-[person] [shared] [board]
+[person] [pointing] [shared] [board]
 
-The recordings of `person` and `board` are made here; those of `shared` are in ../shared/data, or in
-$VOXELPOSE_SHARED/data.
+The recordings of `person`, `pointing` and `board` are made here; those of `shared` are in
+../shared/data, or in $VOXELPOSE_SHARED/data.
 """
 
 from __future__ import annotations
@@ -124,34 +124,44 @@ def tell(title: str, errors: Sequence[float], stated: Sequence[float], agreed: b
 
 
 def person() -> None:
-    """Somebody moves and claps before four cameras, for 14 s."""
-    seconds, rig, actor = 14.0, demo_rig(4), Mannequin.build()
+    """Somebody moves and claps before four cameras."""
     for draw in range(DRAWS):
-        begin_s = began(draw, len(rig))
-        with tempfile.TemporaryDirectory() as scratch:
-            folder = Path(scratch)
-            (folder / "background").mkdir()
-            write_rig(rig, folder / "calibration.toml")
-            for index, camera in enumerate(rig):
-                view = FilmCamera(camera, np.random.default_rng((draw, index)))
-                fps, name = RATES[index], f"{camera.name}.mp4"
-                write_film(folder / "background" / name, fps, (view.empty() for _ in range(20)))
-                times = begin_s[index] + np.arange(int(seconds * fps)) / fps
-                vertices = (actor.pose(*restless(float(time_s)))[0] for time_s in times)
-                distance_m = float(np.linalg.norm(camera.center_m - [0, 0, 1.2]))
-                sound = clapping(seconds, distance_m, 10 * draw + index, 0.01)
-                write_film(
-                    folder / name,
-                    fps,
-                    (view.picture(v, actor.faces, actor.face_colour) for v in vertices),
-                    sound(begin_s[index]),
-                )
-            for by in ("geometry", "silhouettes", "sound"):
-                if by != "geometry":
-                    (folder / "calibration.toml").unlink(missing_ok=True)
-                sync = sync_recording(folder, SyncSettings(by=by, max_offset_s=2.5))
-                found, stated = errors_ms(sync.result.offsets, begin_s[0] - begin_s)
-                tell(f"person {draw}, by {by}", found, stated, sync.result.agreed)
+        _filmed(f"person {draw}", restless, draw)
+
+
+def pointing() -> None:
+    """Somebody stands and points with one arm, now and then above the head."""
+    _filmed("pointing", PERFORMANCES["pointing"].pose_at, 0)
+
+
+def _filmed(title: str, move: Callable[[float], tuple], draw: int) -> None:
+    """Errors of all methods that need no board, from 14 s before four cameras."""
+    seconds, rig, actor = 14.0, demo_rig(4), Mannequin.build()
+    begin_s = began(draw, len(rig))
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / "background").mkdir()
+        write_rig(rig, folder / "calibration.toml")
+        for index, camera in enumerate(rig):
+            view = FilmCamera(camera, np.random.default_rng((draw, index)))
+            fps, name = RATES[index], f"{camera.name}.mp4"
+            write_film(folder / "background" / name, fps, (view.empty() for _ in range(20)))
+            times = begin_s[index] + np.arange(int(seconds * fps)) / fps
+            vertices = (actor.pose(*move(float(time_s)))[0] for time_s in times)
+            distance_m = float(np.linalg.norm(camera.center_m - [0, 0, 1.2]))
+            sound = clapping(seconds, distance_m, 10 * draw + index, 0.01)
+            write_film(
+                folder / name,
+                fps,
+                (view.picture(v, actor.faces, actor.face_colour) for v in vertices),
+                sound(begin_s[index]),
+            )
+        for by in ("geometry", "silhouettes", "sound"):
+            if by != "geometry":
+                (folder / "calibration.toml").unlink(missing_ok=True)
+            sync = sync_recording(folder, SyncSettings(by=by, max_offset_s=2.5))
+            found, stated = errors_ms(sync.result.offsets, begin_s[0] - begin_s)
+            tell(f"{title}, by {by}", found, stated, sync.result.agreed)
 
 
 def shared() -> None:
@@ -222,7 +232,7 @@ def _calibrated(title: str, folder: Path, truth: Rig) -> None:
     )
 
 
-PARTS = {"person": person, "shared": shared, "board": board}
+PARTS = {"person": person, "pointing": pointing, "shared": shared, "board": board}
 
 
 def main(names: list[str]) -> int:
