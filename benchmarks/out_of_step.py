@@ -44,7 +44,7 @@ RATES = (25.0, 30.0, 60.0, 30.0)
 BOARD = Board(8, 5, 0.1)
 SOUND_HZ = 44100
 METRES_PER_S = 343.0
-DRAWS = 3
+DRAWS, BOARD_DRAWS = 3, 2
 Picture = NDArray[np.uint8]
 
 
@@ -183,7 +183,7 @@ def shared() -> None:
 def board() -> None:
     """A board is carried before three cameras for 24 s."""
     seconds, rig = 24.0, room(3, 3.2, size=(960, 540), arc_deg=80)
-    for draw in range(DRAWS):
+    for draw in range(BOARD_DRAWS):
         begin_s, path = began(100 + draw, len(rig)), carried(rig, 26.0, draw)
         with tempfile.TemporaryDirectory() as scratch:
             even, mixed = Path(scratch) / "even", Path(scratch) / "mixed"
