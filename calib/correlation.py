@@ -121,7 +121,7 @@ class Correlogram:
 def sampled(signal: Signal, settings: SignalSettings) -> Signal:
     """A signal at multiples of the step, smoothed, its means zero."""
     first = np.ceil(signal.time_s[0] / settings.step_s - 1e-6)
-    last = np.floor(signal.time_s[-1] / settings.step_s + 1e-6)
+    last = max(first, np.floor(signal.time_s[-1] / settings.step_s + 1e-6))
     time_s = np.arange(first, last + 1) * settings.step_s
     values = interpolate(signal.time_s, signal.values, time_s)
     known = np.isfinite(values)
@@ -140,14 +140,12 @@ def correlogram(first: Signal, second: Signal, settings: SignalSettings) -> Corr
     begin = round((second.time_s[0] - first.time_s[0]) / step)
     # Row k of the full correlation belongs to an offset of `lags[k]` steps.
     lags = np.arange(-(len(first.time_s) - 1), len(second.time_s)) + begin
-    kept = np.abs(lags) <= round(settings.max_offset_s / step)
-    each = np.array(
-        [
-            masked_correlation(a, b)[kept]
-            for a, b in zip(first.values.T, second.values.T, strict=True)
-        ]
-    )
-    return Correlogram(lags[kept] * step, joint_correlation(each))
+    most = max(round(settings.max_offset_s / step), 1)
+    kept = np.abs(lags) <= most
+    each = np.full((first.values.shape[1], 2 * most + 1), np.nan)
+    for row, (a, b) in enumerate(zip(first.values.T, second.values.T, strict=True)):
+        each[row, lags[kept] + most] = masked_correlation(a, b)[kept]
+    return Correlogram(np.arange(-most, most + 1) * step, joint_correlation(each))
 
 
 def joint_correlation(each: FloatArray) -> FloatArray:

@@ -104,6 +104,17 @@ def test_a_camera_that_measured_something_else_is_named():
     assert not result.agreed
 
 
+def test_cameras_that_measured_at_different_times_are_named():
+    time_s = np.arange(50) / 10
+    made = [
+        Signal(name, time_s + begin, motion()(time_s + begin)[:, None])
+        for name, begin in (("cam_1", 0.0), ("cam_2", 30.0))
+    ]
+    for most in (0.001, 2.0):
+        result = offsets_from_signals(made, SignalSettings(most))
+        assert result.unlike == ("cam_1", "cam_2")
+
+
 def test_what_repeats_itself_is_ambiguous():
     made = [
         Signal(

@@ -228,6 +228,10 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
             films.folder, cameras=[name], unit=settings.unit, fps=films.fps[name]
         )
         used = np.flatnonzero((films.times[name] >= begin) & (films.times[name] <= end))
+        if len(used) < 3:
+            raise InputError(
+                f"{end - begin:g} s of {name} are {len(used)} frames: give more with --seconds"
+            )
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         without_background += silhouettes.without_background

@@ -50,10 +50,11 @@ class CalibrateSync:
     help: ClassVar[str] = """Estimates the time offsets of cameras, with or without a calibration.
 
 Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who moves
-(with a calibration to a fraction of a millisecond or two, without one to about 10 ms), from the
-speed of a carried board (1 or 2 ms; lenses must be known), or from sound that all cameras record,
-such as a clap (3 ms). With --out, the time of every frame is written; save the file as
-timestamps.csv in the recording, and all commands use the frames that match in time.
+(with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried board (1
+to 2 ms; lenses must be known), or from sound that all cameras record, such as a clap (1 ms, and 3
+ms for each metre that a camera is nearer to it than another). With --out, the time of every frame
+is written; save the file as timestamps.csv in the recording, and all commands use the frames that
+match in time.
 
   voxelpose calibrate sync walk
   voxelpose calibrate sync walk --out walk/timestamps.csv

@@ -85,6 +85,7 @@ def test_what_is_missing_is_named(figure, tmp_path, capsys):
     assert "recorded no sound" in told(capsys, *start, "--by", "sound")
     assert "there is no video of cam_9" in told(capsys, *start, "--cameras", "cam_1,cam_9")
     assert "there is no camera cam_9" in told(capsys, *start, "--reference", "cam_9")
+    assert "0.01 s of cam_1 are" in told(capsys, *start, "--seconds", "0.01")
     assert "has no video" in told(capsys, "calibrate", "sync", tmp_path)
     assert "is not a recording" in told(capsys, "calibrate", "sync", tmp_path / "none")
     write_rig(without_poses(ring(3, (320, 240))), tmp_path / "lenses.toml")
