@@ -121,8 +121,8 @@ class Correlogram:
 def sampled(signal: Signal, settings: SignalSettings) -> Signal:
     """A signal at multiples of the step, smoothed, its means zero."""
     first = np.ceil(signal.time_s[0] / settings.step_s - 1e-6)
-    last = max(first, np.floor(signal.time_s[-1] / settings.step_s + 1e-6))
-    time_s = np.arange(first, last + 1) * settings.step_s
+    last = np.maximum(first, np.floor(signal.time_s[-1] / settings.step_s + 1e-6))
+    time_s = np.arange(first, last + 1, dtype=np.float64) * settings.step_s
     values = interpolate(signal.time_s, signal.values, time_s)
     known = np.isfinite(values)
     sigma = settings.sigma_s / settings.step_s
@@ -145,7 +145,7 @@ def correlogram(first: Signal, second: Signal, settings: SignalSettings) -> Corr
     each = np.full((first.values.shape[1], 2 * most + 1), np.nan)
     for row, (a, b) in enumerate(zip(first.values.T, second.values.T, strict=True)):
         each[row, lags[kept] + most] = masked_correlation(a, b)[kept]
-    return Correlogram(np.arange(-most, most + 1) * step, joint_correlation(each))
+    return Correlogram(np.arange(-most, most + 1, dtype=np.float64) * step, joint_correlation(each))
 
 
 def joint_correlation(each: FloatArray) -> FloatArray:
