@@ -1,11 +1,13 @@
 """Synthetic cameras and boards: exact corners with noise, or rendered pictures. Needs no data."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from calib.board import Board, BoardView
 from calib.board_sheet import board_picture
@@ -49,6 +51,29 @@ def held_poses(
             )
         )
     return poses
+
+
+def carried(rig: Rig, seconds: float, seed: int = 0) -> Callable[[float], Pose]:
+    """Pose by time, s, of a board that is carried about the middle of a room, facing the cameras
+    from the first to the last, now faster and now slower.
+    """
+    rng = np.random.default_rng(seed)
+    knots = np.arange(0, seconds + 4, 1.2)
+    places = rng.uniform([-0.6, -0.6, 0.7], [0.6, 0.6, 1.5], (len(knots), 3))
+    turns = []
+    for along in np.linspace(0, len(rig) - 1, len(knots)):
+        near = (
+            rig.cameras[int(along)].center_m,
+            rig.cameras[min(int(along) + 1, len(rig) - 1)].center_m,
+        )
+        away = -((1 - along % 1) * near[0] + along % 1 * near[1]) * [1, 1, 0.3]
+        across = np.cross(away, [0, 0, 1.0])
+        axes = [across, np.cross(away, across), away]
+        facing = np.column_stack([axis / np.linalg.norm(axis) for axis in axes])
+        turns.append(facing @ matrix_from_rodrigues(rng.normal(0, 0.3, 3)))
+    place = CubicSpline(knots, places)
+    turn = RotationSpline(knots, Rotation.from_matrix(turns))
+    return lambda time_s: (turn(time_s).as_matrix(), place(time_s))
 
 
 def seen(

@@ -37,6 +37,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, Settings
+from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.motion import Motion
@@ -318,7 +319,8 @@ def _recorded() -> tuple:
     stages = {"silhouettes": np.full(_FRAMES, 0.01), "search": np.array([0.5])}
     facts = {"voxel_size_m": 0.03, "half_turn_ratio": 2.5, "seams_mm": [12.0, None], "note": "a"}
     settings = Settings(stature_m=1.75, options={"voxel_size_m": 0.03, "tolerance": 0})
-    return Estimate(_motion(), stages, facts), settings
+    seen = _motion().select(np.r_[0:5, 6:_FRAMES])
+    return Estimate(conditioned(seen, Conditioning(gap_limit=2)), stages, facts), settings
 
 
 def _make_result(folder: Path) -> None:
@@ -353,6 +355,12 @@ def _use_given(folder: Path, thorough: bool) -> None:
     motion = read_motion(folder / "given.safetensors")
     motion.landmark_confidence()
     export_motion(motion, folder / "exported", ("bvh", "trc", "csv"), overwrite=True)
+
+
+def _export(folder: Path) -> None:
+    from voxelpose.export.formats import export_motion
+
+    export_motion(_motion(), folder, ("npz",), overwrite=True)
 
 
 def _use_motion(folder: Path, thorough: bool) -> None:
@@ -591,6 +599,9 @@ TARGETS: dict[str, FuzzTarget] = {
         partial(rigs.use_rig, name="body.toml"),
     ),
     "motion": _result({"motion.safetensors": any_arrays}, _use_motion),
+    "export-record": FuzzTarget(
+        _export, {"export.json": any_json}, lambda folder, _: _export(folder)
+    ),
     "given-body": FuzzTarget(_make_given, {"given.safetensors": any_arrays}, _use_given),
     "summary": _result({"summary.json": any_json}, _use_result),
     "settings": _result({"settings.toml": any_text}, _use_scenes),

@@ -336,3 +336,29 @@ class Board:
             if level[even].mean() > level[~even].mean():
                 grid = grid[::-1, ::-1]
         return grid.reshape(-1, 2)
+
+
+def view_between(
+    board: Board, before: BoardView, after: BoardView, fraction: float
+) -> BoardView | None:
+    """View of a moving board at a time between two frames of one camera.
+
+    Args:
+        board: The board.
+        before: View in the earlier frame.
+        after: View in the later frame.
+        fraction: Time passed since the earlier frame, 0 to 1 of that between the two.
+
+    Returns:
+        The corners that both show, moved in straight lines; None if these are too few.
+    """
+    ids, first, second = np.intersect1d(before.ids, after.ids, return_indices=True)
+    if len(ids) < _MIN_CORNERS:
+        return None
+    start, end = before.pixels[first], after.pixels[second]
+    if board.is_symmetric:
+        # The order may be reversed from frame to frame: then all corners seem to run far.
+        run = np.linalg.norm(end - start, axis=1).mean()
+        if run > np.linalg.norm(end[::-1] - start, axis=1).mean():
+            end = end[::-1]
+    return BoardView(ids, (1 - fraction) * start + fraction * end, before.size)

@@ -1,16 +1,15 @@
 """Clock offsets between cameras, from silhouettes.
 
-A motion changes the outlines of all cameras at the same time. First, the speeds of the outlines
-(middle, height, area) are correlated between cameras. Then the tangent planes of every two cameras
-(`calib.tangency`) are compared: their error has a sharp minimum at the right offset, which least
-squares over all pairs determines to a small fraction of a frame.
+A motion changes the outlines of all cameras at the same time. First, the vertical velocities of the
+outlines are correlated between cameras (`calib.signals`), which needs no calibration. Then the
+tangent planes of every two cameras (`calib.tangency`) are compared: their error has a sharp minimum
+at the right offset, which least squares over all pairs determines to a small fraction of a frame.
 
-Source: normalised cross-correlation of the speeds; Sinha and Pollefeys, Synchronization and
-calibration of camera networks from silhouettes, for offsets from frontier points; standard errors
-by the delete-a-block jackknife.
+Source: Sinha and Pollefeys, Synchronization and calibration of camera networks from silhouettes,
+for offsets from frontier points; standard errors by the delete-a-block jackknife.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -20,40 +19,31 @@ from scipy.optimize import least_squares
 
 from calib.agreement import image_scale, trimmed_mean
 from calib.checks import FloatArray
+from calib.correlation import (
+    Correlogram,
+    OffsetCosts,
+    Signal,
+    SignalSettings,
+    correlogram,
+    sampled,
+)
 from calib.errors import InputError
-from calib.tangency import OutlineTrack, interpolate, offset_grid, tangency
+from calib.signals import (
+    Offset,
+    checked_reference,
+    consistent_offsets,
+    offsets_from_signals,
+)
+from calib.tangency import OutlineTrack, offset_grid, tangency
 
 _MAX_MOMENTS = 240
 _STEP_FRAMES = 0.5
 _MIN_PLANES = 8
-_MIN_OVERLAP_S = 0.4
 _SOFT_PX = 0.5
 _GOOD_PX = 0.4
 _SLOPE_FRAMES = 0.2
 _BLOCKS = 6
 _STILL_PX = 2.5  # over a quarter of the recording, in an image of 480 px: edges flicker by a pixel
-_ROUNDS = 4
-
-
-@dataclass(frozen=True)
-class Offset:
-    """Clock offset of one camera.
-
-    Attributes:
-        camera: Name of the camera.
-        offset_s: By how much its clock is ahead of the reference's: its frame of time t was taken
-            at t - offset.
-        error_s: Standard error of the offset.
-        frames: The offset in its frames.
-        correlation: Correlation of its outlines' speeds with the reference's at that offset, -1 to
-            1.
-    """
-
-    camera: str
-    offset_s: float
-    error_s: float
-    frames: float
-    correlation: float
 
 
 @dataclass(frozen=True)
@@ -65,8 +55,8 @@ class Synchronisation:
         offsets: One row per camera.
         before_px: Error of all cameras' tangent planes without offsets; NaN if none is comparable.
         after_px: The same error with the offsets.
-        agreed: Whether the cameras agree at these offsets. If not, the offsets come from the speeds
-            of the outlines alone.
+        agreed: Whether the cameras agree at these offsets. If not, the offsets come from the
+            velocities of the outlines alone.
     """
 
     reference: str
@@ -99,61 +89,65 @@ def synchronise(
         InputError: Fewer than two cameras, an unknown reference, or nobody moves.
     """
     names = [track.camera.name for track in tracks]
-    if len(names) < 2:
-        raise InputError("one camera alone has nothing to be in step with")
-    reference = reference or names[0]
-    if reference not in names:
-        raise InputError(f"there is no camera {reference}: there are {', '.join(names)}")
+    reference = checked_reference(names, reference)
     for track in tracks:
-        _require_motion(track)
-    ordered = [next(track for track in tracks if track.camera.name == reference)]
-    ordered += [track for track in tracks if track.camera.name != reference]
+        require_motion(track)
+    ordered = sorted(tracks, key=lambda track: track.camera.name != reference)
     pairs = {
         (a, b): _Pair.measure(ordered[a], ordered[b], max_offset_s)
         for a, b in combinations(range(len(ordered)), 2)
     }
-    start = _initial_offsets(pairs, len(ordered), max_offset_s)
+    start = consistent_offsets(
+        {pair: measured.costs() for pair, measured in pairs.items()}, len(ordered), max_offset_s
+    )
     offsets, errors = _refined_offsets(
         ordered, start, np.array([pair.weight for pair in pairs.values()])
     )
     before, after = _error(ordered, np.zeros(len(ordered))), _error(ordered, offsets)
     agreed = bool(np.isfinite(after) and after <= max_error_px * image_scale(tracks))
     if not agreed:
-        offsets, errors = (
-            _initial_offsets(pairs, len(ordered), max_offset_s, by_speed=True),
-            np.full(len(ordered), np.nan),
-        )
+        settings = SignalSettings(max_offset_s)
+        by_signal = offsets_from_signals([outline_signal(track) for track in ordered], settings)
+        offsets = np.array([line.offset_s for line in by_signal.offsets])
+        errors = np.full(len(ordered), np.nan)
     lines = []
     for index, track in enumerate(ordered):
-        speed = 1.0 if index == 0 else pairs[0, index].correlation(offsets[index])
+        alike = 1.0 if index == 0 else pairs[0, index].correlogram.at(offsets[index])
         lines.append(
             Offset(
                 track.camera.name,
                 float(offsets[index]),
                 float(errors[index]),
                 float(offsets[index] / track.period_s),
-                speed,
+                alike,
             )
         )
     lines.sort(key=lambda line: names.index(line.camera))
     return Synchronisation(reference, tuple(lines), before, _error(ordered, offsets), agreed)
 
 
-def speeds(track: OutlineTrack) -> FloatArray:
-    """Speeds (T, 3) of a track's middle, height and root of area, in body heights per second."""
+def outline_signal(track: OutlineTrack) -> Signal:
+    """Vertical velocities of a track's top, middle and bottom, in body heights per second.
+
+    Up and down look alike from all sides, which is not so of speeds in the image: of those, the
+    offsets' errors are ten times as large. The cameras must stand upright.
+    """
     rows = np.full((len(track.outlines), 4), np.nan)
     for index, outline in enumerate(track.outlines):
         if outline is not None:
-            rows[index] = [*outline.middle, outline.height_px, np.sqrt(outline.area_px)]
-    size = max(float(np.nanmedian(rows[:, 2])) if np.isfinite(rows[:, 2]).any() else 1.0, 1.0)
-    rate = np.asarray(np.gradient(rows, track.time_s, axis=0)) / size
-    return np.column_stack(
-        [np.hypot(rate[:, 0], rate[:, 1]), np.abs(rate[:, 2]), np.abs(rate[:, 3])]
-    )
+            high, low = outline.pixels[:, 1].min(), outline.pixels[:, 1].max()
+            rows[index] = high, outline.middle[1], low, outline.height_px
+    size = max(float(np.nanmedian(rows[:, 3])) if np.isfinite(rows[:, 3]).any() else 1.0, 1.0)
+    rate = np.asarray(np.gradient(rows[:, :3], track.time_s, axis=0)) / size
+    return Signal(track.camera.name, track.time_s, rate)
 
 
-def _require_motion(track: OutlineTrack) -> None:
-    """Refuses a camera without motion."""
+def require_motion(track: OutlineTrack) -> None:
+    """Refuses a camera without motion.
+
+    Raises:
+        InputError: Nobody is seen, or nobody moves.
+    """
     if track.seen.sum() < 3:
         raise InputError(
             f"{track.camera.name} sees nobody: offsets are found from somebody's motion"
@@ -178,12 +172,12 @@ class _Pair:
     Attributes:
         offsets_s: (K,) offsets of the second camera relative to the first, s.
         errors_px: (K,) tangency errors, px of an image of 480 x 360.
-        correlations: (K,) correlations of the speeds.
+        correlogram: Correlations of the outlines' velocities.
     """
 
     offsets_s: FloatArray
     errors_px: FloatArray
-    correlations: FloatArray
+    correlogram: Correlogram
 
     @classmethod
     def measure(cls, first: OutlineTrack, second: OutlineTrack, max_offset_s: float) -> "_Pair":
@@ -197,10 +191,9 @@ class _Pair:
         known = np.array([np.isfinite(signed).sum() for signed in signed_errors])
         errors = np.array([trimmed_mean(signed) for signed in signed_errors])
         errors[known < max(_MIN_PLANES, 0.25 * known.max())] = np.nan
-        return cls(offsets, errors, _correlations(first, second, offsets))
-
-    def correlation(self, offset_s: float) -> float:
-        return float(np.interp(offset_s, self.offsets_s, np.nan_to_num(self.correlations)))
+        settings = SignalSettings(max_offset_s)
+        left, right = (sampled(outline_signal(track), settings) for track in (first, second))
+        return cls(offsets, errors, correlogram(left, right, settings))
 
     @property
     def weight(self) -> float:
@@ -208,78 +201,15 @@ class _Pair:
         known = self.errors_px[np.isfinite(self.errors_px)]
         return _GOOD_PX / max(_GOOD_PX, float(known.min())) if len(known) else 0.0
 
-    def cost(self, offset_s: FloatArray, by_speed: bool) -> FloatArray:
-        """Cost (K,) of offsets (K,): relative error, or lack of correlation; 1 where unknown."""
-        if by_speed or not np.isfinite(self.errors_px).any():
-            values = np.where(np.isfinite(self.correlations), 1 - self.correlations, 1.0)
-        else:
-            values = np.where(
-                np.isfinite(self.errors_px), self.errors_px, np.nanmax(self.errors_px)
-            ) / max(np.nanmedian(self.errors_px), 1e-9)
-        return np.interp(offset_s, self.offsets_s, values, left=values.max(), right=values.max())
-
-
-def _correlations(first: OutlineTrack, second: OutlineTrack, offsets_s: FloatArray) -> FloatArray:
-    """Normalised correlation (K,) of two cameras' speeds, mean of the three kinds of speed."""
-    left, right = _smooth(speeds(first)), _smooth(speeds(second))
-    correlations = np.full(len(offsets_s), np.nan)
-    for index, offset in enumerate(offsets_s):
-        other = interpolate(second.time_s, right, first.time_s + offset)
-        both = np.isfinite(left).all(axis=1) & np.isfinite(other).all(axis=1)
-        if both.sum() * first.period_s < _MIN_OVERLAP_S or both.sum() < 0.25 * min(
-            len(left), len(right)
-        ):
-            continue
-        a, b = left[both] - left[both].mean(axis=0), other[both] - other[both].mean(axis=0)
-        scale = np.sqrt((a**2).sum(axis=0) * (b**2).sum(axis=0))
-        correlations[index] = float(np.mean((a * b).sum(axis=0) / np.maximum(scale, 1e-12)))
-    return correlations
-
-
-def _smooth(values: FloatArray) -> FloatArray:
-    """Moving average (T, K) over three frames."""
-    padded = np.pad(values, ((1, 1), (0, 0)), mode="edge")
-    return (padded[:-2] + padded[1:-1] + padded[2:]) / 3
-
-
-def _initial_offsets(
-    pairs: Mapping[tuple[int, int], _Pair], count: int, max_offset_s: float, by_speed: bool = False
-) -> FloatArray:
-    """Initial offsets (cameras,), s, 0 for the first camera.
-
-    Cameras are added one by one at the offset of least cost, then each offset is optimised in turn.
-    """
-    step = min(
-        float(pair.offsets_s[1] - pair.offsets_s[0]) if len(pair.offsets_s) > 1 else max_offset_s
-        for pair in pairs.values()
-    )
-    grid = offset_grid(max_offset_s, step)
-    offsets = np.zeros(count)
-
-    def best_offset(camera: int, others: Sequence[int]) -> tuple[float, float]:
-        cost = np.zeros(len(grid))
-        for other in others:
-            pair = pairs[min(camera, other), max(camera, other)]
-            cost += pair.cost((grid - offsets[other]) * (1 if camera > other else -1), by_speed)
-        best = int(cost.argmin())
-        return float(cost[best] - np.median(cost)) / max(1, len(others)), float(grid[best])
-
-    known, waiting = [0], list(range(1, count))
-    while waiting:
-        # The camera with the most distinct minimum comes first.
-        _, camera, offset = min(
-            (*best_offset(camera, known)[:1], camera, best_offset(camera, known)[1])
-            for camera in waiting
+    def costs(self) -> OffsetCosts:
+        """Relative tangency errors, or lack of correlation where none is known."""
+        known = np.isfinite(self.errors_px)
+        if not known.any():
+            return self.correlogram.costs()
+        largest, usual = np.nanmax(self.errors_px), np.nanmedian(self.errors_px)
+        return OffsetCosts(
+            self.offsets_s, np.where(known, self.errors_px, largest) / max(usual, 1e-9)
         )
-        offsets[camera] = offset
-        known.append(camera)
-        waiting.remove(camera)
-    for _ in range(_ROUNDS):
-        for camera in range(1, count):
-            offsets[camera] = best_offset(
-                camera, [other for other in range(count) if other != camera]
-            )[1]
-    return offsets
 
 
 def _moments(tracks: Sequence[OutlineTrack], offsets: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ ran.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
 
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered, registered
+from silhouette_core.motion.conditioning import Conditioning
 from silhouette_core.progress import Reporter
 
 if TYPE_CHECKING:
@@ -93,9 +94,10 @@ class Settings:
             does against shadows and noise.
         up: direction of up in the world, three numbers; None: as the calibration states, else
             found from the cameras and the person.
-        smooth: smooth the finished motion over time (off-line, without lag).
+        smooth: use later frames, and filter the finished motion (off-line, without lag).
         threads: number of threads; None: all cores.
         backend: scoring backend, a name as for `silhouette_core.scoring.backend.load_backend`.
+        conditioning: gaps of the finished motion that are filled, and its filter.
         options: settings of one estimator only, by name (`interference`, `voxel_size_m` of the
             multi-view one); see `read_options`.
     """
@@ -108,7 +110,17 @@ class Settings:
     smooth: bool = True
     threads: int | None = None
     backend: str = "cpu"
+    conditioning: Conditioning = field(default_factory=Conditioning)
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)
+
+    @property
+    def applied_conditioning(self) -> Conditioning:
+        """What is done to the motion: no filter where it shall not be smoothed."""
+        return (
+            self.conditioning
+            if self.smooth
+            else replace(self.conditioning, filter="none", filter_order=None)
+        )
 
 
 Options = TypeVar("Options")

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from calib.errors import InputError
     from silhouette_core.estimator import Settings
     from silhouette_core.image.silhouettes import Silhouettes
+    from silhouette_core.motion.conditioning import Conditioning, conditioned
     from silhouette_core.motion.motion import Motion
     from voxelpose.carving.hull import CarveSettings, Hull, carve_recording
     from voxelpose.demo.filming import make_recording
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CarveSettings",
+    "Conditioning",
     "Hull",
     "InputError",
     "Motion",
@@ -34,6 +36,7 @@ __all__ = [
     "Settings",
     "Silhouettes",
     "carve_recording",
+    "conditioned",
     "evaluate",
     "export_motion",
     "fit",
@@ -43,6 +46,7 @@ __all__ = [
 
 _MODULES = {
     "CarveSettings": "voxelpose.carving.hull",
+    "Conditioning": "silhouette_core.motion.conditioning",
     "Hull": "voxelpose.carving.hull",
     "InputError": "calib.errors",
     "Motion": "silhouette_core.motion.motion",
@@ -53,6 +57,7 @@ _MODULES = {
     "Settings": "silhouette_core.estimator",
     "Silhouettes": "silhouette_core.image.silhouettes",
     "carve_recording": "voxelpose.carving.hull",
+    "conditioned": "silhouette_core.motion.conditioning",
     "evaluate": "voxelpose.evaluation",
     "export_motion": "voxelpose.export.formats",
     "fit": "voxelpose.fitting",

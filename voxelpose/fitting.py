@@ -17,6 +17,7 @@ from calib.files import write_rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Estimate, Settings, load_estimator
 from silhouette_core.jit import check_threads
+from silhouette_core.motion.conditioning import describe_conditioning, filter_warning
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
@@ -140,6 +141,9 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
             "no pose was found in any frame: look at the silhouettes with `voxelpose carve`,"
             " and check the background"
         )
+    warning = filter_warning(motion)
+    if warning:
+        reporter.note(warning)
     reporter.stage("files")
     write_joints(motion, folder / JOINTS)
     write_bvh(motion, folder / "motion.bvh")
@@ -208,7 +212,7 @@ def _stated_up(recording: Recording) -> tuple[float, float, float] | None:
 
 def _title(recording: Recording, estimate: Estimate) -> str:
     motion = estimate.motion
-    lost = recording.frame_count - len(motion)
+    lost = recording.frame_count - int((~motion.filled).sum())
     plural = "s" if len(recording.rig) > 1 else ""
     phrases = [
         recording.folder.resolve().name,
@@ -248,10 +252,11 @@ def _settings_toml(recording: Recording, output: Output, settings: Settings, est
     document["cameras"] = list(recording.rig.names)
     document["estimator"] = estimator
     given = asdict(settings)
-    options = given.pop("options")
+    options, conditioning = given.pop("options"), given.pop("conditioning")
     for name, value in given.items():
         if value is not None:
             document[name] = value
+    document["conditioning"] = {name: v for name, v in conditioning.items() if v is not None}
     document["options"] = dict(options)
     return tomlkit.dumps(document)
 
@@ -268,7 +273,7 @@ def _summary(
     recording: Recording, estimate: Estimate, estimator: str, seconds: Mapping[str, float]
 ) -> dict[str, object]:
     motion = estimate.motion
-    posed = {int(frame) for frame in motion.frames}
+    posed = {int(frame) for frame in motion.frames[~motion.filled]}
     first, count = recording.first, recording.frame_count
     summary: dict[str, object] = {
         "voxelpose": __version__,
@@ -281,7 +286,7 @@ def _summary(
         "frames": {
             "first": first,
             "last": first + count - 1,
-            "with_pose": len(motion),
+            "with_pose": len(posed),
             "lost": [frame for frame in range(first, first + count) if frame not in posed],
         },
         "body": _body_table(motion.model),
@@ -293,6 +298,7 @@ def _summary(
                 for name, values in estimate.stage_s.items()
             },
         },
+        "conditioning": describe_conditioning(motion),
         "facts": dict(estimate.facts),
     }
     summary["verdict"] = asdict(verdict_of(summary))

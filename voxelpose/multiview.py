@@ -13,10 +13,10 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.conditioning import conditioned, quality_with_filled
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from voxelpose.carving.bounds import check_tolerance
 from voxelpose.matching.matcher import MatchSettings
@@ -129,7 +129,7 @@ def _motion(
     clock: StageClock,
     reporter: Reporter,
 ) -> tuple[Motion, float]:
-    """Poses as a motion, smoothed if requested, with their quality, and the half-turn ratio."""
+    """Poses as a motion, conditioned, with their quality, and the half-turn ratio."""
     posed = [t for t, pose in enumerate(tracker.poses) if pose is not None]
     poses = [pose for pose in tracker.poses if pose is not None]
     if not poses:
@@ -141,9 +141,10 @@ def _motion(
     root = np.stack([pose.root_m for pose in poses])
     angles = np.stack([pose.angles_rad for pose in poses])
     rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))
-    if settings.smooth:
-        smooth_runs(root, rotation, angles, np.array(posed), fps)
     motion = Motion(fps, tracker.body.model, root, rotation, angles, numbers[posed], times[posed])
+    motion = conditioned(motion, settings.applied_conditioning)
     reporter.stage("quality", len(posed))
-    found = motion_quality(tracker, motion, posed, clock, reporter)
-    return replace(motion, quality=found.arrays), found.half_turn_ratio
+    own = motion.select(np.flatnonzero(~motion.filled))
+    found = motion_quality(tracker, own, posed, clock, reporter)
+    quality = quality_with_filled(motion.filled, found.arrays)
+    return replace(motion, quality=quality), found.half_turn_ratio

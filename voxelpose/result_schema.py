@@ -73,6 +73,13 @@ class _Verdict(msgspec.Struct):
     uncertain: Annotated[list[_Name], Meta(max_length=100)] = []
 
 
+class _Conditioned(msgspec.Struct):
+    frames_filled: list[_Count] = []
+    frames_left: _Count = 0
+    frames_unfiltered: _Count = 0
+    words: Annotated[str, Meta(max_length=1000)] = ""
+
+
 class _Summary(msgspec.Struct):
     voxelpose: _Name
     estimator: _Name
@@ -86,6 +93,7 @@ class _Summary(msgspec.Struct):
     up: _Up | None = None
     floor_m: _Number | None = None
     facts: _Facts = msgspec.field(default_factory=_Facts)
+    conditioning: _Conditioned = msgspec.field(default_factory=_Conditioned)
     verdict: _Verdict = msgspec.field(default_factory=_Verdict)
 
 
@@ -93,6 +101,14 @@ class _Options(msgspec.Struct):
     voxel_size_m: Annotated[float, Meta(ge=0.005, le=0.1)] | None = None
     tolerance: Annotated[int, Meta(ge=0, le=100)] | None = None
     body: _Name = ""
+
+
+class _Conditioning(msgspec.Struct):
+    filter: Literal["butterworth", "savgol", "gaussian", "none"] = "butterworth"
+    cutoff_hz: _Positive = 7.0
+    filter_order: Annotated[int, Meta(ge=1, le=8)] | None = None
+    gap_limit: _Count | Annotated[str, Meta(max_length=20)] = 0
+    gap_method: Literal["linear", "pchip", "none"] = "linear"
 
 
 class _Settings(msgspec.Struct):
@@ -108,6 +124,7 @@ class _Settings(msgspec.Struct):
     smooth: bool = True
     threads: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     backend: _Name = "cpu"
+    conditioning: _Conditioning = msgspec.field(default_factory=_Conditioning)
     options: _Options = msgspec.field(default_factory=_Options)
 
 

@@ -34,9 +34,9 @@ from silhouette_core.image.plausibility import MOMENTS, check_plausible
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
 from silhouette_core.library.pose_library import PoseLibrary
+from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.smoothing import smooth_runs
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
@@ -137,7 +137,11 @@ class MonocularEstimator:
 
         with nullcontext() if settings.smooth else fewer_threads():
             motion = _motion(
-                estimates(), stages.trajectory, hypotheses, source.fps, settings.smooth
+                estimates(),
+                stages.trajectory,
+                hypotheses,
+                source.fps,
+                settings.applied_conditioning,
             )
         if motion is None:
             raise InputError(
@@ -195,7 +199,7 @@ def _motion(
     trajectory: PoseTrajectory,
     hypotheses: HypothesisStore,
     fps: float,
-    smoothed: bool,
+    conditioning: Conditioning,
 ) -> Motion | None:
     """Motion of all frames, or None if there are none; their hypotheses are stored."""
     frames, blocks = iter(estimates), []
@@ -210,8 +214,6 @@ def _motion(
     root, rotation, angles, numbers, occluded = (
         whole[name] for name in ("root", "rotation", "angles", "number", "occluded")
     )
-    if smoothed:
-        smooth_runs(root, rotation, angles, numbers, fps)
     agreement = np.clip(1 - whole["error"], 0.0, 1.0)
     quality = {
         "outline_agreement": agreement,
@@ -222,7 +224,10 @@ def _motion(
         "cut": whole["cut"],
         "lost": whole["lost"],
     }
-    return Motion(fps, trajectory.model, root, rotation, angles, numbers, whole["time_s"], quality)
+    motion = Motion(
+        fps, trajectory.model, root, rotation, angles, numbers, whole["time_s"], quality
+    )
+    return conditioned(motion, conditioning)
 
 
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:

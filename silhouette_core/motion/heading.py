@@ -57,6 +57,7 @@ def mirrored(motion: Motion) -> Motion:
         root_m=motion.root_m * (-1, 1, 1),
         root_quaternion=motion.root_quaternion * (1, 1, -1, -1),
         angles_rad=motion.angles_rad[:, other] * sign,
+        unfiltered=None if motion.unfiltered is None else mirrored(motion.unfiltered),
         quality={
             name: array[:, columns[name]] if name in columns else array
             for name, array in motion.quality.items()

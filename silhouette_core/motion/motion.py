@@ -15,6 +15,7 @@ from calib.upright import Z_UP, UprightFrame
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
+    from silhouette_core.motion.conditioning import Conditioning
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,9 @@ class Motion:
             `right_probability` (T,), that the joints' mean error is below 80 mm.
         up: (3,) float64, unit, direction of up in the world.
         floor_m: height of the floor in the world, along up, metres.
+        filled: (T,) bool, whether the frame's pose is interpolated, since none was found.
+        conditioning: filter and filling of gaps that made these poses; None: not recorded.
+        unfiltered: the poses before that, without quality; None: there are no others.
     """
 
     fps: float
@@ -54,9 +58,12 @@ class Motion:
     quality: Mapping[str, NDArray] = field(default_factory=dict)
     up: NDArray[np.float64] = field(default_factory=Z_UP.copy)
     floor_m: float = 0.0
+    filled: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    conditioning: Conditioning | None = None
+    unfiltered: Motion | None = None
 
     def __post_init__(self) -> None:
-        """Fills in frames and times if not given, and checks the arrays.
+        """Completes frames, times and what is filled if not given, and checks the arrays.
 
         Raises:
             ValueError: an array has another shape than stated, or holds NaN.
@@ -66,6 +73,8 @@ class Motion:
             object.__setattr__(self, "frames", np.arange(count, dtype=np.int64))
         if not len(self.time_s) and count:
             object.__setattr__(self, "time_s", self.frames / self.fps)
+        if not len(self.filled) and count:
+            object.__setattr__(self, "filled", np.zeros(count, bool))
         shapes = {
             "root_m": (self.root_m, (count, 3)),
             "root_quaternion": (self.root_quaternion, (count, 4)),
@@ -73,6 +82,7 @@ class Motion:
             "frames": (self.frames, (count,)),
             "time_s": (self.time_s, (count,)),
             "up": (self.up, (3,)),
+            "filled": (self.filled, (count,)),
         }
         for name, (array, shape) in shapes.items():
             check_array(name, array, shape, finite=True)
@@ -81,6 +91,9 @@ class Motion:
         for name, array in self.quality.items():
             if len(array) != count:
                 raise ValueError(f"quality {name!r} must have {count} rows, got {len(array)}")
+        if self.unfiltered is not None:  # in the same world
+            same = replace(self.unfiltered, up=self.up, floor_m=self.floor_m)
+            object.__setattr__(self, "unfiltered", same)
         object.__setattr__(self, "quality", MappingProxyType(dict(self.quality)))
 
     def __len__(self) -> int:
@@ -117,15 +130,26 @@ class Motion:
         if frame.is_world:
             return self
         turned = self._turned(frame.rotation)
-        return replace(turned, root_m=frame.points(self.root_m), up=Z_UP.copy(), floor_m=0.0)
+        return replace(
+            turned,
+            root_m=frame.points(self.root_m),
+            up=Z_UP.copy(),
+            floor_m=0.0,
+            unfiltered=None if self.unfiltered is None else self.unfiltered.upright(),
+        )
 
     def in_world(self, frame: UprightFrame) -> Motion:
         """A motion that was estimated in an upright frame, in the world in which that frame is."""
         if frame.is_world:
             return self
         turned = self._turned(frame.rotation.T)
-        root_m = frame.world_points(self.root_m)
-        return replace(turned, root_m=root_m, up=frame.up, floor_m=frame.floor_m + self.floor_m)
+        return replace(
+            turned,
+            root_m=frame.world_points(self.root_m),
+            up=frame.up,
+            floor_m=frame.floor_m + self.floor_m,
+            unfiltered=None if self.unfiltered is None else self.unfiltered.in_world(frame),
+        )
 
     def _turned(self, rotation: NDArray[np.float64]) -> Motion:
         from silhouette_core.motion.kinematics import quaternions, rotation_matrices
@@ -137,8 +161,11 @@ class Motion:
         """Confidence (T, 15) of the landmarks, from 0 to 1.
 
         As stated by the estimator, else the overlap of the landmark's part, else the confidence of
-        the frame.
+        the frame; 0 in frames that were filled.
         """
+        return np.where(self.filled[:, None], 0.0, self._stated_confidence())
+
+    def _stated_confidence(self) -> NDArray[np.float64]:
         if "landmark_confidence" in self.quality:
             return np.asarray(self.quality["landmark_confidence"], float)
         if "part_overlap" in self.quality:
@@ -156,5 +183,13 @@ class Motion:
             angles_rad=self.angles_rad[rows],
             frames=self.frames[rows],
             time_s=self.time_s[rows],
+            filled=self.filled[rows],
+            unfiltered=self._unfiltered_at(self.frames[rows]),
             quality={name: array[rows] for name, array in self.quality.items()},
+        )
+
+    def _unfiltered_at(self, frames: NDArray[np.int64]) -> Motion | None:
+        other = self.unfiltered
+        return (
+            None if other is None else other.select(np.flatnonzero(np.isin(other.frames, frames)))
         )

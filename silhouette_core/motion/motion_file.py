@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
@@ -23,11 +25,13 @@ from silhouette_core.body.body_arrays import (
 )
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
+from silhouette_core.motion.conditioning import Conditioning
 from silhouette_core.motion.motion import Motion
 
 MOTION = "motion.safetensors"
 _FORMAT = "voxelpose motion 3"
-_QUALITY, _BODY = "quality.", "body."
+_QUALITY, _BODY, _UNFILTERED = "quality.", "body.", "unfiltered."
+_POSES = "root_m", "root_quaternion", "angles_rad"
 _TYPES = {
     "root_m": "F64",
     "root_quaternion": "F64",
@@ -36,13 +40,23 @@ _TYPES = {
     "time_s": "F64",
     "body_shape": "F64",
     "up": "F64",
+    "filled": "BOOL",
+    **{_UNFILTERED + name: "F64" for name in _POSES},
 }
 _QUALITY_TYPES = ("F64", "F32", "BOOL", "I64", "I32", "U8")
 _FLAT = ("unexplained", "outside", "outline_agreement", "right_probability")
-_UNFIT = (KeyError, TypeError, ValueError, OverflowError, IndexError, RecursionError)
-# Half a day at 60 frames a second; a pose takes some 900 bytes.
+_UNFIT = (
+    KeyError,
+    TypeError,
+    ValueError,
+    OverflowError,
+    IndexError,
+    RecursionError,
+    msgspec.ValidationError,
+)
+# Half a day at 60 frames a second; a pose takes some 1,400 bytes.
 _MOST_POSES = 12 * 3600 * 60
-_LARGEST = 1000 * _MOST_POSES
+_LARGEST = 1500 * _MOST_POSES
 _FARTHEST_M = 1e5
 _LARGEST_RAD = 50.0
 _LATEST_S = 1e10
@@ -55,8 +69,10 @@ _GAP_FRAMES, _GAP_RATE = 1000, 4.0
 def write_motion(motion: Motion, path: Path) -> None:
     """Writes a motion.
 
-    Arrays have the names of the attributes, those of the quality `quality.NAME`; the metadata hold
-    the measurements of the body. A body that is not made from a person's measurements is written
+    Arrays have the names of the attributes, those of the quality `quality.NAME`. Poses before
+    filter and filling are `unfiltered.NAME`, a row for each frame that was not filled; `filled` is
+    left out where none was. The metadata hold the measurements of the body, and `conditioning` the
+    settings of filter and filling. A body that is not made from a person's measurements is written
     itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
 
     Args:
@@ -73,6 +89,10 @@ def write_motion(motion: Motion, path: Path) -> None:
         "up": motion.up,
         **{_QUALITY + name: array for name, array in motion.quality.items()},
     }
+    if motion.filled.any():
+        arrays["filled"] = motion.filled
+    if motion.unfiltered is not None:
+        arrays |= {_UNFILTERED + name: getattr(motion.unfiltered, name) for name in _POSES}
     sizes = motion.model.person
     if sizes is None:
         given, tree = body_arrays(motion.model)
@@ -86,6 +106,9 @@ def write_motion(motion: Motion, path: Path) -> None:
             "sex": sizes.sex,
             "template_changes": json.dumps(sizes.changes),
         }
+    done = motion.conditioning
+    if done is not None:
+        about["conditioning"] = json.dumps(asdict(done))
     metadata = {
         "format": _FORMAT,
         "fps": repr(motion.fps),
@@ -186,7 +209,7 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     """Motion of the metadata and arrays of a file."""
     if not isinstance(json.loads(about["angles"]), list):
         raise ValueError("its angles are no list of names")
-    return Motion(
+    motion = Motion(
         fps=float(about["fps"]),
         model=_model(about, arrays),
         root_m=arrays["root_m"],
@@ -201,7 +224,21 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
         },
         up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
+        filled=arrays.get("filled", np.zeros(0, bool)),
+        conditioning=_conditioning(about.get("conditioning")),
     )
+    if _UNFILTERED + "root_m" not in arrays:
+        return motion
+    found = motion.select(np.flatnonzero(~motion.filled))
+    poses = {name: arrays[_UNFILTERED + name] for name in _POSES}
+    unfiltered = replace(found, **poses, quality={}, conditioning=None)
+    return replace(motion, unfiltered=unfiltered)
+
+
+def _conditioning(text: str | None) -> Conditioning | None:
+    """The settings of a file; None of files of earlier versions."""
+    content = {} if text is None else json.loads(text)
+    return None if text is None else msgspec.convert(content, Conditioning)
 
 
 def _model(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> BodyModel:
@@ -247,6 +284,8 @@ def _check_values(motion: Motion) -> None:
         raise ValueError(f"floor_m is {motion.floor_m:g}")
     if not (np.abs(motion.up) < 2).all() or abs(np.linalg.norm(motion.up) - 1) > _UNIT_TOLERANCE:
         raise ValueError("up has not the length 1")
+    if motion.unfiltered is not None:
+        _check_values(motion.unfiltered)
     if not len(motion):
         return
     lengths = np.linalg.norm(np.clip(motion.root_quaternion, -2, 2), axis=1)

@@ -8,7 +8,7 @@ from calib import synchronise as synchronisation
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
-from calib.synchronise import speeds, synchronise
+from calib.synchronise import outline_signal, synchronise
 from calib.tangency import OutlineTrack
 
 FPS = 20.0
@@ -94,11 +94,16 @@ def test_what_cannot_be_synchronised_is_refused(rig, shifted):
         synchronise([nobody, *shifted[1:]], 0.5)
 
 
-def test_speeds_are_of_the_outline(shifted):
+def test_outlines_move_up_and_down(shifted):
     assert shifted[0].period_s == pytest.approx(1 / FPS)
-    result = speeds(shifted[0])
-    assert result.shape == (36, 3)
-    assert 0.05 < np.nanmedian(result[:, 0]) < 3
+    signal = outline_signal(shifted[0])
+    assert signal.camera == "cam_0"
+    assert signal.values.shape == (36, 3)
+    top_px = [outline.pixels[:, 1].min() for outline in shifted[0].outlines]
+    heights = np.median([outline.height_px for outline in shifted[0].outlines])
+    np.testing.assert_allclose(
+        signal.values[10, 0], (top_px[11] - top_px[9]) * FPS / 2 / heights, atol=1e-9
+    )
 
 
 def noisy(monkeypatch, rig, seed: int, noise_px: float, biased: tuple[str, ...] = ()) -> list:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.estimator import Settings
+from silhouette_core.estimator import Estimate, Settings, load_estimator
+from silhouette_core.motion.conditioning import Conditioning, conditioned
+from silhouette_core.progress import SilentReporter
+from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
@@ -58,11 +61,50 @@ def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     assert summary["body"]["stature_m"] == 1.81
     assert summary["quality"]["part_overlap"]["pelvis"] == 0.5
     assert summary["facts"] == {"tried": [0, 1]}
+    assert result.settings["conditioning"] == {
+        "filter": "butterworth",
+        "cutoff_hz": 7.0,
+        "gap_limit": 0,
+        "gap_method": "linear",
+    }
     assert result.settings["stature_m"] == 1.81
     assert result.settings["chest_m"] == 0.9
     assert result.settings["sex"] == "female"
     assert result.settings["options"] == {"voxel_size_m": 0.02}
     assert result.settings["recording"] == "../walk"
+
+
+class _Notes(SilentReporter):
+    def __init__(self):
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def test_the_summary_states_filter_and_gaps(recording, tmp_path, monkeypatch):
+    motion = conditioned(waving(30, fps=50.0).select(np.r_[0:10, 12:25]), Conditioning(gap_limit=2))
+    estimator = type(load_estimator("standing"))
+    monkeypatch.setattr(estimator, "estimate", lambda *_: Estimate(replace(motion, quality={})))
+    result = fit(recording, Output(tmp_path / "out", pictures=False), None, "standing")
+    assert result.summary["conditioning"] == {
+        "filter": "butterworth",
+        "cutoff_hz": 7.0,
+        "order": 2,
+        "frames_unfiltered": 0,
+        "gap_limit_frames": 2,
+        "gap_method": "linear",
+        "frames_filled": [10, 11],
+        "frames_left": 0,
+        "words": "Butterworth low-pass, 7 Hz, order 2, forward and backward; 2 missing frames"
+        " filled (linear, gaps up to 2 frames)",
+    }
+    assert result.summary["frames"]["with_pose"] == 23
+    short = conditioned(waving(6), Conditioning())
+    monkeypatch.setattr(estimator, "estimate", lambda *_: Estimate(short))
+    reporter = _Notes()
+    fit(recording, Output(tmp_path / "two", pictures=False), None, "standing", reporter)
+    assert reporter.notes[-1].startswith("6 of 6 frames are not filtered")
 
 
 def test_a_bug_leaves_nothing_and_keeps_its_traceback(recording, tmp_path):

@@ -15,6 +15,7 @@ from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.conditioning import Conditioning
 from voxelpose.recording.folder import Recording, frame_range, is_recording
 
 Command = Literal["fit", "track"]
@@ -27,6 +28,11 @@ _SETTINGS = {
     "sex": (str, "sex"),
     "background": (str, "background"),
     "smooth": (bool, "smooth"),
+    "filter": (str, ""),
+    "cutoff": (float, ""),
+    "filter_order": (int, ""),
+    "gap_limit": (int | str, ""),
+    "gap_method": (str, ""),
     "up": (str, ""),
     "frames": (str, ""),
     "unit": (str, ""),
@@ -52,6 +58,21 @@ _OPTIONS = {
         "outline_only": (bool, "outline_only"),
         "body": (str, "body"),
     },
+}
+# Setting of a job by the field of Conditioning.
+_CONDITIONING = {
+    "filter": "filter",
+    "cutoff_hz": "cutoff",
+    "filter_order": "filter_order",
+    "gap_limit": "gap_limit",
+    "gap_method": "gap_method",
+}
+_WORDS = {
+    float: "a number",
+    int: "a whole number",
+    bool: "true or false",
+    str: "text",
+    int | str: 'a number of frames, or text as in "0.2s"',
 }
 _PLAIN_NAME = re.compile(r"[^\w.+-]+")
 
@@ -112,7 +133,9 @@ class Job:
             for name, (_, field) in _OPTIONS[self.command].items()
             if field and name in self.settings
         }
-        return Settings(**fields, threads=threads, options=options)
+        return Settings(
+            **fields, threads=threads, conditioning=_conditioning(self.settings), options=options
+        )
 
     @property
     def estimator(self) -> str:
@@ -220,13 +243,13 @@ def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
         kind = known[name][0]
         fits = isinstance(value, int | float) if kind is float else isinstance(value, kind)
         if not fits or (isinstance(value, bool) and kind is not bool):
-            words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
-            raise InputError(f"{where}: {name} = {str(value)[:60]!r} must be {words[kind]}")
+            raise InputError(f"{where}: {name} = {str(value)[:60]!r} must be {_WORDS[kind]}")
     try:
         if "frames" in settings:
             _frames(str(settings["frames"]))
         if "up" in settings:
             _up(str(settings["up"]))
+        _conditioning(settings)
     except InputError as error:
         raise InputError(f"{where}: {str(error)[:300]}") from None
 
@@ -257,6 +280,11 @@ def _frames(text: str | None) -> tuple[int | None, int | None] | None:
         raise InputError(
             f'frames = {text!r} is not understood: give first:last, as in "0:100"'
         ) from None
+
+
+def _conditioning(settings: Mapping[str, Any]) -> Conditioning:
+    given = {field: settings[name] for field, name in _CONDITIONING.items() if name in settings}
+    return Conditioning(**given)
 
 
 def _up(text: str) -> tuple[float, float, float]:

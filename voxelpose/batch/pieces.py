@@ -106,7 +106,16 @@ def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
         The motion, and the mean distance of the joints in the frames that two pieces share, mm;
         NaN where they share none.
     """
-    whole, seams_mm = motions[0], []
+    whole, seams_mm = _joined([replace(motion, unfiltered=None) for motion in motions])
+    if all(motion.unfiltered is None for motion in motions):
+        return whole, seams_mm
+    # A piece that has no others is as it was estimated.
+    before = [replace(motion.unfiltered or motion, quality={}) for motion in motions]
+    return replace(whole, unfiltered=_joined(before)[0]), seams_mm
+
+
+def _joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
+    whole, seams_mm = motions[0], list[float]()
     for after in motions[1:]:
         shared, before_rows, after_rows = np.intersect1d(
             whole.frames, after.frames, return_indices=True
@@ -138,6 +147,7 @@ def _blended(old: Motion, new: Motion) -> Motion:
         root_m=mixed(old.root_m, new.root_m),
         root_quaternion=_turned(old.root_quaternion, new.root_quaternion, column),
         angles_rad=mixed(old.angles_rad, new.angles_rad),
+        filled=old.filled & new.filled,
         quality={
             name: np.concatenate([old.quality[name][~late], new.quality[name][late]])
             for name in names
@@ -153,11 +163,14 @@ def _turned(old: np.ndarray, new: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _chained(motions: Sequence[Motion]) -> Motion:
-    """Motions one after the other."""
+    """Motions of different frames as one, in the order of the frames."""
     names = set.intersection(*(set(motion.quality) for motion in motions))
 
+    # Frames that one piece has lost lie between those of another.
+    order = np.argsort(np.concatenate([motion.frames for motion in motions]))
+
     def chained(name: str) -> np.ndarray:
-        return np.concatenate([getattr(motion, name) for motion in motions])
+        return np.concatenate([getattr(motion, name) for motion in motions])[order]
 
     return replace(
         motions[0],
@@ -166,7 +179,9 @@ def _chained(motions: Sequence[Motion]) -> Motion:
         angles_rad=chained("angles_rad"),
         frames=chained("frames"),
         time_s=chained("time_s"),
+        filled=chained("filled"),
         quality={
-            name: np.concatenate([motion.quality[name] for motion in motions]) for name in names
+            name: np.concatenate([motion.quality[name] for motion in motions])[order]
+            for name in names
         },
     )

@@ -13,7 +13,7 @@ from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import pictures_by_camera
-from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still, read_together
+from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still
 
 _MAX_EXAMINED = 400  # frames of a video in which the board is searched
 _NEW_VIEW = 0.02  # of the picture's width: smaller differences between views are redundant
@@ -123,7 +123,7 @@ def find_views(
             is described.
     """
     views: dict[str, BoardView | Refusal] = {}
-    find = _Finder(board, stills=pictures.video is None)
+    find = BoardFinder(board, stills=pictures.video is None)
     for name, picture in pictures.examined():
         views[name] = find(picture)
         reporter.advance()
@@ -139,10 +139,11 @@ def find_views(
     }
 
 
-class _Finder:
+class BoardFinder:
     """Detects the board in one camera's pictures, with as much effort as the camera needs."""
 
     def __init__(self, board: Board, stills: bool) -> None:
+        """Begins quickly with a video, thoroughly with stills."""
         self.board = board
         self.effort: Effort = "thorough" if stills else "quick"
         self.count = 0
@@ -180,7 +181,7 @@ class _Finder:
                 for picture in self.refused
                 if (description := self.board.other_board(picture))
             ),
-            next(iter(self.reasons)),
+            next(iter(self.reasons), "there are no pictures of that time"),
         )
 
 
@@ -220,76 +221,3 @@ def _outline(board: Board, view: BoardView) -> FloatArray:
     if homography is None:
         return np.tile(view.pixels.mean(axis=0) / view.size[0], 4)
     return np.clip(cv2.perspectiveTransform(ends[None], homography).ravel() / view.size[0], -1, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """Detections of a board by synchronous cameras.
-
-    Attributes:
-        views: Moment ("frame 120") -> camera -> view.
-        examined: Number of moments examined.
-        seen: Number of moments at which each camera saw the board.
-    """
-
-    views: dict[str, dict[str, BoardView]]
-    examined: int
-    seen: dict[str, int]
-
-
-def board_moments(
-    board: Board,
-    readers: Mapping[str, FrameReader],
-    floor: int | None,
-    max_moments: int,
-    reporter: Reporter,
-) -> Moments:
-    """Detects the board in synchronous recordings.
-
-    Args:
-        board: The board.
-        readers: Synchronous pictures by camera name.
-        floor: A frame that is always kept; None if there is none.
-        max_moments: Maximum number of moments.
-        reporter: Receives the progress.
-
-    Raises:
-        InputError: Pictures cannot be read, or a camera never saw the board.
-    """
-    count = min(reader.frame_count for reader in readers.values())
-    if floor is not None and not 0 <= floor < count:
-        raise InputError(f"--floor {floor} is not in the recording: it has frames 0 to {count - 1}")
-    step = stride(count)
-    finders = {name: _Finder(board, bool(reader.stills)) for name, reader in readers.items()}
-    views: dict[str, dict[str, BoardView]] = {}
-    reporter.stage("looking for the board", -(-count // step))
-    for number, frames in enumerate(read_together(readers, 0, count)):
-        if number % step and number != floor:
-            continue
-        detections = {name: finders[name](frame, number == floor) for name, frame in frames.items()}
-        views[f"frame {number}"] = {
-            name: view for name, view in detections.items() if isinstance(view, BoardView)
-        }
-        reporter.advance()
-    seen = {name: sum(name in moment for moment in views.values()) for name in readers}
-    if never := [name for name, times in seen.items() if not times]:
-        reasons = "; ".join(f"{name}: {finders[name].failure()}" for name in never)
-        raise InputError(
-            f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
-            " nearer, and slowly"
-        )
-    return Moments(_thinned(views, max_moments, f"frame {floor}"), len(views), seen)
-
-
-def _thinned(
-    views: dict[str, dict[str, BoardView]], max_moments: int, floor: str
-) -> dict[str, dict[str, BoardView]]:
-    """Moments with most views, evenly over time; boards seen by a single camera are useless."""
-    alone = 1 if len({name for seen in views.values() for name in seen}) == 1 else 0
-    useful = [moment for moment, seen in views.items() if len(seen) > 1 - alone or moment == floor]
-    kept = {
-        max(useful[part[0] : part[-1] + 1], key=lambda moment: len(views[moment]))
-        for part in np.array_split(np.arange(len(useful)), min(max_moments, len(useful)) or 1)
-        if len(part)
-    }
-    return {moment: views[moment] for moment in useful if moment in kept or moment == floor}

@@ -1,6 +1,6 @@
 """Camera poses from a recording of a board."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +11,10 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import board_moments
+from voxelpose.calibration.board_moments import board_moments, timed_moments
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.timestamps import TIMESTAMPS, read_timestamps
 
 _RATES_DIFFER = 0.01
 
@@ -23,7 +24,8 @@ class ExtrinsicsSettings:
     """Settings of the calibration of poses.
 
     Attributes:
-        floor: Frame at which the board lies on the floor; None if there is none.
+        floor: Frame at which the board lies on the floor, of the first camera if there are time
+            stamps; None if there is none.
         max_moments: Maximum number of moments used.
         cameras: Names of the cameras used; None for all.
         refine_lenses: Whether the lens parameters are refined too.
@@ -43,15 +45,24 @@ def extrinsics_from_recording(
     Args:
         board: The board that was moved through the room.
         lenses: Cameras with calibrated lenses.
-        folder: A video, a folder of frames or a still per camera, synchronous.
+        folder: A video, a folder of frames or a still per camera: synchronous, or with the times
+            of all frames in timestamps.csv.
         settings: Settings.
         reporter: Receives the progress.
 
     Raises:
         InputError: Cameras and pictures do not match, or the pictures do not determine the poses.
     """
-    readers, lenses = _readers(folder, lenses, settings.cameras, reporter)
-    moments = board_moments(board, readers, settings.floor, settings.max_moments, reporter)
+    readers, lenses = _readers(folder, lenses, settings.cameras)
+    table = folder / TIMESTAMPS
+    if table.exists():
+        times = read_timestamps(table, readers)
+        moments = timed_moments(
+            board, readers, times, settings.floor, settings.max_moments, reporter
+        )
+    else:
+        _check_rates(folder, readers, reporter)
+        moments = board_moments(board, readers, settings.floor, settings.max_moments, reporter)
     if not moments.views:
         seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
         raise InputError(
@@ -64,7 +75,7 @@ def extrinsics_from_recording(
 
 
 def _readers(
-    folder: Path, lenses: Rig, cameras: Sequence[str] | None, reporter: Reporter
+    folder: Path, lenses: Rig, cameras: Sequence[str] | None
 ) -> tuple[dict[str, FrameReader], Rig]:
     """Opens the pictures of all cameras and checks their consistency."""
     if not folder.is_dir():
@@ -96,21 +107,26 @@ def _readers(
                 f"camera {name} recorded at {seen}, its lens was calibrated at {known}: use one"
                 " size"
             )
+    return readers, lenses
+
+
+def _check_rates(folder: Path, readers: Mapping[str, FrameReader], reporter: Reporter) -> None:
+    """Refuses videos of different rates, and tells that videos differ in length."""
+    remedy = (
+        f"`voxelpose calibrate sync {folder} --by board --out {folder / TIMESTAMPS}` (see its"
+        " --help) finds the time of every frame"
+    )
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
     if rates and max(rates.values()) > (1 + _RATES_DIFFER) * min(rates.values()):
         listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
-        raise InputError(
-            f"the videos have different rates ({listed} frames per second): bring them to one rate"
-            " first"
-        )
+        raise InputError(f"the videos have different rates ({listed} frames per second): {remedy}")
     counts = {name: reader.frame_count for name, reader in readers.items()}
     if len(set(counts.values())) > 1:
         listed = ", ".join(f"{name} {count}" for name, count in counts.items())
         reporter.note(
             f"the videos differ in length ({listed} frames): taken to start together, the first"
-            f" {min(counts.values())} are used"
+            f" {min(counts.values())} are used; if they do not, {remedy}"
         )
-    return readers, lenses
 
 
 def extrinsics_notes(result: Extrinsics) -> dict[str, object]:

@@ -3,23 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from calib.agreement import image_scale
+from calib.board import Board
+from calib.camera import Rig
+from calib.correlation import SignalSettings
 from calib.errors import InputError
-from calib.synchronise import Synchronisation, synchronise
+from calib.files import read_rig
+from calib.signals import SignalOffsets, checked_reference, offsets_from_signals
+from calib.synchronise import Synchronisation, outline_signal, require_motion, synchronise
 from calib.tangency import Outline, OutlineTrack
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.calibration.check import LONG_SIDE_PX
-from voxelpose.recording.folder import Recording, pictures_by_camera
+from voxelpose.calibration.sync_signals import board_signals, sound_signals
+from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.sound import STEP_S, has_sound
 from voxelpose.recording.timestamps import Times, write_timestamps
 
+SyncMethod = Literal["geometry", "board", "sound", "silhouettes"]
+
 _DOUBTFUL_PX = 0.8  # of a picture of 480 x 360
+_MAX_OFFSET_S = {"geometry": 2.0, "board": 20.0, "sound": 60.0, "silhouettes": 10.0}
+_SECONDS = {"geometry": 12.0, "board": 60.0, "sound": 600.0, "silhouettes": 40.0}
+_SOUND_SIGMA_S = 0.002
+_DISTANCE_S = 0.003  # which sound takes for a metre: some are nearer to it than others
 
 
 @dataclass(frozen=True)
@@ -27,30 +41,45 @@ class SyncSettings:
     """Settings of the synchronisation.
 
     Attributes:
-        max_offset_s: largest offset between two cameras, s.
-        seconds: length of the middle part of the recording that is used, s.
+        max_offset_s: largest offset between two cameras, s; None: 2 s by geometry, 20 s by a board,
+            60 s by sound, 10 s by silhouettes.
+        seconds: length of the part of the recording that is used, s, from its beginning for sound,
+            else about its middle; None: 12 s by geometry, 60 s by a board, 600 s by sound, 40 s by
+            silhouettes.
         reference: camera whose clock is the reference; None for the first.
         rates: frames per second by camera name, if missing or wrong in the files.
         unit: unit of the calibration's lengths, if the file does not state it.
+        by: what offsets are found from: "geometry", tangent planes of the silhouettes, which needs
+            a calibration; "board", a carried board's speed, which needs lenses; "sound";
+            "silhouettes", their vertical velocities. None: the first of a board, if one is given, a
+            calibration, common sound and silhouettes that there is.
+        board: the board that is carried.
+        lenses: the cameras' lenses; None: those of the recording's calibration.
     """
 
-    max_offset_s: float = 2.0
-    seconds: float = 12.0
+    max_offset_s: float | None = None
+    seconds: float | None = None
     reference: str | None = None
     rates: dict[str, float] | None = None
     unit: str | None = None
+    by: SyncMethod | None = None
+    board: Board | None = None
+    lenses: Rig | None = None
 
     def __post_init__(self) -> None:
         """Checks the values."""
-        if not (np.isfinite(self.max_offset_s) and self.max_offset_s > 0):
+        most, seconds = self.max_offset_s, self.seconds
+        if most is not None and not (np.isfinite(most) and most > 0):
             raise InputError(
-                f"offsets of at most {self.max_offset_s:g} s cannot be looked for: give a positive"
-                " number of seconds"
+                f"offsets of at most {most:g} s cannot be looked for: give a positive number of"
+                " seconds"
             )
-        if not (np.isfinite(self.seconds) and self.seconds > 0):
+        if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
             raise InputError(
-                f"{self.seconds:g} s of a recording cannot be looked at: give a positive number"
+                f"{seconds:g} s of a recording cannot be looked at: give a positive number"
             )
+        if self.by == "board" and self.board is None:
+            raise InputError("what does the board look like? give --board, as in --board 8x5")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +88,15 @@ class Sync:
 
     Attributes:
         result: the offsets.
+        by: what they were found from.
         times: times of every camera's frames by its own clock, s, from the files' rates and a
             common start.
         fps: rate of each camera.
         notes: limitations of this result.
     """
 
-    result: Synchronisation
+    result: Synchronisation | SignalOffsets
+    by: SyncMethod
     times: dict[str, Times]
     fps: dict[str, float]
     notes: tuple[str, ...]
@@ -87,77 +118,210 @@ def sync_recording(
     """Estimates the clock offsets of a recording's cameras. An existing timestamps.csv is ignored.
 
     Args:
-        folder: the recording folder; its videos may differ in length and rate.
+        folder: the recording folder; its videos may differ in length and rate. Only geometry needs
+            a calibration.
         settings: settings; None for the defaults.
         cameras: names of the cameras used; None for all.
         reporter: receives the progress.
 
     Raises:
-        InputError: something is missing, or nobody moves.
+        InputError: something is missing, or nothing that all cameras recorded tells their offsets.
     """
     settings, reporter = settings or SyncSettings(), reporter or SilentReporter()
-    folder = Path(folder)
-    pictures = pictures_by_camera(folder) or pictures_by_camera(folder / "masks")
-    names = list(pictures) if cameras is None else list(cameras)
-    if len(names) < 2:
-        raise InputError(f"{folder} has one camera: there is nothing that it could be in step with")
-    recordings = {name: _open(folder, name, settings) for name in names}
-    times = {
-        name: np.arange(recording.readers[name].frame_count) / recording.fps
-        for name, recording in recordings.items()
-    }
-    begin, end = _window(times, settings)
+    films = _Films.open(Path(folder), settings, cameras)
+    if settings.by is None and settings.board is None and not films.calibrated:
+        sync = _by_sound_if_common(films, settings, reporter)
+        if sync is not None:
+            return sync
+    by = settings.by or (
+        "board" if settings.board else "geometry" if films.calibrated else "silhouettes"
+    )
+    if by == "board":
+        return _by_board(films, settings, reporter)
+    if by == "sound":
+        return _by_sound(films, settings, reporter)
+    return _by_outlines(films, settings, by, reporter)
+
+
+@dataclass(frozen=True, eq=False)
+class _Films:
+    """The pictures of all cameras, each with its own rate.
+
+    Attributes:
+        folder: the recording folder.
+        calibrated: whether it holds a calibration.
+        readers: frame readers by camera name.
+        times: (frames,) float64, s, by each camera's clock.
+        fps: rates.
+    """
+
+    folder: Path
+    calibrated: bool
+    readers: dict[str, FrameReader]
+    times: dict[str, Times]
+    fps: dict[str, float]
+
+    @classmethod
+    def open(cls, folder: Path, settings: SyncSettings, cameras: Sequence[str] | None) -> _Films:
+        if not folder.is_dir():
+            raise InputError(f"{folder} is not a recording: give a folder with a video per camera")
+        paths = pictures_by_camera(folder) or pictures_by_camera(folder / "masks")
+        names = list(paths) if cameras is None else list(cameras)
+        if missing := [name for name in names if name not in paths]:
+            raise InputError(
+                f"there is no video of {', '.join(missing)} in {folder}: its cameras are"
+                f" {', '.join(paths)}"
+            )
+        if len(names) < 2:
+            count = "one camera" if names else "no video"
+            raise InputError(
+                f"{folder} has {count}: there is nothing that it could be in step with"
+            )
+        checked_reference(names, settings.reference)
+        readers = {name: FrameReader.open(paths[name]) for name in names}
+        fps = {name: _rate(name, readers[name], settings) for name in names}
+        for reader in readers.values():
+            if reader.frame_count < 3:
+                raise InputError(f"{reader.path} has {reader.frame_count} frames: film for longer")
+        times = {name: np.arange(readers[name].frame_count) / fps[name] for name in names}
+        return cls(folder, calibration_path(folder) is not None, readers, times, fps)
+
+    @property
+    def shortest_s(self) -> float:
+        """Length of the shortest video, s."""
+        return min(float(times_s[-1]) for times_s in self.times.values())
+
+    def window(self, by: SyncMethod, settings: SyncSettings) -> tuple[float, float]:
+        """Begin and end of the part about the middle that is used, s."""
+        seconds = _SECONDS[by] if settings.seconds is None else settings.seconds
+        middle = 0.5 * self.shortest_s
+        return middle - 0.5 * seconds, middle + 0.5 * seconds
+
+    def max_offset_s(self, by: SyncMethod, settings: SyncSettings) -> float:
+        """Largest offset that is looked for, s: half of what is used at most."""
+        most = _MAX_OFFSET_S[by] if settings.max_offset_s is None else settings.max_offset_s
+        begin, end = self.window(by, settings)
+        return min(most, 0.5 * min(self.shortest_s, end - begin))
+
+
+def _rate(name: str, reader: FrameReader, settings: SyncSettings) -> float:
+    """Frames per second of a camera."""
+    rate = (settings.rates or {}).get(name, reader.fps)
+    if rate is None:
+        raise InputError(f"how fast {name} filmed is not known: say it, as in --rates {name}=30")
+    if not (np.isfinite(rate) and rate > 0):
+        raise InputError(f"{name} cannot have filmed {rate:g} frames per second: correct --rates")
+    return rate
+
+
+def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter: Reporter) -> Sync:
+    """Offsets from silhouettes, with the calibration or without."""
+    if by == "geometry" and not films.calibrated:
+        raise InputError(
+            f"{films.folder} holds no calibration: calibrate first, put calibration.toml there, or"
+            " choose --by silhouettes"
+        )
+    begin, end = films.window(by, settings)
     tracks, without_background = [], []
-    for name, recording in recordings.items():
-        used = np.flatnonzero((times[name] >= begin) & (times[name] <= end))
+    for name, reader in films.readers.items():
+        recording = Recording.open(
+            films.folder, cameras=[name], unit=settings.unit, fps=films.fps[name]
+        )
+        used = np.flatnonzero((films.times[name] >= begin) & (films.times[name] <= end))
+        if len(used) < 3:
+            raise InputError(
+                f"{end - begin:g} s of {name} are {len(used)} frames: give more with --seconds"
+            )
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         without_background += silhouettes.without_background
         outlines, unknown = [], silhouettes.unknown.get(name)
-        for frame in recording.readers[name].frames(int(used[0]), int(used[-1]) + 1):
+        for frame in reader.frames(int(used[0]), int(used[-1]) + 1):
             mask = silhouettes.of({name: frame})[name]
             outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
             reporter.advance()
-        tracks.append(OutlineTrack(recording.rig[name], times[name][used], tuple(outlines)))
+        tracks.append(OutlineTrack(recording.rig[name], films.times[name][used], tuple(outlines)))
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
-    result = synchronise(tracks, min(settings.max_offset_s, 0.5 * shortest), settings.reference)
-    notes = (
-        [
+    most = min(films.max_offset_s(by, settings), 0.5 * shortest)
+    notes = []
+    if without_background:
+        notes.append(
             f"no empty view of {', '.join(without_background)}: it was estimated from the"
             " recording's own frames"
-        ]
-        if without_background
-        else []
-    )
+        )
+    if by == "silhouettes":
+        for track in tracks:
+            require_motion(track)
+        signals = [outline_signal(track) for track in tracks]
+        offsets = offsets_from_signals(signals, SignalSettings(most), settings.reference)
+        return Sync(offsets, by, films.times, films.fps, tuple(notes))
+    result = synchronise(tracks, most, settings.reference)
     if result.agreed and result.after_px > _DOUBTFUL_PX * image_scale(tracks):
         notes.append(
             "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
             " calibrate check` names it"
         )
-    return Sync(
-        result, times, {name: recording.fps for name, recording in recordings.items()}, tuple(notes)
-    )
+    return Sync(result, by, films.times, films.fps, tuple(notes))
 
 
-def _open(folder: Path, name: str, settings: SyncSettings) -> Recording:
-    """One camera of a recording, with its own rate."""
-    rate = (settings.rates or {}).get(name)
-    if rate is None:
-        path = (pictures_by_camera(folder) or pictures_by_camera(folder / "masks")).get(name)
-        rate = None if path is None else FrameReader.open(path).fps
-    if rate is None:
-        raise InputError(f"how fast {name} filmed is not known: say it, as in --rates {name}=30")
-    recording = Recording.open(folder, cameras=[name], unit=settings.unit, fps=rate)
-    if recording.calibration_path is None:
+def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync:
+    """Offsets from the speed of a carried board."""
+    lenses, path = settings.lenses, calibration_path(films.folder)
+    if lenses is None and path is not None:
+        lenses = read_rig(path, settings.unit)
+    if settings.board is None or lenses is None:
         raise InputError(
-            f"{folder} holds no calibration: calibrate first, or put calibration.toml there"
+            "how fast a board moves is seen through known lenses: give --intrinsics, as written by"
+            " `voxelpose calibrate intrinsics`, or choose another way with --by"
         )
-    return recording
+    signals = board_signals(
+        settings.board,
+        films.readers,
+        films.times,
+        lenses,
+        films.window("board", settings),
+        reporter,
+    )
+    reporter.stage("offsets")
+    how = SignalSettings(films.max_offset_s("board", settings))
+    result = offsets_from_signals(signals, how, settings.reference)
+    return Sync(result, "board", films.times, films.fps, ())
 
 
-def _window(times: dict[str, Times], settings: SyncSettings) -> tuple[float, float]:
-    """Start and end of the part of the recording that is used, s."""
-    shortest = min(float(times_s[-1]) for times_s in times.values())
-    middle = 0.5 * shortest
-    return middle - 0.5 * settings.seconds, middle + 0.5 * settings.seconds
+def _by_sound(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync:
+    """Offsets from sound."""
+    seconds = _SECONDS["sound"] if settings.seconds is None else settings.seconds
+    paths = {name: reader.path for name, reader in films.readers.items()}
+    signals = sound_signals(paths, seconds, reporter)
+    reporter.stage("offsets")
+    how = SignalSettings(
+        films.max_offset_s("sound", settings), STEP_S, _SOUND_SIGMA_S, lasting=False
+    )
+    result = offsets_from_signals(signals, how, settings.reference)
+    lines = [
+        line
+        if line.camera == result.reference
+        else replace(
+            line,
+            error_s=float(np.hypot(line.error_s, _DISTANCE_S)),
+            frames=line.offset_s * films.fps[line.camera],
+        )
+        for line in result.offsets
+    ]
+    note = (
+        "sound travels 0.34 m in a millisecond: offsets are wrong by 2.9 ms for each metre that a"
+        " camera is nearer to it, or farther, than the reference; the table allows for one metre"
+    )
+    return Sync(replace(result, offsets=tuple(lines)), "sound", films.times, films.fps, (note,))
+
+
+def _by_sound_if_common(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync | None:
+    """Offsets from sound, if all cameras recorded the same."""
+    if not all(has_sound(reader.path) for reader in films.readers.values()):
+        return None
+    sync = _by_sound(films, settings, reporter)
+    if sync.result.agreed:
+        return sync
+    reporter.note("the sound of the videos is not clearly the same: their silhouettes are used")
+    return None

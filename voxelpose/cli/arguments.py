@@ -56,6 +56,36 @@ Fps = Annotated[
         help="Frames per second, where the files do not state it or state it wrongly.",
     ),
 ]
+Filter = Annotated[
+    Literal["butterworth", "savgol", "gaussian", "none"],
+    arg(help="Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay."),
+]
+Cutoff = Annotated[
+    float,
+    arg(metavar="HZ", help="Cut-off: the frequency at which half of the amplitude is left."),
+]
+FilterOrder = Annotated[
+    int | None,
+    arg(
+        metavar="N",
+        help_behavior_hint="",
+        help="Order of the Butterworth filter, applied forward and backward, or degree of"
+        " Savitzky-Golay's polynomial. Default: 2 or 3.",
+    ),
+]
+GapLimit = Annotated[
+    str,
+    arg(
+        metavar="N|SECONDSs",
+        help="Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s.",
+    ),
+]
+GapMethod = Annotated[
+    Literal["linear", "pchip", "none"],
+    arg(
+        help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not.",
+    ),
+]
 Threads = Annotated[
     int | None,
     arg(metavar="N", help_behavior_hint="", help="Number of processor threads. Default: all."),

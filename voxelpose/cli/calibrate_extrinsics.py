@@ -34,8 +34,10 @@ class CalibrateExtrinsics:
 
 They are determined from a board that is carried through the view of all cameras, or from a list of
 points. RECORDING: a folder with a video per camera, recorded at the same time and named as in the
-calibration of the lenses. Let the board lie on the floor for a moment and give that frame as
---floor: its first corner becomes the origin of the world, with z up.
+calibration of the lenses. Cameras that are out of step, or film at different rates, need
+timestamps.csv there: `voxelpose calibrate sync RECORDING --by board` makes it. Let the board lie on
+the floor for a moment and give that frame as --floor: its first corner becomes the origin of the
+world, with z up.
 Next to OUT, an image of the cameras and a report in JSON are written.
 
   voxelpose calibrate extrinsics board_walk --intrinsics lenses.toml --board 8x5 --square 0.029 \\
@@ -59,7 +61,8 @@ Next to OUT, an image of the cameras and a report in JSON are written.
     marker: MarkerSide = None
     dictionary: Dictionary = "DICT_4X4_50"
     floor: Annotated[int | None, arg(metavar="FRAME", help_behavior_hint="")] = None
-    """Frame in which the board lies on the floor. Default: the first camera is the world."""
+    """Frame (of the first camera) in which the board lies on the floor. Default: the first camera
+    is the world."""
     points: OptionalFile = None
     """CSV of camera,point,x_px,y_px,x_m,y_m,z_m instead of a board; metres only where known."""
     refine_lenses: bool = False

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
@@ -11,6 +12,7 @@ from calib.errors import InputError
 from voxelpose.cli.arguments import (
     Cameras,
     OptionalFile,
+    OptionalLength,
     OptionalName,
     OverwriteFile,
     RecordingFolder,
@@ -18,35 +20,71 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
+from voxelpose.cli.calibrate_board import BoardArguments, Dictionary, MarkerSide
 from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
+
+_ANY_SQUARE_M = 0.1  # speeds are compared in shape, not in size
+_NAMES = {
+    "board": "the board's speed",
+    "sound": "sound",
+    "silhouettes": "silhouettes moving up and down",
+}
+_REMEDIES = {
+    "geometry": "the cameras agree at no offset: calibrate first, then synchronise, or give --by",
+    "board": "carry the board so that all cameras see it, now faster and now slower",
+    "sound": "clap where all cameras hear it, or try --by silhouettes",
+    "silhouettes": (
+        "let somebody squat, jump or raise the arms in view of all cameras, give --seconds and"
+        " --most, or clap and try --by sound"
+    ),
+}
 
 
 @dataclass(frozen=True)
 class CalibrateSync:
     """Arguments of `voxelpose calibrate sync`."""
 
-    help: ClassVar[str] = """Estimates the time offsets of cameras from a person's movement.
+    help: ClassVar[str] = """Estimates the time offsets of cameras, with or without a calibration.
 
-No clap and no flash is needed; videos may differ in length and rate. With --out, the time of every
-frame is written; save the file as timestamps.csv in the recording, and all commands use the frames
-that match in time.
+Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who moves
+(with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried board (1
+to 2 ms; lenses must be known), or from sound that all cameras record, such as a clap (1 ms, and 3
+ms for each metre that a camera is nearer to it than another). With --out, the time of every frame
+is written; save the file as timestamps.csv in the recording, and all commands use the frames that
+match in time.
 
   voxelpose calibrate sync walk
   voxelpose calibrate sync walk --out walk/timestamps.csv
+  voxelpose calibrate sync walk --by sound --out walk/timestamps.csv
+  voxelpose calibrate sync board_walk --by board --board 8x5 --intrinsics lenses.toml \\
+    --out board_walk/timestamps.csv
 """
 
     recording: RecordingFolder
     out: OptionalFile = None
     """Table of times to be written (cam_id,frame_time). Default: offsets are only printed."""
+    by: Literal["auto", "geometry", "board", "sound", "silhouettes"] = "auto"
+    """What offsets are found from; geometry: silhouettes with a calibration. Default: the first of
+    a board (if --board is given), geometry, sound and silhouettes that there is."""
     reference: OptionalName = None
     """Camera to which the offsets refer. Default: the first."""
-    most: Annotated[float, arg(metavar="S")] = 2.0
-    """Largest offset that is searched for, in seconds."""
-    seconds: Annotated[float, arg(metavar="S")] = 12.0
-    """Length of the part of the recording to use, around its middle."""
+    most: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    """Largest offset that is searched for, in seconds. Default: 2 by geometry, 10 by silhouettes,
+    20 by a board, 60 by sound."""
+    seconds: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    """Length of the part of the recording to use, around its middle. Default: 12 by geometry, 40 by
+    silhouettes, 60 by a board; by sound the first 600."""
+    board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
+    """Number of inner corners of the carried board, along and down."""
+    square: OptionalLength = None
+    """Side of its squares in metres; only needed with --marker."""
+    marker: MarkerSide = None
+    dictionary: Dictionary = "DICT_4X4_50"
+    intrinsics: OptionalFile = None
+    """Calibration of the lenses, by which a board's speed is seen. Default: the recording's own."""
     rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
     """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
     cameras: Cameras = None
@@ -60,19 +98,30 @@ that match in time.
         refuse_existing([self.out], self.overwrite)
         with Progress() as progress:
             progress.stage("opening")
+            from calib.files import read_rig
             from voxelpose.calibration.sync import SyncSettings, sync_recording
 
+            board = None
+            if self.board is not None:
+                square = _ANY_SQUARE_M if self.square is None else self.square
+                board = BoardArguments(
+                    board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
+                ).to_board()
             settings = SyncSettings(
-                self.most, self.seconds, self.reference, camera_rates(self.rates), self.unit
+                self.most,
+                self.seconds,
+                self.reference,
+                camera_rates(self.rates),
+                self.unit,
+                None if self.by == "auto" else self.by,
+                board,
+                None if self.intrinsics is None else read_rig(self.intrinsics, self.unit),
             )
             sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
         print_sync(sync)
         if self.out is not None:
             if not sync.result.agreed:
-                raise InputError(
-                    f"the cameras agree at no offset, so {self.out} was not written: calibrate"
-                    " first, then synchronise"
-                )
+                raise InputError(f"{self.out} was not written: {_REMEDIES[sync.by]}")
             sync.write(self.out)
             print(
                 f"{self.out}: time of every frame; as timestamps.csv in the recording, all commands"
@@ -123,17 +172,34 @@ def print_sync(sync: Sync) -> None:
                 interval,
             )
     console.print(table)
+    for line in (*_verdict(sync), *(f"note: {note}" for note in sync.notes)):
+        console.print(plain(line), soft_wrap=True)
+
+
+def _verdict(sync: Sync) -> Iterator[str]:
+    """Lines that tell what offsets were found from, and how well the cameras agree."""
+    from calib.signals import SignalOffsets
+
     found = sync.result
-    console.print(
-        f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
-        " these offsets",
-        soft_wrap=True,
-    )
-    if not found.agreed:
-        console.print(
-            "the cameras agree at no offset: the offsets above follow from the speed of the"
-            " outlines only, and are rough; check the calibration first",
-            soft_wrap=True,
+    if not isinstance(found, SignalOffsets):
+        yield (
+            f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
+            " these offsets"
         )
-    for note in sync.notes:
-        console.print(f"note: {note}", soft_wrap=True)
+        if not found.agreed:
+            yield (
+                "the cameras agree at no offset: the offsets above follow from the motion of the"
+                " outlines only, and are rough; check the calibration first"
+            )
+        return
+    pairs = f"by {_NAMES[sync.by]}: pairs of cameras correlate by {found.correlation:.2f}"
+    if found.disagreement_s == found.disagreement_s:
+        pairs += f", and their offsets agree within {1000 * found.disagreement_s:.1f} ms"
+    yield pairs
+    if found.unlike:
+        yield f"{', '.join(found.unlike)} recorded nothing like the others: not synchronised"
+    if found.ambiguous:
+        yield (
+            f"other offsets are nearly as likely for {', '.join(found.ambiguous)}: motion that"
+            " repeats itself, or too little of it"
+        )

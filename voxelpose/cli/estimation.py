@@ -11,8 +11,13 @@ from tyro.conf import arg
 
 from voxelpose.cli.arguments import (
     BodyName,
+    Cutoff,
+    Filter,
+    FilterOrder,
     Fps,
     Frames,
+    GapLimit,
+    GapMethod,
     OptionalLength,
     OverwriteResult,
     RecordingFolder,
@@ -44,7 +49,12 @@ class EstimationArguments:
     up: Up = None
     overwrite: OverwriteResult = False
     smooth: bool = True
-    """Smooth the motion over time; with track, --no-smooth uses previous frames only."""
+    """Filter the motion over time; with track, --no-smooth uses previous frames only."""
+    filter: Filter = "butterworth"
+    cutoff: Cutoff = 7.0
+    filter_order: FilterOrder = None
+    gap_limit: GapLimit = "0"
+    gap_method: GapMethod = "linear"
     background: Literal["refined", "paper"] = "refined"
     """Silhouettes as in Okada and Stenger 5.1 (paper), or cleaned of shadows and noise."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
@@ -76,6 +86,7 @@ class EstimationArguments:
             progress.stage("opening")
             from silhouette_core.estimator import Settings
             from silhouette_core.motion.body_source import resolved_body
+            from silhouette_core.motion.conditioning import Conditioning
             from voxelpose.fitting import Output, fit
             from voxelpose.recording.folder import Recording
 
@@ -88,6 +99,9 @@ class EstimationArguments:
                 up=up_direction(self.up),
                 threads=self.threads,
                 backend=self.backend,
+                conditioning=Conditioning(
+                    self.filter, self.cutoff, self.filter_order, self.gap_limit, self.gap_method
+                ),
                 options=dict(options)
                 | ({} if self.body is None else {"body": resolved_body(self.body)}),
             )

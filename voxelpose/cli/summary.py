@@ -36,6 +36,8 @@ def print_result(result: Result) -> None:
         f"[bold]{frames['with_pose']} of {count} frames[/bold] have a pose; {seconds['total']:.1f}"
         " s in total"
     )
+    if words := summary.get("conditioning", {}).get("words"):
+        console.print(plain(words))
     stages = Table("stage", "min ms", "median ms", "max ms", box=None, padding=(0, 2, 0, 0))
     for name, range_s in seconds["stages"].items():
         if "median" in range_s:

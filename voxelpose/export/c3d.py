@@ -9,11 +9,13 @@ import ezc3d
 import numpy as np
 
 from calib.errors import InputError
+from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import every_frame, named_points
 
 _MM_PER_M = 1000.0
 _MAX_FRAMES = 65535  # the format's frame numbers have 16 bits
+_MOST_LISTED = 255  # values along a parameter's dimension
 _POINT_BYTES = 16  # one point in one frame: x, y, z and residual, as float32
 
 
@@ -26,7 +28,8 @@ def write_c3d(motion: Motion, path: Path) -> None:
 
     The file holds every frame from the first to the last pose. Frames without a pose have the
     residual -1, C3D's mark of a point that was not seen, and no position. The first pose is the
-    file's frame 1, whatever its number in the recording.
+    file's frame 1, whatever its number in the recording. POINT:CONDITIONING states filter and
+    filling of gaps, POINT:FILLED the frames (the first 255) that were filled, or 0.
 
     Args:
         motion: at least one pose.
@@ -59,6 +62,10 @@ def write_c3d(motion: Motion, path: Path) -> None:
     parameters["DESCRIPTIONS"]["value"] = ["point of a body fitted to silhouettes"] * len(names)
     file.add_parameter("POINT", "X_SCREEN", ["+X"])
     file.add_parameter("POINT", "Y_SCREEN", ["+Z"])
+    # Parameters hold at most 255 characters.
+    file.add_parameter("POINT", "CONDITIONING", [conditioning_words(motion)[:255]])
+    filled = [float(frame) for frame in motion.frames[motion.filled] - frames[0] + 1]
+    file.add_parameter("POINT", "FILLED", filled[:_MOST_LISTED] or [0.0])
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = residuals
     file.write(str(path))

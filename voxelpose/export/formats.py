@@ -10,6 +10,7 @@ from pathlib import Path
 from calib.atomic import replacing, unwritable
 from calib.errors import InputError
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.export_record import EXPORT_RECORD, read_export_record, write_export_record
 
 # Files of every format, each with the module and the function that write it.
 _WRITERS = {
@@ -25,6 +26,16 @@ _WRITERS = {
     "npz": {"motion.npz": ("tables", "write_npz")},
 }
 FORMATS = tuple(_WRITERS)
+"""Formats that are written where none is named."""
+
+_WRITERS["opensim"] = {
+    "motion.mot": ("mot", "write_mot"),
+    "opensim_motion.trc": ("opensim", "write_seen"),
+    "opensim_static.trc": ("opensim", "write_static"),
+    "opensim_markers.xml": ("opensim", "write_marker_set"),
+    "opensim_scale.xml": ("opensim", "write_scale_setup"),
+    "opensim_ik.xml": ("opensim", "write_ik_setup"),
+}
 
 
 def export_motion(
@@ -35,20 +46,23 @@ def export_motion(
     Args:
         motion: at least one pose.
         folder: folder of the files; it is created if it does not exist.
-        formats: names out of `FORMATS`. Of a body that is no person's, `trc` writes no motion.mot.
+        formats: names out of `FORMATS`, or `opensim`: TRC, MOT and the setup files of OpenSim. Of a
+            body that is no person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
 
     Returns:
-        Paths of the files.
+        Paths of the files, with export.json, which says how they were made.
 
     Raises:
-        InputError: a format is unknown, the motion has no pose, a file exists, or the folder cannot
-            be written to.
+        InputError: a format is unknown or does not fit the body, the motion has no pose, a file
+            exists, or the folder cannot be written to.
     """
     folder, files = Path(folder), {}
     for name in formats:
         if name not in _WRITERS:
-            raise InputError(f"there is no format {name!r}: the formats are {', '.join(FORMATS)}")
+            raise InputError(f"there is no format {name!r}: the formats are {', '.join(_WRITERS)}")
+        if name == "opensim" and motion.model.person is None:
+            raise InputError("OpenSim's model is a person, this body is none: export trc instead")
         files |= _WRITERS[name]
     if motion.model.person is None:
         files.pop("motion.mot", None)  # coordinates of a person's joints
@@ -60,6 +74,7 @@ def export_motion(
                 raise InputError(
                     f"{folder / name} exists: give --out another folder, or add --overwrite"
                 )
+    earlier = read_export_record(folder)
     made = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -67,10 +82,12 @@ def export_motion(
             for name, (module, function) in files.items():
                 writer = getattr(importlib.import_module(f"voxelpose.export.{module}"), function)
                 writer(motion, complete.enter_context(replacing(folder / name)))
+            record = complete.enter_context(replacing(folder / EXPORT_RECORD))
+            write_export_record(motion, files, earlier, record)
     except OSError as error:
         raise unwritable(folder, error) from error
     finally:
         if made:
             with suppress(OSError):  # it holds something
                 folder.rmdir()
-    return [folder / name for name in files]
+    return [folder / name for name in (*files, EXPORT_RECORD)]

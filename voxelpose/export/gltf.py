@@ -9,6 +9,7 @@ import pygltflib as gltf
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
@@ -32,7 +33,8 @@ def write_glb(motion: Motion, path: Path) -> None:
     Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of a person
     27, have the names of the body's parts; without animation they are in the rest pose (upright,
     arms 45 degrees down, facing +z), to which the skin is bound. The only animation, `motion`,
-    rotates every node and translates the root (`pelvis`). Its time is zero at the first pose.
+    rotates every node and translates the root (`pelvis`). Its time is zero at the first pose. The
+    document's extras state filter and filling of gaps.
 
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
@@ -44,7 +46,12 @@ def write_glb(motion: Motion, path: Path) -> None:
     motion = motion.upright()
     model = motion.model
     document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator=f"voxelpose {__version__}"))
-    document.extras = {"fps": motion.fps, "first_frame": int(motion.frames[0])}
+    document.extras = {
+        "fps": motion.fps,
+        "first_frame": int(motion.frames[0]),
+        "conditioning": conditioning_words(motion),
+        "filled_frames": motion.frames[motion.filled].tolist(),
+    }
     packer = _Packer(document)
     _add_skeleton(document, packer, model)
     _add_body(document, packer, model)

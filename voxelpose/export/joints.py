@@ -26,18 +26,28 @@ def write_joints(motion: Motion, path: Path) -> None:
     """Writes joint positions in world coordinates (axes of the calibration), metres.
 
     Args:
-        motion: T poses; frames without a pose have no rows.
+        motion: T poses; frames without a pose have no rows. Where some were filled, they have the
+            confidence 0, and the last column, `filled`, is 1 for them.
         path: the CSV file.
     """
     positions, confidence = motion.landmarks(), motion.landmark_confidence()
     names = column_names(motion.model.tree.landmark_names)
+    heading, marks = filled_column(motion)
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(_HEADER + "\n")
+        file.write(_HEADER + heading + "\n")
         for row, frame in enumerate(motion.frames):
             start = f"{frame},{motion.time_s[row]:.6f}"
             for joint, name in enumerate(names):
                 x, y, z = positions[row, joint]
-                file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}\n")
+                sure = f"{confidence[row, joint]:.3f}{marks[row]}"
+                file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{sure}\n")
+
+
+def filled_column(motion: Motion) -> tuple[str, list[str]]:
+    """Heading and cells of the column `filled`, with their commas; empty where no frame was."""
+    if not motion.filled.any():
+        return "", [""] * len(motion)
+    return ",filled", [f",{int(filled)}" for filled in motion.filled]
 
 
 def column_names(names: Sequence[str]) -> list[str]:

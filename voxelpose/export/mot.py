@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD, euler_degrees, joint_rotations
+from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.motion import Motion
 
 # Midpoint of the hips in the pelvis frame of Rajagopal's model, of a person 1.70 m tall.
@@ -44,7 +45,8 @@ def write_mot(motion: Motion, path: Path) -> None:
     that the model lacks are left out: adduction and rotation of the knee, the neck, the shoulder
     girdle. Models of the gait2392 family count knee flexion negative and have no arms.
 
-    Frames without a pose have no row; OpenSim interpolates between rows by their times.
+    Frames without a pose have no row; OpenSim interpolates between rows by their times. A line of
+    the head states filter and filling of gaps.
 
     Args:
         motion: at least one pose.
@@ -59,6 +61,8 @@ def write_mot(motion: Motion, path: Path) -> None:
         f"nRows={len(table)}",
         f"nColumns={table.shape[1]}",
         "inDegrees=yes",
+        "",
+        conditioning_words(motion),
         "",
         "endheader",
     ]

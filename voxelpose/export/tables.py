@@ -9,15 +9,17 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.motion.anatomical import AnatomicalAngles, anatomical_angles
+from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.joints import column_names
+from voxelpose.export.joints import column_names, filled_column
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
     """Writes joints_wide.csv: frame,time_s,pelvis_x_m,pelvis_y_m,... with one row per pose.
 
-    Positions are in world coordinates, metres. Frames without a pose have no row.
+    Positions are in world coordinates, metres. Frames without a pose have no row. Where some were
+    filled, the last column, `filled`, is 1 for them.
 
     Args:
         motion: T poses.
@@ -31,7 +33,8 @@ def write_angles(motion: Motion, path: Path) -> None:
     """Writes angles.csv: frame,time_s,pelvis_tilt_deg,... with one row per pose.
 
     The angles are those of `silhouette_core.motion.anatomical`, in degrees, of a body on a person's
-    tree; then those of all joints that a person does not have. Frames without a pose have no row.
+    tree; then those of all joints that a person does not have. Frames without a pose have no row;
+    those filled are marked as in joints_wide.csv.
 
     Args:
         motion: T poses.
@@ -54,8 +57,9 @@ def write_npz(motion: Motion, path: Path) -> None:
     degrees (`anatomical_deg`). Arrays with one row per pose: `frames`, `time_s`, `root_m`,
     `root_quaternion` (w x y z), `angles_rad`, `anatomical_deg`, `part_rotation` (T, 27, 3, 3) world
     from part, `part_origin` (T, 27, 3) joint of every part, `landmarks` and `landmark_confidence`
-    (the 15 joints of joints.csv). Other arrays: `fps`, `up` (3,) and `floor_m` (the floor's height
-    along it), `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`,
+    (the 15 joints of joints.csv), `filled` (whether the pose is interpolated). Other arrays: `fps`,
+    `up` (3,) and `floor_m` (the floor's height along it), `conditioning` (filter and filling of
+    gaps, in words), `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`,
     `angle_names`, `anatomical_names`, `landmark_names`. Frames without a pose have no row.
 
     Args:
@@ -88,14 +92,19 @@ def write_npz(motion: Motion, path: Path) -> None:
             landmark_names=np.array(model.tree.landmark_names),
             landmarks=motion.landmarks(),
             landmark_confidence=motion.landmark_confidence(),
+            filled=motion.filled,
+            conditioning=conditioning_words(motion),
         )
 
 
 def _write(
     motion: Motion, names: list[str], table: NDArray[np.float64], digits: int, path: Path
 ) -> None:
+    heading, marks = filled_column(motion)
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(["frame", "time_s", *column_names(names)]) + "\n")
-        for frame, time_s, row in zip(motion.frames.tolist(), motion.time_s, table, strict=True):
+        file.write(",".join(["frame", "time_s", *column_names(names)]) + heading + "\n")
+        for frame, time_s, row, mark in zip(
+            motion.frames.tolist(), motion.time_s, table, marks, strict=True
+        ):
             cells = [str(frame), f"{time_s:.6f}", *(f"{value:.{digits}f}" for value in row)]
-            file.write(",".join(cells) + "\n")
+            file.write(",".join(cells) + mark + "\n")

@@ -24,6 +24,7 @@ from voxelpose.export.skeleton import ascii_names, every_frame, named_points
 POSE2SIM_AXES = "yzx"
 """World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""
 
+_NAMED = "motion.trc"
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "meters": 1.0, "millimeters": 0.001}
 _LARGEST_BYTES = 300_000_000
 _MOST_MARKERS = 1000
@@ -32,16 +33,17 @@ _GAP_FRAMES, _GAP_RATE = 100_000, 10
 _CENTRE = {"pelvis": ("midhip", "hip", "chip"), "neck": (), "head_top": ("head", "vertex")}
 
 
-def write_trc(motion: Motion, path: Path) -> None:
+def write_trc(motion: Motion, path: Path, *, lost_rows: bool = True) -> None:
     """Writes the points of `named_points` as TRC, with the axis map above.
 
-    Every frame from the first to the last pose has a row; frame 1 of the file is frame 0 of the
-    recording. In frames without a pose the cells hold NaN, which OpenSim reads as markers that were
-    not seen (empty cells at the end of a row stop its reader).
+    Frame 1 of the file is frame 0 of the recording.
 
     Args:
         motion: at least one pose.
         path: the file.
+        lost_rows: whether frames without a pose have a row. Its cells then hold NaN, which OpenSim
+            reads as markers that were not seen (empty cells at the end of a row stop its reader);
+            at a frame that shows none its inverse kinematics stop.
     """
     motion = motion.upright()
     words, positions = named_points(motion)
@@ -53,7 +55,7 @@ def write_trc(motion: Motion, path: Path) -> None:
             strict=True,
         )
     )
-    frames = every_frame(motion)
+    frames = every_frame(motion) if lost_rows else motion.frames
     rate = f"{motion.fps:.10g}"
     header = {
         "DataRate": rate,
@@ -67,7 +69,8 @@ def write_trc(motion: Motion, path: Path) -> None:
     }
     axes = "\t".join(f"{axis}{number}" for number in range(1, len(names) + 1) for axis in "XYZ")
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"PathFileType\t4\t(X/Y/Z)\t{path.name}\n")
+        # Not the path's own name, which is another until the file is complete.
+        file.write(f"PathFileType\t4\t(X/Y/Z)\t{_NAMED}\n")
         file.write("\t".join(header) + "\n" + "\t".join(map(str, header.values())) + "\n")
         file.write("Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t\n" + f"\t\t{axes}\n\n")
         for frame in frames.tolist():

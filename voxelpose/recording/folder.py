@@ -118,7 +118,7 @@ class Recording:
         for path in (folder.resolve(), *paths.values()):
             check_name(path)
         readers = {name: FrameReader.open(path) for name, path in paths.items()}
-        calibration = _calibration_path(folder)
+        calibration = calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
             rig = Rig((default_camera(cameras[0], sizes.pop()),))
@@ -170,7 +170,7 @@ class Recording:
             InputError: the folder or its calibration is missing, or lacks a camera.
         """
         folder = Path(folder)
-        calibration = _calibration_path(folder)
+        calibration = calibration_path(folder)
         if calibration is None:
             raise InputError(
                 f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml;"
@@ -345,7 +345,7 @@ def is_recording(folder: Path) -> bool:
     if not folder.is_dir():
         return False
     files = any(path.is_file() and path.suffix.lower() in VIDEOS for path in folder.iterdir())
-    return files or _calibration_path(folder) is not None or (folder / "masks").is_dir()
+    return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
@@ -369,7 +369,8 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
     return paths, silhouettes_given
 
 
-def _calibration_path(folder: Path) -> Path | None:
+def calibration_path(folder: Path) -> Path | None:
+    """The calibration in a recording folder; None if there is none."""
     return next((folder / name for name in _CALIBRATIONS if (folder / name).exists()), None)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.motion.conditioning import conditioning_words, filter_warning
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
@@ -53,7 +54,8 @@ _SETTINGS = {
     "chest_m": "chest girth as given, metres",
     "sex": "whose average proportions were the start",
     "background": "method of finding silhouettes",
-    "smooth": "whether the motion was smoothed over time",
+    "smooth": "whether later frames were used, and the motion filtered",
+    "conditioning": "filter of the finished motion, and which gaps are filled",
     "threads": "processor threads",
     "backend": "implementation that scored the poses",
     "options": "the method's own settings",
@@ -157,6 +159,8 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "missing": scenes.missing,
         "stages": _stages(summary["seconds"]),
         "settings": _settings_table(result.settings),
+        "conditioning": conditioning_words(result.motion),
+        "warning": filter_warning(result.motion),
         "rig": [_camera(camera) for camera in result.rig],
         "files": [
             (pattern, words)

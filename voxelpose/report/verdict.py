@@ -115,10 +115,12 @@ def _lost(result: Result) -> Finding:
         return Finding("good", "Frames", f"All {count} frames have a pose.")
     runs = ranges_text(frame_ranges(lost, np.ones(len(lost), bool)))
     noun = noun_of(result)
+    count_filled = int(result.motion.filled.sum())
+    filled = f" {count_filled} of them were filled by interpolation." if count_filled else ""
     return Finding(
         "bad" if len(lost) > _LOST * count else "look",
         "Frames",
-        f"{len(lost)} of {count} frames have no pose: {runs}.",
+        f"{len(lost)} of {count} frames have no pose: {runs}.{filled}",
         f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
         " silhouettes: voxelpose view shows them frame by frame.",
     )

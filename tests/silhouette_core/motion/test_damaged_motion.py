@@ -54,6 +54,8 @@ def refusal(path: Path) -> str:
         ("up", np.array([0, 0, 7.0])),
         ("body_shape", np.full(len(SHAPE_AXES), -3.0)),
         ("body_shape", np.zeros(3)),
+        ("filled", np.ones(6)),
+        ("filled", np.ones(5, bool)),
         ("quality.part_overlap", np.ones((6, 3))),
         ("quality.unexplained", np.ones((6, 2))),
         ("quality.other", np.ones((6, 2, 2))),
@@ -78,10 +80,35 @@ def test_the_array_is_named(tmp_path, name, array):
         ({"floor_m": "1e308"}, "floor_m is 1e+308"),
         ({"angles": "[" * 5000}, "damaged"),
         ({"angles": "{}"}, "its angles are no list"),
+        ({"conditioning": "3"}, "damaged"),
+        ({"conditioning": '{"filter": "x"}'}, "no filter 'x'"),
+        ({"conditioning": '{"cutoff_hz": "x"}'}, "Expected `float`"),
     ],
 )
 def test_metadata_are_checked(tmp_path, about, words):
     assert words in refusal(changed(tmp_path / "m.safetensors", about=about))
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        ((5, 3), "root_quaternion must be"),
+        ((), "damaged"),
+        ((6, 2), "root_m must be"),
+    ],
+)
+def test_unfiltered_poses_are_checked(tmp_path, shape, words):
+    motion = waving()
+    arrays = {
+        "unfiltered.root_m": np.zeros(shape),
+        "unfiltered.root_quaternion": motion.root_quaternion,
+        "unfiltered.angles_rad": motion.angles_rad,
+    }
+    assert words in refusal(changed(tmp_path / "m.safetensors", arrays))
+    arrays["unfiltered.root_m"] = np.full((6, 3), 1e300)
+    assert "root_m holds numbers beyond" in refusal(changed(tmp_path / "m.safetensors", arrays))
+    del arrays["unfiltered.angles_rad"]
+    assert "unfiltered.angles_rad" in refusal(changed(tmp_path / "m.safetensors", arrays))
 
 
 def test_a_file_of_gigabytes_is_refused_unread(tmp_path):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from calib.errors import InputError
+from silhouette_core.motion.conditioning import Conditioning
 from tests.sources import ring, write_recording
 from voxelpose.batch.jobs import jobs_of, read_settings
 
@@ -43,6 +44,15 @@ def test_a_list_has_settings_for_all_and_for_each(studio):
     assert second.estimator_settings(None).options == {"start": "any"}
     opened = second.open()
     assert opened.rig.names == ("cam_2",) and opened.frame_count == 1
+
+
+def test_filter_and_gaps_are_settings_of_a_job(studio):
+    words = ["filter=savgol", "cutoff=5", "filter_order=2", "gap_limit=12", "gap_method=pchip"]
+    (job,) = jobs_of([studio / "anna" / "walk"], "fit", read_settings(words))
+    wanted = Conditioning("savgol", 5, 2, 12, "pchip")
+    assert job.estimator_settings(None).conditioning == wanted
+    (job,) = jobs_of([studio / "anna" / "walk"], "track", read_settings(["gap_limit=0.2s"]))
+    assert job.estimator_settings(None).conditioning == Conditioning(gap_limit="0.2s")
 
 
 def test_settings_are_read_as_in_toml_or_as_text():
@@ -92,6 +102,9 @@ def test_what_is_not_there_is_named(studio):
     [
         ('frames = "0:x"', "recording 1: frames = '0:x' is not understood"),
         ('up = "w"', "recording 1: "),
+        ('filter = "kalman"', "recording 1: no filter 'kalman'"),
+        ("gap_limit = 1.5", "gap_limit = '1.5' must be a number of frames, or text as in"),
+        ('gap_limit = "long"', "recording 1: gap limit 'long' is not understood"),
         ("stature = []", "recording 1: stature = '[]' must be a number"),
         ("x = 1", "recording 1: fit has no setting 'x'"),
         ("x = " + "[" * 3000 + "]" * 3000, "nested more than"),

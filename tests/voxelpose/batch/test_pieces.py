@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from silhouette_core.motion.conditioning import Conditioning, conditioned
 from tests.clips import waving
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.batch.jobs import jobs_of
@@ -32,6 +33,24 @@ def test_pieces_of_one_motion_are_that_motion(motion):
     for name in ("root_m", "root_quaternion", "angles_rad", "time_s"):
         np.testing.assert_allclose(getattr(whole, name), getattr(motion, name), atol=1e-12)
     np.testing.assert_array_equal(whole.quality["outside"], motion.quality["outside"])
+
+
+def test_pieces_keep_what_was_filled_and_what_was_before(motion):
+    """Frames 12 and 13 are filled in one piece only, 28 and 29 in both."""
+    whole = motion.select(np.r_[0:28, 30:40])
+    given = [
+        whole.select(np.r_[0:12, 14:24]),
+        whole.select(np.r_[10:28, 28:38]),
+        whole.select(np.arange(22, 38)),
+    ]
+    conditioning = Conditioning("none", gap_limit=2)
+    pieces = [conditioned(piece, conditioning) for piece in given]
+    found, _ = joined(pieces)
+    assert found.conditioning == conditioning
+    np.testing.assert_array_equal(found.frames, motion.frames)
+    np.testing.assert_array_equal(found.frames[found.filled], [28, 29])
+    np.testing.assert_array_equal(found.unfiltered.frames, whole.frames)
+    np.testing.assert_allclose(found.unfiltered.root_m, whole.root_m, atol=1e-12)
 
 
 def test_pieces_that_differ_pass_into_each_other(motion):

@@ -1,7 +1,13 @@
 """voxelpose export, on the result of a fit."""
 
+import json
+
+import numpy as np
 import pytest
 
+from silhouette_core.motion.conditioning import Conditioning, conditioned
+from silhouette_core.motion.motion_file import write_motion
+from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose.cli import run
 
@@ -43,6 +49,7 @@ def test_beside_the_result_and_again(fitted, capsys):
         "joints_wide.csv",
         "angles.csv",
         "motion.npz",
+        "export.json",
     }
 
 
@@ -53,6 +60,7 @@ def test_elsewhere(fitted, desk, capsys):
         "joints.csv",
         "joints_wide.csv",
         "angles.csv",
+        "export.json",
     }
     assert run(["export", "fitted", "--to", "glb", "--out", "lab"]) == 2
     assert "lab/motion.glb exists" in capsys.readouterr().err
@@ -65,8 +73,42 @@ def test_elsewhere(fitted, desk, capsys):
         (["fitted", "--to", "fbx"], "there is no format 'fbx'"),
         (["fitted", "--to", ","], "--to names no format"),
         (["walk"], "walk is not a result"),
+        (["fitted", "--filter", "none"], "fitted does not record its filter"),
     ],
 )
 def test_mistakes(fitted, capsys, words, line):
     assert run(["export", *words, "--out", "lab"]) == 2
+    assert line in capsys.readouterr().err
+
+
+def test_another_filter_than_the_result_s(fitted, desk, capsys):
+    given = waving(40, fps=50.0).select(np.r_[0:20, 22:40])
+    write_motion(conditioned(given, Conditioning(filter_order=3)), fitted / "motion.safetensors")
+    kept = (fitted / "motion.safetensors").read_bytes()
+    words = ["export", "fitted", "--to", "npz", "--out", "lab", "--overwrite"]
+    assert run([*words, "--filter", "gaussian", "--cutoff", "4", "--gap-limit", "0.04s"]) == 0
+    found = np.load(desk / "lab" / "motion.npz")
+    expected = conditioned(given, Conditioning("gaussian", 4.0, gap_limit=2))
+    np.testing.assert_array_equal(found["root_m"], expected.root_m)
+    np.testing.assert_array_equal(found["frames"][found["filled"]], [20, 21])
+    assert run([*words, "--gap-limit", "5"]) == 0  # the rest is as in the result
+    said = json.loads((desk / "lab" / "export.json").read_text())["files"]["motion.npz"]
+    assert said["conditioning"]["order"] == 3
+    assert capsys.readouterr().err == ""
+    assert run([*words, "--cutoff", "30"]) == 0
+    assert "note: not filtered: 50 frames per second are too few" in capsys.readouterr().err
+    assert (fitted / "motion.safetensors").read_bytes() == kept
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--cutoff", "-3"], "a cut-off of -3 Hz cannot be used"),
+        (["--gap-limit", "soon"], "gap limit 'soon' is not understood"),
+        (["--filter", "gaussian", "--filter-order", "2"], "has no order"),
+    ],
+)
+def test_filters_that_are_none(fitted, capsys, words, line):
+    write_motion(conditioned(waving(20), Conditioning()), fitted / "motion.safetensors")
+    assert run(["export", "fitted", *words]) == 2
     assert line in capsys.readouterr().err

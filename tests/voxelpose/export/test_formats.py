@@ -24,6 +24,7 @@ def test_every_format_is_written_and_named(tmp_path):
         "joints_wide.csv",
         "angles.csv",
         "motion.npz",
+        "export.json",
     }
     assert sorted(path.name for path in (tmp_path / "new" / "out").iterdir()) == sorted(
         path.name for path in files

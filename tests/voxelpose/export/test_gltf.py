@@ -92,7 +92,11 @@ def test_lost_frames_have_no_key_and_time_begins_with_the_first_pose(written):
     file = Glb(written(motion))
     for times, _ in file.channels().values():
         np.testing.assert_allclose(times, np.array([0, 1, 3, 5]) / motion.fps, rtol=1e-6)
-    assert file.document["extras"] == {"fps": 25.0, "first_frame": 1}
+    assert file.document["extras"] == {
+        "fps": 25.0,
+        "first_frame": 1,
+        "conditioning": "filter not recorded",
+    }
 
 
 def test_trimesh_reads_the_body_at_rest(written):

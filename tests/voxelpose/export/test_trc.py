@@ -23,7 +23,7 @@ def write(path, points, names, unit="mm", scale=1000.0, gap="", first=1):
     tabs at the end, as Vicon does.
     """
     head = [
-        "PathFileType\t4\t(X/Y/Z)\tx.trc",
+        "PathFileType\t4\t(X/Y/Z)\tmotion.trc",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
         f"100\t100\t{len(points)}\t9\t{unit}",
     ]

@@ -10,6 +10,8 @@ import pytest
 
 from calib.camera import Rig
 from calib.files import write_rig
+from silhouette_core.motion.conditioning import Conditioning, conditioned
+from silhouette_core.motion.motion_file import write_motion
 from tests.browsing import new_page
 from tests.clips import waving
 from tests.other_bodies import write_example_result
@@ -83,6 +85,7 @@ def test_one_page_without_anything_outside(fitted, capsys):
     assert len(page.pictures) > 10 and all(page.pictures)
     assert text.count("data:image/webp") == 6 + 1  # every frame, and the one shown first
     assert "1 of 6 frames have no pose: frame 0." in text and "Careful." in text
+    assert "<b>Filter and gaps</b>: filter not recorded." in text
     assert run(["report", "out"]) == 0  # replaces its own
 
 
@@ -188,3 +191,14 @@ def test_the_report_of_a_body_that_is_no_persons(desk, name):
     charts = [text for text in page.pictures if text and " over time: " in text]
     assert sum("degrees" in chart for chart in charts) == count
     assert f"of {len(truth.model.names)} parts" in words
+
+
+def test_the_filter_is_stated_and_that_it_could_not_act(fitted):
+    motion = conditioned(waving(6, fps=12.5).select(np.r_[0:2, 4:6]), Conditioning(gap_limit=2))
+    write_motion(motion, fitted / "out" / "motion.safetensors")
+    assert run(["report", "out"]) == 0
+    text = (fitted / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Butterworth low-pass, 7 Hz, order 2, forward and backward; not filtered: 12.5" in text
+    assert "2 missing frames filled (linear, gaps up to 2 frames)" in text
+    assert "choose a lower <code>--cutoff</code>" in text
+    assert "2 of them were filled by interpolation." in text

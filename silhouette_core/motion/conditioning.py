@@ -1,0 +1,237 @@
+"""Conditioning of a finished motion: gaps filled, then a low-pass filter; and what was done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib.errors import InputError
+from silhouette_core.motion.gaps import (
+    GAP_METHODS,
+    frames_in_gaps,
+    gap_limit_frames,
+    poses_between,
+)
+from silhouette_core.motion.smoothing import LowPass, runs_of, smooth_runs
+
+if TYPE_CHECKING:
+    from silhouette_core.motion.motion import Motion
+
+_NAMES = {
+    "butterworth": "Butterworth low-pass",
+    "savgol": "Savitzky-Golay low-pass",
+    "gaussian": "Gaussian low-pass",
+}
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """What is done to the poses of a motion after the estimation.
+
+    Attributes:
+        filter: kind of the filter, as of `LowPass`.
+        cutoff_hz: its cut-off, Hz: half of the amplitude is left there.
+        filter_order: its order; None: the usual one.
+        gap_limit: longest gap that is filled: frames, or text such as `0.2s`; 0 fills none.
+        gap_method: `linear`, `pchip`, or `none`, which fills none.
+    """
+
+    filter: str = "butterworth"
+    cutoff_hz: float = 7.0
+    filter_order: int | None = None
+    gap_limit: int | str = 0
+    gap_method: str = "linear"
+
+    def __post_init__(self) -> None:
+        """Checks the values.
+
+        Raises:
+            InputError: a value is none that can be used.
+        """
+        gap_limit_frames(self.gap_limit, 1.0)
+        if self.gap_method not in GAP_METHODS:
+            raise InputError(
+                f"no gap method {self.gap_method!r}: choose from {', '.join(GAP_METHODS)}"
+            )
+        self.low_pass  # noqa: B018 (checks its values)
+
+    @property
+    def low_pass(self) -> LowPass:
+        """The filter."""
+        return LowPass(self.filter, float(self.cutoff_hz), self.filter_order)
+
+    def longest_gap(self, fps: float) -> int:
+        """Frames of the longest gap that is filled."""
+        return 0 if self.gap_method == "none" else gap_limit_frames(self.gap_limit, fps)
+
+
+def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
+    """A motion with its gaps filled and filtered, which keeps the poses as they were.
+
+    Args:
+        motion: as estimated, or conditioned otherwise before: that is undone.
+        conditioning: what is done.
+
+    Returns:
+        The motion. Frames that were filled have the quality NaN, False or 0.
+    """
+    source = _as_estimated(motion)
+    missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
+    result = _with_frames(source, missing, conditioning.gap_method) if len(missing) else source
+    root_m, quaternion = result.root_m.copy(), result.root_quaternion.copy()
+    angles = result.angles_rad.copy()
+    smooth_runs(root_m, quaternion, angles, result.frames, source.fps, conditioning.low_pass)
+    result = replace(
+        result,
+        root_m=root_m,
+        root_quaternion=quaternion,
+        angles_rad=angles,
+        conditioning=conditioning,
+    )
+    changed = len(missing) or unfiltered_frames(result) < len(result)
+    return replace(result, unfiltered=replace(source, quality={})) if changed else result
+
+
+def _as_estimated(motion: Motion) -> Motion:
+    """The motion before its conditioning, with its quality."""
+    if motion.conditioning is None or motion.unfiltered is None:
+        return replace(motion, conditioning=None)
+    found = ~motion.filled
+    quality = {name: array[found] for name, array in motion.quality.items()}
+    return replace(motion.unfiltered, quality=quality)
+
+
+def _with_frames(motion: Motion, missing: np.ndarray, method: str) -> Motion:
+    """The motion with interpolated poses in missing frames."""
+    frames = np.union1d(motion.frames, missing)
+    filled = np.isin(frames, missing)
+    poses = motion.root_m, motion.root_quaternion, motion.angles_rad
+    between = poses_between(motion.frames, poses, missing, method)
+    root_m, quaternion, angles = (
+        _among(filled, old, new) for old, new in zip(poses, between, strict=True)
+    )
+    return replace(
+        motion,
+        root_m=root_m,
+        root_quaternion=quaternion,
+        angles_rad=angles,
+        frames=frames,
+        time_s=np.interp(frames, motion.frames, motion.time_s),
+        filled=filled,
+        quality=quality_with_filled(filled, motion.quality),
+    )
+
+
+def quality_with_filled(
+    filled: np.ndarray, quality: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Quality of all frames out of that of the frames with a pose of their own.
+
+    Args:
+        filled: (T,) bool.
+        quality: arrays with as many rows as `filled` has False.
+
+    Returns:
+        Arrays with T rows: NaN, False or 0 in the frames that were filled.
+    """
+    return {
+        name: _among(filled, array, np.nan if array.dtype.kind == "f" else 0)
+        for name, array in quality.items()
+    }
+
+
+def _among(filled: np.ndarray, old: np.ndarray, new: np.ndarray | float) -> np.ndarray:
+    whole = np.empty((len(filled), *old.shape[1:]), old.dtype)
+    whole[~filled], whole[filled] = old, new
+    return whole
+
+
+def describe_conditioning(motion: Motion) -> dict[str, object]:
+    """What was done to a motion, for summary.json and exports; empty where it was not recorded.
+
+    Args:
+        motion: T poses.
+
+    Returns:
+        The filter with its cut-off, order and, where it has them, frames of its window or its
+        standard deviation; how many frames it left unfiltered and why; the longest gap that was
+        filled, the method, the numbers of the filled frames, and how many are left; and all of it
+        in `words`.
+    """
+    done = motion.conditioning
+    if done is None:
+        return {}
+    low_pass, missing = done.low_pass, np.diff(motion.frames) - 1
+    own: dict[str, object] = {}
+    if done.filter != "none":
+        own = {"cutoff_hz": low_pass.cutoff_hz, "order": low_pass.usual_order}
+    if done.filter == "savgol":
+        own["window_frames"] = low_pass.window(motion.fps)
+    if done.filter == "gaussian":
+        own["sigma_frames"] = round(low_pass.sigma(motion.fps), 3)
+    return {
+        "filter": done.filter,
+        **own,
+        "frames_unfiltered": unfiltered_frames(motion),
+        "gap_limit_frames": done.longest_gap(motion.fps),
+        "gap_method": done.gap_method,
+        "frames_filled": motion.frames[motion.filled].tolist(),
+        "frames_left": int(missing.sum()),
+        "words": conditioning_words(motion),
+    }
+
+
+def unfiltered_frames(motion: Motion) -> int:
+    """Number of poses that the filter did not change."""
+    low_pass = LowPass() if motion.conditioning is None else motion.conditioning.low_pass
+    lengths = [len(run) for run in runs_of(motion.frames)]
+    return sum(length for length in lengths if not low_pass.acts(length, motion.fps))
+
+
+def filter_warning(motion: Motion) -> str:
+    """Why a filter that was asked for did not act on some frames; empty where it acted on all."""
+    done = motion.conditioning
+    if done is None or done.filter == "none" or not unfiltered_frames(motion):
+        return ""
+    low_pass, fps = done.low_pass, motion.fps
+    if low_pass.too_slow(fps):
+        usable = math.floor(4 * fps) / 10
+        return (
+            f"not filtered: {fps:g} frames per second are too few for a cut-off of"
+            f" {low_pass.cutoff_hz:g} Hz (a cut-off of at most {usable:g} Hz would act)"
+        )
+    return (
+        f"{unfiltered_frames(motion)} of {len(motion)} frames are not filtered: they are in runs"
+        f" shorter than the {low_pass.shortest(fps)} frames that the filter needs"
+    )
+
+
+def conditioning_words(motion: Motion) -> str:
+    """What was done to a motion, in one line."""
+    done = motion.conditioning
+    if done is None:
+        return "filter not recorded"
+    missing = int((np.diff(motion.frames) - 1).sum())
+    words = [_filter_words(done), filter_warning(motion)]
+    if motion.filled.any():
+        words.append(
+            f"{motion.filled.sum()} missing frames filled ({done.gap_method}, gaps up to"
+            f" {done.longest_gap(motion.fps)} frames)"
+        )
+    if missing:
+        words.append(f"{missing} missing frames left")
+    return "; ".join(word for word in words if word)
+
+
+def _filter_words(done: Conditioning) -> str:
+    if done.filter == "none":
+        return "no filter"
+    order = {
+        "butterworth": f", order {done.low_pass.usual_order}, forward and backward",
+        "savgol": f", polynomial of degree {done.low_pass.usual_order}",
+    }.get(done.filter, "")
+    return f"{_NAMES[done.filter]}, {done.cutoff_hz:g} Hz{order}"

@@ -1,0 +1,304 @@
+"""OpenSim: marker set and setup files that scale a model to the fitted body and run inverse
+kinematics on its points.
+
+The model is Rajagopal et al.'s full-body model (2016), which its users get from SimTK or OpenSim's
+own models under SimTK's MIT use agreement; nothing of it is part of this package but the names of
+its bodies and coordinates. Axes and names are those of `voxelpose.export.trc`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from silhouette_core.motion.motion import Motion
+from voxelpose.export.trc import write_trc
+
+MODEL_FILE = "Rajagopal2016.osim"
+"""File name under which the setup files expect the model, beside them."""
+
+MARKERS_FILE, SCALE_FILE, IK_FILE = "opensim_markers.xml", "opensim_scale.xml", "opensim_ik.xml"
+STATIC_FILE, SCALED_MODEL_FILE = "opensim_static.trc", "opensim_scaled.osim"
+_MOTION_FILE, _COORDINATES_FILE = "opensim_motion.trc", "motion.mot"
+_IK_RESULT, _PLACED_MARKERS = "opensim_ik.mot", "opensim_placed.xml"
+_STATIC_FRAMES = 3
+_TURNING_WEIGHT = 1e-4
+
+
+@dataclass(frozen=True)
+class OpenSimMarker:
+    """A point of the TRC on the model.
+
+    Attributes:
+        name: as in the TRC.
+        body: body of the model on which it lies.
+        place_m: in that body's frame (x forward, y up, z right), of a person 1.70 m tall.
+        weight: in the inverse kinematics.
+        fixed: whether it is the joint's centre, the frame's origin. Others are moved to where the
+            static pose has them.
+    """
+
+    name: str
+    body: str
+    place_m: tuple[float, float, float]
+    weight: float
+    fixed: bool
+
+
+_CENTRE = (0.0, 0.0, 0.0)
+_MIDDLE_MARKERS = (
+    OpenSimMarker("pelvis", "pelvis", (-0.046, -0.072, 0.0), 20.0, False),
+    OpenSimMarker("lumbar", "pelvis", (-0.070, 0.007, 0.0), 20.0, False),
+    OpenSimMarker("upper_thorax", "torso", (-0.051, 0.277, 0.0), 3.0, False),
+    OpenSimMarker("neck", "torso", (-0.002, 0.474, 0.0), 3.0, False),
+)
+# Of the right side; the left is its mirror image.
+_SIDE_MARKERS = (
+    OpenSimMarker("clavicle", "torso", (0.010, 0.391, 0.024), 3.0, False),
+    OpenSimMarker("hip", "femur", _CENTRE, 5.0, True),
+    OpenSimMarker("knee", "tibia", _CENTRE, 5.0, True),
+    OpenSimMarker("ankle", "talus", _CENTRE, 5.0, True),
+    OpenSimMarker("heel", "calcn", (-0.006, 0.006, -0.016), 3.0, False),
+    OpenSimMarker("toes", "calcn", (0.185, -0.007, 0.002), 3.0, False),
+    OpenSimMarker("toe_tip", "toes", (0.070, -0.008, -0.011), 1.0, False),
+    # The model's shoulder does not move against its torso, the fitted body's does.
+    OpenSimMarker("shoulder", "humerus", _CENTRE, 1.0, True),
+    OpenSimMarker("elbow", "ulna", _CENTRE, 3.0, True),
+    OpenSimMarker("wrist", "hand", _CENTRE, 3.0, True),
+    OpenSimMarker("fingers", "hand", (0.0, -0.092, 0.0), 1.0, False),
+    OpenSimMarker("finger_tip", "hand", (0.0, -0.176, 0.0), 1.0, False),
+    OpenSimMarker("thumb", "hand", (0.007, -0.024, 0.020), 0.5, False),
+)
+
+# Bodies, {} being r or l, with the axes that a distance of two markers scales; of those in the
+# middle, the mean of both sides.
+_SCALES = (
+    ("pelvis_and_trunk_length", (("hip", "shoulder"),), ("pelvis", "torso"), "X Y"),
+    ("pelvis_width", (("right_hip", "left_hip"),), ("pelvis",), "Z"),
+    ("shoulder_width", (("right_shoulder", "left_shoulder"),), ("torso",), "Z"),
+    ("thigh", (("hip", "knee"),), ("femur_{}", "patella_{}"), "X Y Z"),
+    ("shank", (("knee", "ankle"),), ("tibia_{}",), "X Y Z"),
+    ("foot", (("heel", "toes"),), ("talus_{}", "calcn_{}", "toes_{}"), "X Y Z"),
+    ("upper_arm", (("shoulder", "elbow"),), ("humerus_{}",), "X Y Z"),
+    ("forearm", (("elbow", "wrist"),), ("ulna_{}", "radius_{}"), "X Y Z"),
+    ("hand", (("wrist", "finger_tip"),), ("hand_{}",), "X Y Z"),
+)
+_SIDES = {"right": "r", "left": "l"}
+
+# Coordinates that the static pose holds at zero, since the points of the rest pose leave them open.
+_HELD = (
+    *("pelvis_tilt", "pelvis_list", "pelvis_rotation"),
+    *("lumbar_bending", "lumbar_rotation"),
+    *(
+        f"{name}_{side}"
+        for name in ("hip_rotation", "subtalar_angle", "mtp_angle", "arm_rot", "pro_sup")
+        for side in "rl"
+    ),
+    *(f"wrist_{name}_{side}" for name in ("flex", "dev") for side in "rl"),
+)
+
+
+def opensim_markers() -> tuple[OpenSimMarker, ...]:
+    """The markers of both sides, with the names that `write_trc` gives them."""
+    sided = [
+        OpenSimMarker(
+            f"{side}_{marker.name}",
+            marker.body if marker.body == "torso" else f"{marker.body}_{letter}",
+            (*marker.place_m[:2], marker.place_m[2] * (1.0 if letter == "r" else -1.0) + 0.0),
+            marker.weight,
+            marker.fixed,
+        )
+        for side, letter in _SIDES.items()
+        for marker in _SIDE_MARKERS
+    ]
+    return (*_MIDDLE_MARKERS, *sided)
+
+
+def write_marker_set(motion: Motion, path: Path) -> None:
+    """Writes the marker set: every marker on a body of the model, in that body's frame.
+
+    Args:
+        motion: not used; the marker set is that of a person 1.70 m tall, which scaling adapts.
+        path: the file.
+    """
+    root = ElementTree.Element("MarkerSet", name="voxelpose")
+    objects = ElementTree.SubElement(root, "objects")
+    for marker in opensim_markers():
+        place = " ".join(f"{number:g}" for number in marker.place_m)
+        entry = ElementTree.SubElement(objects, "Marker", name=marker.name)
+        _add(
+            entry,
+            socket_parent_frame=f"/bodyset/{marker.body}",
+            location=place,
+            fixed=str(marker.fixed).lower(),
+        )
+    _write_document(root, path)
+
+
+def write_static(motion: Motion, path: Path) -> None:
+    """Writes the fitted body in its rest pose as TRC: upright, facing OpenSim's +x, arms 45 degrees
+    down. It takes the place of a static trial.
+
+    Args:
+        motion: its body is a person's.
+        path: the file.
+    """
+    model = motion.model
+    turned = np.array([0.0, 0.0, 0.0, 1.0])  # half round, since bodies rest facing -y
+    root = model.joints_m[0] * (-1, -1, 1)
+    standing = Motion(
+        motion.fps,
+        model,
+        np.tile(root, (_STATIC_FRAMES, 1)),
+        np.tile(turned, (_STATIC_FRAMES, 1)),
+        np.zeros((_STATIC_FRAMES, model.dof_count)),
+    )
+    write_trc(standing, path)
+
+
+def write_seen(motion: Motion, path: Path) -> None:
+    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop.
+
+    Args:
+        motion: at least one pose.
+        path: the file.
+    """
+    write_trc(motion, path, lost_rows=False)
+
+
+def write_scale_setup(motion: Motion, path: Path) -> None:
+    """Writes the setup of OpenSim's scale tool: lengths from the static pose, then the markers that
+    are no joint centres where that pose has them.
+
+    Args:
+        motion: gives the frame rate, which decides the times of the static pose.
+        path: the file.
+    """
+    times = f"0 {(_STATIC_FRAMES - 1) / motion.fps:.6f}"
+    tool = ElementTree.Element("ScaleTool", name="voxelpose")
+    _add(tool, mass="-1", height=f"{1000 * motion.model.sizes.stature_m:.0f}", age="-1")
+    maker = ElementTree.SubElement(tool, "GenericModelMaker")
+    _add(maker, model_file=MODEL_FILE, marker_set_file=MARKERS_FILE)
+    scaler = ElementTree.SubElement(tool, "ModelScaler")
+    _add(scaler, apply="true", scaling_order="measurements")
+    measurements = ElementTree.SubElement(scaler, "MeasurementSet", name="voxelpose")
+    objects = ElementTree.SubElement(measurements, "objects")
+    for name, pairs, bodies, axes in _measurements():
+        _add_measurement(objects, name, pairs, bodies, axes)
+    _add(
+        scaler,
+        marker_file=STATIC_FILE,
+        time_range=times,
+        preserve_mass_distribution="false",
+        output_model_file=SCALED_MODEL_FILE,
+    )
+    placer = ElementTree.SubElement(tool, "MarkerPlacer")
+    _add(placer, apply="true")
+    tasks = _add_marker_tasks(placer, placing=True)
+    for name in _HELD:
+        _add_coordinate_task(tasks, name)
+    _add(
+        placer,
+        marker_file=STATIC_FILE,
+        time_range=times,
+        output_model_file=SCALED_MODEL_FILE,
+        output_marker_file=_PLACED_MARKERS,
+        max_marker_movement="-1",
+    )
+    _write_document(tool, path)
+
+
+def write_ik_setup(motion: Motion, path: Path) -> None:
+    """Writes the setup of OpenSim's inverse kinematics, from the first pose to the last.
+
+    Args:
+        motion: at least one pose.
+        path: the file.
+    """
+    first, last = motion.frames[[0, -1]] / motion.fps
+    tool = ElementTree.Element("InverseKinematicsTool", name="voxelpose")
+    _add(
+        tool,
+        model_file=SCALED_MODEL_FILE,
+        constraint_weight="Inf",
+        accuracy="1e-05",
+        time_range=f"{first:.6f} {last:.6f}",
+        output_motion_file=_IK_RESULT,
+        report_errors="true",
+        marker_file=_MOTION_FILE,
+        coordinate_file=_COORDINATES_FILE,
+    )
+    tasks = _add_marker_tasks(tool, placing=False)
+    for side in _SIDES.values():  # silhouettes do not show pronation
+        _add_coordinate_task(tasks, f"pro_sup_{side}")
+    # The model begins facing +x, from where it would not find a person who faces the other way; so
+    # little weight turns it, and leaves the markers to decide.
+    _add_coordinate_task(tasks, "pelvis_rotation", "from_file", _TURNING_WEIGHT)
+    _write_document(tool, path)
+
+
+def _measurements() -> Iterator[tuple[str, list[tuple[str, str]], list[str], str]]:
+    """Name, pairs of markers, bodies and axes of every measurement."""
+    for name, pairs, bodies, axes in _SCALES:
+        if any("{}" in body for body in bodies):
+            for side, letter in _SIDES.items():
+                sided = [(f"{side}_{a}", f"{side}_{b}") for a, b in pairs]
+                yield f"{side}_{name}", sided, [body.format(letter) for body in bodies], axes
+        elif pairs[0][0].startswith("right"):
+            yield name, list(pairs), list(bodies), axes
+        else:
+            both = [(f"{side}_{a}", f"{side}_{b}") for a, b in pairs for side in _SIDES]
+            yield name, both, list(bodies), axes
+
+
+def _add_measurement(
+    objects: ElementTree.Element,
+    name: str,
+    pairs: Iterable[tuple[str, str]],
+    bodies: Iterable[str],
+    axes: str,
+) -> None:
+    measurement = ElementTree.SubElement(objects, "Measurement", name=name)
+    _add(measurement, apply="true")
+    inner = ElementTree.SubElement(ElementTree.SubElement(measurement, "MarkerPairSet"), "objects")
+    for pair in pairs:
+        _add(ElementTree.SubElement(inner, "MarkerPair"), markers=" ".join(pair))
+    inner = ElementTree.SubElement(ElementTree.SubElement(measurement, "BodyScaleSet"), "objects")
+    for body in bodies:
+        _add(ElementTree.SubElement(inner, "BodyScale", name=body), axes=axes)
+
+
+def _add_marker_tasks(tool: ElementTree.Element, placing: bool) -> ElementTree.Element:
+    """Adds a task for every marker; to place the others, joint centres decide."""
+    tasks = ElementTree.SubElement(tool, "IKTaskSet")
+    objects = ElementTree.SubElement(tasks, "objects")
+    for marker in opensim_markers():
+        weight = marker.weight if not placing else 5.0 if marker.fixed else 0.1
+        task = ElementTree.SubElement(objects, "IKMarkerTask", name=marker.name)
+        _add(task, apply="true", weight=f"{weight:g}")
+    return objects
+
+
+def _add_coordinate_task(
+    tasks: ElementTree.Element, name: str, source: str = "manual_value", weight: float = 1.0
+) -> None:
+    """Adds a task that keeps a coordinate near zero, or near its value in a file."""
+    task = ElementTree.SubElement(tasks, "IKCoordinateTask", name=name)
+    _add(task, apply="true", weight=f"{weight:g}", value_type=source, value="0")
+
+
+def _add(element: ElementTree.Element, **texts: str) -> None:
+    for tag, text in texts.items():
+        ElementTree.SubElement(element, tag).text = text
+
+
+def _write_document(content: ElementTree.Element, path: Path) -> None:
+    root = ElementTree.Element("OpenSimDocument", Version="40000")
+    root.append(content)
+    ElementTree.indent(root, "\t")
+    text = ElementTree.tostring(root, "utf-8", xml_declaration=True)
+    path.write_bytes(text + b"\n")

@@ -1,0 +1,121 @@
+"""Loudness of a video's sound over time, read by FFmpeg, which imageio-ffmpeg brings along."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
+from calib.correlation import Signal
+from calib.errors import InputError
+
+STEP_S = 0.001
+"""Time between values of the loudness, s."""
+_RATE_HZ = 16000
+_PER_STEP = round(_RATE_HZ * STEP_S)
+_CHUNK = 4 * _PER_STEP * 1000  # bytes
+_LOWEST_HZ = 300  # hum, wind and steps are below
+_AROUND_S, _FLOOR_S = 0.02, 1.0
+_SUDDEN = 1.5  # of the natural logarithm of the energy, over the quietest moment around
+_QUIET = 1e-10  # energy of nothing, of full scale
+
+
+def has_sound(path: Path) -> bool:
+    """Whether a file is a video with sound."""
+    return path.is_file() and "Audio:" in _described(path)
+
+
+def onsets(path: Path, camera: str, seconds: float) -> Signal:
+    """How suddenly it becomes loud, (T, 1), each millisecond: a clap is a peak, noise is zero.
+
+    Args:
+        path: the video.
+        camera: name of its camera.
+        seconds: length of the part, from the beginning, that is used.
+
+    Returns:
+        The signal, in the time in which the first picture was taken at 0.
+
+    Raises:
+        InputError: the video has no sound that can be read.
+    """
+    energy = np.concatenate([np.zeros(0), *_energies(path, seconds)])
+    if len(energy) < 1 / STEP_S:
+        raise InputError(
+            f"{path} has no sound that can be read: record with sound, or choose another way with"
+            " --by"
+        )
+    around = uniform_filter1d(energy, round(_AROUND_S / STEP_S / 4))
+    level = np.log(around + _QUIET)
+    smooth = np.log(uniform_filter1d(energy, round(_AROUND_S / STEP_S)) + _QUIET)
+    floor = minimum_filter1d(smooth, round(_FLOOR_S / STEP_S))
+    above = np.maximum(level - floor - _SUDDEN, 0)
+    rise = np.maximum(np.diff(above, prepend=above[0]), 0)
+    time_s = np.asarray(
+        (np.arange(len(rise)) + 0.5) * STEP_S - _first_picture_s(path), dtype=np.float64
+    )
+    return Signal(camera, time_s, rise[:, None])
+
+
+def _energies(path: Path, seconds: float) -> Iterator[NDArray[np.float64]]:
+    """Yields the mean energy of every millisecond since the file's beginning, (N,) each."""
+    # Silence is put where the sound begins later than the pictures, or has gaps.
+    filters = f"aresample={_RATE_HZ}:async=1:first_pts=0,highpass=f={_LOWEST_HZ}"
+    words = ["-t", f"{seconds:.3f}", "-i", str(path.absolute()), "-map", "0:a:0", "-af", filters]
+    with subprocess.Popen(
+        [_ffmpeg(), "-v", "quiet", "-nostdin", *words, "-ac", "1", "-f", "f32le", "-"],
+        stdout=subprocess.PIPE,
+    ) as process:
+        while process.stdout and (chunk := process.stdout.read(_CHUNK)):
+            samples = np.frombuffer(chunk[: len(chunk) // 4 * 4], "<f4").astype(np.float64)
+            whole = samples[: len(samples) // _PER_STEP * _PER_STEP]
+            yield np.nan_to_num(whole.reshape(-1, _PER_STEP) ** 2).mean(axis=1)
+
+
+def _first_picture_s(path: Path) -> float:
+    """Time of the first picture, s, in the file's time, in which the sound may begin before it."""
+    words = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy", "-frames:v", "1"]
+    finished = subprocess.run(
+        [_ffmpeg(), "-v", "quiet", "-nostdin", *words, "-f", "framecrc", "-"],
+        capture_output=True,
+        check=False,
+    )
+    unit, ticks = 0.0, 0.0
+    for line in finished.stdout.decode("utf-8", "replace").splitlines():
+        if line.startswith("#tb 0:"):
+            top, _, bottom = line.removeprefix("#tb 0:").partition("/")
+            unit = float(top) / float(bottom)
+        elif line.startswith("0,"):
+            ticks = float(line.split(",")[2])
+    return max(ticks * unit, 0.0)
+
+
+def _described(path: Path) -> str:
+    """What FFmpeg tells of a file."""
+    finished = subprocess.run(
+        [_ffmpeg(), "-hide_banner", "-nostdin", "-i", str(path.absolute())],
+        capture_output=True,
+        check=False,
+    )
+    return finished.stderr.decode("utf-8", "replace")
+
+
+def _ffmpeg() -> str:
+    """Path of FFmpeg.
+
+    Raises:
+        InputError: there is none for this machine.
+    """
+    import imageio_ffmpeg
+
+    try:
+        return imageio_ffmpeg.get_ffmpeg_exe()
+    except RuntimeError as error:
+        raise InputError(
+            "reading sound needs FFmpeg, which the package imageio-ffmpeg has none of for this"
+            " machine: install it and set IMAGEIO_FFMPEG_EXE to its path"
+        ) from error
