@@ -230,6 +230,25 @@ def _use_subject(folder: Path, thorough: bool) -> None:
         BodySizes(subject.stature_m, subject.chest_girth_m, subject.sex)
 
 
+def _make_folder_settings(folder: Path) -> None:
+    text = (
+        '[fit]\nstature = 1.75\nout = "x"\nsex = "female"\nbody = "92A5"\n'
+        '[calibrate.board]\npaper = "a3"\n[live]\nsend = ["vmc://a:1"]\n'
+        "[carve]\nvolume = [0, 0, 0, 1, 1, 1]\n"
+    )
+    (folder / "voxelpose.toml").write_text(text)
+
+
+def _use_folder_settings(folder: Path, thorough: bool) -> None:
+    from voxelpose.cli.folder_settings import folder_settings, sections_in
+
+    if thorough:
+        command("settings", folder)
+        return
+    for section in sections_in(folder):
+        folder_settings(section, folder)
+
+
 def _make_timestamps(folder: Path) -> None:
     from voxelpose.recording.timestamps import write_timestamps
 
@@ -538,6 +557,9 @@ TARGETS: dict[str, FuzzTarget] = {
         _make_estimate, {"truth.json": any_json}, partial(_use_estimate, truth="truth.json")
     ),
     "subject": FuzzTarget(_make_subject, {"subject.toml": any_text}, _use_subject),
+    "folder-settings": FuzzTarget(
+        _make_folder_settings, {"voxelpose.toml": any_text}, _use_folder_settings
+    ),
     "hypotheses": FuzzTarget(_make_hypotheses, {"hypotheses.csv": any_table}, _use_hypotheses),
     "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
     "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
