@@ -30,7 +30,7 @@ OUT = Path(__file__).resolve().parents[1] / "out" / "seated"
 SEEDS = 701, 702, 703, 704
 KINDS = "air", "stool", "chair"
 _CLIPS = "train_directing_traffic_1", "train_directing_traffic_4", "test_basketball_1"
-_FRAMES, _FPS, _LEVEL_LEGS = 60, 30, 0.35
+_FRAMES, _FPS = 60, 30
 _LEGS = [
     LANDMARK_NAMES.index(f"{side}_{joint}")
     for side in ("left", "right")
@@ -130,8 +130,9 @@ def draw(folder: Path, seed: int, kind: str) -> Path:
     ]  # fmt: skip
     colour = lambda: tuple(u(25, 215, 3))  # noqa: E731
     colours = dict(skin=(130, 160, 215), shirt=colour(), trousers=colour(), shoes=colour())
-    film(out, s, rotation, root, cameras, fps=_FPS, seed=seed, noise=u(2, 6), blur=u(0.1, 0.4),
-         shadow=u(0.55, 0.85), colours=colours, scene=dict(seed=seed, kind=kind, cameras=count))  # fmt: skip
+    look = dict(noise=u(2, 6), blur=u(0.1, 0.4), shadow=u(0.55, 0.85), colours=colours)
+    scene = dict(seed=seed, kind=kind, cameras=count)
+    film(out, s, rotation, root, cameras, fps=_FPS, seed=seed, scene=scene, **look)
     return out
 
 
@@ -169,9 +170,7 @@ def main(words: list[str]) -> int:
         print(f"{SHARED} is absent: nothing to fit", file=sys.stderr)
         return 2
     seeds = [int(word) for word in words] or SEEDS
-    print(
-        f"{'recording':<14}{'cameras':>8}{'legs_mm':>9}{'mpjpe_mm':>10}{'root_mm':>9}{'s':>5}  verdict"
-    )
+    print("recording      cameras  legs_mm  mpjpe_mm  root_mm    s  verdict")
     for seed in seeds:
         for kind in KINDS:
             recording = draw(OUT / "drawn", seed, kind)

@@ -84,7 +84,8 @@ class TrackWork:
         for _ in range(_ROUNDS):
             store, observer, model = prepared.store, prepared.observer, tracker.body.model
             with self.clock("objects"):
-                found = find_static_objects(model, tracker.poses, store, observer)
+                at, poor = (model, tracker.poses, store, observer), _median_error(tracker) > _POOR
+                found = find_static_objects(*at, behind=poor)
             if found is None:
                 break
             objects, error = found, _median_error(tracker)

@@ -31,7 +31,9 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
     model, points = body.model, frame.grid.occupied_points(frame.occupancy)
     angles = relaxed_rad(model.tree).copy()
     for k, name in enumerate(model.tree.dof_names):
-        angles[k] = np.radians(_ANGLES_DEG.get(name.partition("_")[2], np.degrees(angles[k])))
+        joint = name.partition("_")[2]
+        if joint in _ANGLES_DEG:
+            angles[k] = np.radians(_ANGLES_DEG[joint])
     root = _below_head(model, points)
     headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
     places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]

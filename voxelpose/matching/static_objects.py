@@ -35,7 +35,12 @@ Masks = list[Mask]
 
 
 def find_static_objects(
-    model: BodyModel, poses: Sequence[Pose | None], store: MaskStore, observer: HullObserver
+    model: BodyModel,
+    poses: Sequence[Pose | None],
+    store: MaskStore,
+    observer: HullObserver,
+    *,
+    behind: bool = False,
 ) -> Masks | None:
     """Pixels (h, w) bool of each camera that objects beside a body cover; None without objects.
 
@@ -47,6 +52,7 @@ def find_static_objects(
         poses: of the T frames.
         store: their silhouettes.
         observer: of the hulls.
+        behind: whether what the body hides of them, too, is returned: where it may be wrong.
     """
     posed = [(t, pose) for t, pose in enumerate(poses) if pose is not None]
     chosen = [posed[k] for k in np.unique(np.linspace(0, len(posed) - 1, _FRAMES).astype(int))]
@@ -70,9 +76,12 @@ def find_static_objects(
     found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
     if not found.any():
         return None
+    covered = [_covered(found, grid, views, c) for c in range(len(always))]
+    if behind:
+        return covered
     return [
-        _widened(_covered(found, grid, views, c) & seen, grid, views, c)
-        for c, seen in enumerate(witnessed)
+        _widened(pixels & seen, grid, views, c)
+        for c, (pixels, seen) in enumerate(zip(covered, witnessed, strict=True))
     ]
 
 
