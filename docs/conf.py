@@ -78,7 +78,7 @@ apidoc_modules = [
 ]
 exclude_patterns = ["docs/reference/*/modules.rst"]
 
-_GUIDE = "guide live recordings calibration checking viewing exports python results".split()
+_GUIDE = "install guide live recordings calibration checking viewing exports python results".split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
 _OTHERS = sorted(
     {path.stem for path in (_ROOT / "docs").glob("*.md")} - {*_GUIDE, "architecture", "papers"}
