@@ -23,7 +23,7 @@ from silhouette_core.motion.motion import Motion
 from voxelpose.view.images.canvas import Image
 from voxelpose.view.images.hull_picture import shaded_view
 
-FRONT, LEFT_SIDE, RIGHT_SIDE, BACK = -90.0, 0.0, 180.0, 90.0  # azimuths of the viewer, degrees
+FRONT, LEFT_SIDE = -90.0, 0.0  # azimuths of the viewer, degrees
 _SIZE = (236, 300)
 _STEPS = 13
 _DOFS = {
@@ -46,9 +46,9 @@ class Sign:
         angle: its name in angles.csv.
         degrees: its value in the picture.
         azimuth_deg: from where it is seen.
-        part: the arrow follows a point of this part.
-        point: the part whose joint is that point, or whose end where the part has no further one.
-        others: other angles, in both poses.
+        point: the part whose joint the arrow follows.
+        others: other angles, in all poses.
+        start_deg: where the arrow begins.
     """
 
     angle: str
@@ -56,27 +56,28 @@ class Sign:
     azimuth_deg: float
     point: str
     others: Mapping[str, float] = field(default_factory=dict)
+    start_deg: float = 0.0
 
 
 SIGNS = (
-    Sign("left_hip_flexion", 60, LEFT_SIDE, "left_foot", {"left_knee_flexion": 20}),
-    Sign("left_hip_adduction", 20, FRONT, "left_foot"),
-    Sign("left_hip_internal_rotation", 35, FRONT, "left_foot", {"left_knee_flexion": 80}),
+    Sign("left_hip_flexion", 45, LEFT_SIDE, "left_foot", {"left_knee_flexion": 20}),
+    Sign("left_hip_adduction", 15, FRONT, "left_foot", start_deg=-15),
+    Sign("left_hip_internal_rotation", 35, FRONT, "left_foot", {"left_knee_flexion": 80}, -30),
     Sign("left_knee_flexion", 80, LEFT_SIDE, "left_toes"),
-    Sign("left_ankle_dorsiflexion", 25, LEFT_SIDE, "left_toes"),
+    Sign("left_ankle_dorsiflexion", 25, LEFT_SIDE, "left_toes", start_deg=-40),
     Sign("trunk_flexion", 45, LEFT_SIDE, "head"),
-    Sign("trunk_lateral_bending", 25, FRONT, "head"),
+    Sign("trunk_lateral_bending", 25, FRONT, "head", start_deg=-25),
     Sign("left_shoulder_flexion", 75, LEFT_SIDE, "left_hand"),
-    Sign("left_shoulder_adduction", -70, FRONT, "left_hand"),
-    Sign("left_shoulder_internal_rotation", 50, FRONT, "left_hand", {"left_elbow_flexion": 90}),
+    Sign("left_shoulder_adduction", -70, FRONT, "left_hand", start_deg=-12),
+    Sign(
+        "left_shoulder_internal_rotation", 50, FRONT, "left_hand", {"left_elbow_flexion": 90}, -30
+    ),
     Sign("left_elbow_flexion", 100, LEFT_SIDE, "left_hand"),
-    Sign("trunk_rotation", 30, FRONT, "left_shoulder", {}),
+    Sign("trunk_rotation", 30, FRONT, "right_hand", {"right_shoulder_flexion": 70}, -20),
 )
 
 
-def motion_of(
-    model: BodyModel, wanted: Mapping[str, float]
-) -> Motion:
+def motion_of(model: BodyModel, wanted: Mapping[str, float]) -> Motion:
     """A standing pose with wanted anatomical angles, degrees; all others of its joints are 0."""
     targets: dict[str, float] = {}
     for side in ("left", "right"):
@@ -112,14 +113,13 @@ def motion_of(
 def picture(model: BodyModel, sign: Sign) -> Image:
     """The body with the angle, and the way there from zero."""
     path, vertices = [], None
-    start = -12.0 if sign.angle.endswith("shoulder_adduction") else 0.0
     for share in np.linspace(0, 1, _STEPS):
-        value = start + share * (sign.degrees - start)
+        value = sign.start_deg + share * (sign.degrees - sign.start_deg)
         motion = motion_of(model, {**sign.others, sign.angle: value})
         rotation, origin = kinematics.forward(
             model, motion.root_m, motion.root_quaternion, motion.angles_rad
         )
-        path.append(_point(model, sign.point, rotation[0], origin[0]))
+        path.append(origin[0, model.names.index(sign.point)])
         vertices = kinematics.skin(model, rotation[0], origin[0])
         found = float(anatomical_angles(motion)[sign.angle][0])
         if abs(found - value) > 1.0:
@@ -128,12 +128,11 @@ def picture(model: BodyModel, sign: Sign) -> Image:
     box = np.array([-reach, -0.1, 0.0]), np.array([reach, 0.1, top])
     view = shaded_view((vertices, model.faces), box, None, sign.azimuth_deg, _SIZE)
     pixels = _pixels(np.array(path), box, sign.azimuth_deg)
-    # Beside the body's point where it would hide the limb.
     arrow(view, pixels, POSITIVE, 3)
     foot = blank(_SIZE[0], 50)
     shown = sign.angle.removeprefix("left_")
     centred(foot, shown, _SIZE[0] / 2, 18, 15, INK, bold=True)
-    side = {FRONT: "from the front", LEFT_SIDE: "from its left", BACK: "from behind"}
+    side = {FRONT: "from the front", LEFT_SIDE: "from its left"}
     centred(foot, f"{sign.degrees:+.0f}, {side[sign.azimuth_deg]}", _SIZE[0] / 2, 38, 13, QUIET)
     return np.concatenate([view, foot])
 
@@ -146,29 +145,20 @@ def main() -> None:
     save(np.concatenate(rows), "angle_signs.png")
 
 
-def _point(
-    model: BodyModel, name: str, rotation: NDArray[np.float64], origin: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """A part's joint, or a point on the shoulder's front."""
-    if name == "left_shoulder":
-        return origin[model.names.index("left_upper_arm")]
-    return origin[model.names.index(name)]
-
-
 def _pixels(
     points: NDArray[np.float64],
     box: tuple[NDArray[np.float64], NDArray[np.float64]],
     azimuth_deg: float,
 ) -> NDArray[np.float64]:
-    """Positions in the picture of `shaded_view`, seen from far away."""
-    low, high = box
+    """Positions (N, 2) of points (N, 3) in the picture of `shaded_view`."""
+    (low, high), (width, height) = box, _SIZE
     angle = np.radians(azimuth_deg)
     forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
-    axes = np.stack([np.cross(forward, [0, 0, 1.0]), [0, 0, -1.0]])
-    width, height = _SIZE
-    span = max((high[2] - low[2]) / height, np.linalg.norm((high - low)[:2]) / width)
-    flat = (points - 0.5 * (low + high)) @ axes.T
-    return flat * 0.9 / span + 0.5 * np.array([width - 1, height - 1])
+    axes = np.stack([np.cross(forward, [0, 0, 1.0]), [0, 0, -1.0], forward])
+    diagonal, focal = float(np.linalg.norm((high - low)[:2])), 4.0 * height
+    span = max(float(high[2] - low[2]) / height, diagonal / width)
+    seen = (points - 0.5 * (low + high)) @ axes.T + (0, 0, 0.5 * diagonal + focal / 0.9 * span)
+    return seen[:, :2] / seen[:, 2:] * focal + 0.5 * np.array([width - 1, height - 1])
 
 
 if __name__ == "__main__":

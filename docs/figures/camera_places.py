@@ -41,11 +41,11 @@ OTHERS: dict[str, tuple[tuple[float, float], ...]] = {
     "3, 120 degrees apart": ((-120, LOW_M), (0, HIGH_M), (120, LOW_M)),
     "3, 30 degrees apart": ((-30, LOW_M), (0, HIGH_M), (30, LOW_M)),
     "4, in the corners, one height": tuple((45 + 90 * k, LOW_M) for k in range(4)),
-    "4, in the corners, two heights": tuple((45 + 90 * k, (LOW_M, HIGH_M)[k // 2]) for k in range(4)),
-    "6, half a circle": tuple((30 * k - 75, (LOW_M, HIGH_M)[k % 2]) for k in range(6)),
-    "6, 60 degrees apart, two heights": tuple(
-        (60 * k, (LOW_M, HIGH_M)[k % 2]) for k in range(6)
+    "4, in the corners, two heights": tuple(
+        (45 + 90 * k, (LOW_M, HIGH_M)[k // 2]) for k in range(4)
     ),
+    "6, half a circle": tuple((30 * k - 75, (LOW_M, HIGH_M)[k % 2]) for k in range(6)),
+    "6, 60 degrees apart, two heights": tuple((60 * k, (LOW_M, HIGH_M)[k % 2]) for k in range(6)),
     "6, 60 degrees apart, one height": tuple((60 * k, LOW_M) for k in range(6)),
 }
 _PANEL, _PX_PER_M = (380, 430), 40.0

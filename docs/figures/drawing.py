@@ -29,16 +29,27 @@ def arrow(image: Image, points: NDArray[np.float64], colour: Colour, width: int 
     along = along / max(float(np.linalg.norm(along)), 1e-9)
     across = np.array([-along[1], along[0]])
     head = np.stack(
-        [points[-1] + 5 * width * (a * along + b * across) for a, b in ((0.6, 0), (-1, 0.7), (-1, -0.7))]
+        [
+            points[-1] + 5 * width * (a * along + b * across)
+            for a, b in ((0.6, 0), (-1, 0.7), (-1, -0.7))
+        ]
     )
     cv2.fillConvexPoly(image, np.rint(head * 16).astype(np.int32), colour, cv2.LINE_AA, 4)
 
 
 def centred(
-    image: Image, text: str, x: float, y: float, size: int = 16, colour: Colour = INK, bold: bool = False
+    image: Image,
+    text: str,
+    x: float,
+    y: float,
+    size: int = 16,
+    colour: Colour = INK,
+    bold: bool = False,
 ) -> None:
     """Writes a line whose middle is at x, in place."""
-    write_text(image, text, round(x - text_width(text, size, bold) / 2), round(y), size, colour, bold)
+    write_text(
+        image, text, round(x - text_width(text, size, bold) / 2), round(y), size, colour, bold
+    )
 
 
 def save(image: Image, name: str) -> None:
