@@ -70,7 +70,7 @@ def from_above() -> Image:
     for corner in (0, 7, 39):
         at = first + np.array([corner % 8, corner // 8]) * _SQUARE_PX
         dot(panel, at, 4, (20, 160, 250))
-        _label(panel, str(corner), at + (9, 20))
+        _label(panel, str(corner), at + np.array([9, 20]))
     centred(panel, "The face from above: --board 8x5 counts inner corners", _SIZE[0] / 2, 34, 17)
     centred(panel, "corner 0 is at the edge with two black corner squares", 370, 94, 14, QUIET)
     return panel

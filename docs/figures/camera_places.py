@@ -118,7 +118,8 @@ def main() -> None:
     foot = blank(plans.shape[1], 62)
     centred(
         foot,
-        f"Plan, {DISTANCE_M:g} m from the middle; blue: floor of the movement, {2 * VOLUME_RADIUS_M:g} m"
+        f"Plan, {DISTANCE_M:g} m from the middle; blue: floor of the movement,"
+        f" {2 * VOLUME_RADIUS_M:g} m"
         " across; the person looks down the page.",
         foot.shape[1] / 2,
         20,

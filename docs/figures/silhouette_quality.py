@@ -109,7 +109,7 @@ def panel(case: Case, folder: Path) -> Image:
     picture = np.full_like(frame, 30)
     picture[silhouette & true] = 255
     picture[silhouette & ~true], picture[true & ~silhouette] = _TOO_MUCH, _MISSING
-    height, width = frame[_CROP].shape[:2]
+    width = frame[_CROP].shape[1]
     head, foot = blank(width, 34), blank(width, 30)
     centred(head, case.title, width / 2, 24, 19, INK, bold=True)
     centred(foot, case.remark, width / 2, 20, 12, QUIET)
