@@ -82,8 +82,6 @@ exclude_patterns = ["docs/reference/*/modules.rst"]
 _GUIDE = (
     "guide live recordings calibration checking viewing exports python glossary results"
 ).split()
-    "guide live recordings calibration checking viewing exports python glossary results".split()
-)
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
 _OTHERS = sorted(
     {path.stem for path in (_ROOT / "docs").glob("*.md")} - {*_GUIDE, "architecture", "papers"}

@@ -112,7 +112,7 @@ def motion_of(model: BodyModel, wanted: Mapping[str, float]) -> Motion:
 
 def picture(model: BodyModel, sign: Sign) -> Image:
     """The body with the angle, and the way there from zero."""
-    path, vertices = [], None
+    path, vertices = [], model.vertices_m
     for share in np.linspace(0, 1, _STEPS):
         value = sign.start_deg + share * (sign.degrees - sign.start_deg)
         motion = motion_of(model, {**sign.others, sign.angle: value})
