@@ -242,6 +242,25 @@ def _use_recording_file(folder: Path, thorough: bool) -> None:
     read_unknown_polygons(folder / "recording.toml", _rig(), _rig().names)
 
 
+def _make_folder_settings(folder: Path) -> None:
+    text = (
+        '[fit]\nstature = 1.75\nout = "x"\nsex = "female"\nbody = "92A5"\n'
+        '[calibrate.board]\npaper = "a3"\n[live]\nsend = ["vmc://a:1"]\n'
+        "[carve]\nvolume = [0, 0, 0, 1, 1, 1]\n"
+    )
+    (folder / "voxelpose.toml").write_text(text)
+
+
+def _use_folder_settings(folder: Path, thorough: bool) -> None:
+    from voxelpose.cli.folder_settings import folder_settings, sections_in
+
+    if thorough:
+        command("settings", folder)
+        return
+    for section in sections_in(folder):
+        folder_settings(section, folder)
+
+
 def _make_timestamps(folder: Path) -> None:
     from voxelpose.recording.timestamps import write_timestamps
 
@@ -559,6 +578,9 @@ TARGETS: dict[str, FuzzTarget] = {
     "subject": FuzzTarget(_make_subject, {"subject.toml": any_text}, _use_subject),
     "recording-file": FuzzTarget(
         _make_recording_file, {"recording.toml": any_text}, _use_recording_file
+    ),
+    "folder-settings": FuzzTarget(
+        _make_folder_settings, {"voxelpose.toml": any_text}, _use_folder_settings
     ),
     "hypotheses": FuzzTarget(_make_hypotheses, {"hypotheses.csv": any_table}, _use_hypotheses),
     "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),

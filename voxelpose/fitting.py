@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,11 +42,14 @@ class Output:
         folder: the result folder to be made.
         overwrite: whether an earlier result of this name is replaced.
         pictures: whether overlay videos and the contact sheet are drawn.
+        sources: files that settings were taken from, by the names of the options; kept in
+            summary.json.
     """
 
     folder: Path | str
     overwrite: bool = False
     pictures: bool = True
+    sources: Mapping[str, str] = field(default_factory=dict)
 
 
 def fit(
@@ -159,6 +162,10 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
     finished = time.perf_counter()
     seconds = {"pictures": finished - estimated, "total": finished - estimation.started}
     summary = _summary(recording, estimate, estimation.estimator, seconds)
+    if output.sources:
+        start = Path(output.folder).resolve()
+        files = {name: _path_from(start, Path(file)) for name, file in output.sources.items()}
+        summary["settings_from"] = files
     (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
 
 

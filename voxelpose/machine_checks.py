@@ -224,11 +224,15 @@ def _registered(name: str, group: str, load: Callable[[str], object]) -> HealthC
 
 
 def _open3d() -> HealthCheck:
+    from calib.errors import InputError
     from voxelpose.view.open3d_import import import_open3d
 
     try:
         module = import_open3d()
-    except Exception as error:  # a missing shared library or a broken wheel raises anything
+    except InputError as error:  # states the remedy
+        found, _, remedy = str(error).partition(": ")
+        return HealthCheck("open3d", "limited", found, f"only `view --open3d` needs it: {remedy}")
+    except Exception as error:  # a broken wheel raises anything
         remedy = (
             "only `view --open3d` needs it; on Linux: pip install libusb-package, and apt install"
             " libgl1 libgomp1"

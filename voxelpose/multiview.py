@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.camera import Rig
 from calib.errors import InputError
-from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
-from silhouette_core.motion.body_source import load_body, names_result
+from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.conditioning import conditioned, quality_with_filled
 from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
-from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.carving.bounds import check_tolerance
-from voxelpose.matching.body_choice import choose_body
-from voxelpose.matching.body_refit import refit
-from voxelpose.matching.given_body import start_given
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.motion_quality import motion_quality
-from voxelpose.matching.observation_store import ObservationStore
 from voxelpose.matching.prepared_silhouettes import PreparationSettings, prepare_silhouettes
+from voxelpose.matching.recording_track import TrackWork
 from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 
 VOXEL_M = 0.025
-_TOGETHER = 16  # frames
 _JOINED = 0.5  # of a given body's extent: pieces so near to each other are its
 _REPAIRS = "auto", "say", "off"
 
@@ -102,19 +95,14 @@ class MultiViewEstimator:
             tracking.match,
             *((0.0, True) if given is None else (_JOINED * given.extent_m, False)),
         )
-        with prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared:
-            store = prepared.store
-            with closing(ObservationStore(prepared.observer, store)) as observations:
-                reporter.stage("hulls", len(store))
-                for first in range(0, len(store), _TOGETHER):
-                    together = range(first, min(first + _TOGETHER, len(store)))
-                    with clock("hulls"):
-                        observations.carve(together)
-                    for _ in together:
-                        reporter.advance()
-                tracker, facts = _track(observations, settings, tracking, known, clock, reporter)
-                at = prepared.numbers, prepared.times_s
-                motion, ratio = _motion(tracker, settings, *at, clock, reporter)
+        work = TrackWork(settings, tracking, known, clock, reporter)
+        with (
+            prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
+            ExitStack() as kept,
+        ):
+            tracker, facts = work.track(prepared, kept)
+            at = prepared.numbers, prepared.times_s
+            motion, ratio = _motion(tracker, settings, *at, clock, reporter)
         motion = replace(motion, floor_m=floor_height(motion)).in_world(prepared.upright)
         return Estimate(
             motion,
@@ -132,88 +120,6 @@ def _posed_as(rig: Rig, pinholes: Rig) -> Rig:
             for camera, other in zip(rig, pinholes, strict=True)
         )
     )
-
-
-def _track(
-    observations: ObservationStore,
-    settings: Settings,
-    tracking: PoseTrackerSettings,
-    known: BodyModel | None,
-    clock: StageClock,
-    reporter: Reporter,
-) -> tuple[PoseTracker, dict[str, object]]:
-    """Poses of all frames, and facts for the summary."""
-    reporter.stage("first poses")
-    if known is not None and known.person is None:
-        return _track_given(observations, settings, tracking, known, clock, reporter)
-    with clock("first poses"):
-        kept = known is not None and names_result(str(settings.options["body"]))
-        start = choose_body(observations, settings, tracking.match, reporter, known, kept)
-    tracker = PoseTracker(start.body, observations, tracking, clock, reporter.advance)
-    _follow(tracker, start.poses, start.errors, clock, reporter)
-    reporter.stage("proportions")
-    with clock("proportions"):
-        refit(tracker, start, known is None and settings.sex == "unknown")
-    reporter.stage("refinement", len(observations))
-    tracker.polish()
-    facts = {
-        "stature_m": stature_of(tracker.body.model),
-        "stature_given": settings.stature_m is not None or known is not None,
-        "sex_template": tracker.body.model.sizes.sex,
-        "shape": dict(
-            zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
-        ),
-    }
-    return tracker, facts | _found(tracker, start.poses)
-
-
-def _track_given(
-    observations: ObservationStore,
-    settings: Settings,
-    tracking: PoseTrackerSettings,
-    model: BodyModel,
-    clock: StageClock,
-    reporter: Reporter,
-) -> tuple[PoseTracker, dict[str, object]]:
-    """As `_track`, with a body that no person's measurements make."""
-    with clock("first poses"):
-        body, fits = start_given(observations, settings, tracking.match, reporter, model)
-    tracker = PoseTracker(body, observations, tracking, clock, reporter.advance)
-    poses = {t: fit.pose for t, fit in fits.items()}
-    _follow(tracker, poses, {t: fit.error for t, fit in fits.items()}, clock, reporter)
-    reporter.stage("refinement", len(observations))
-    tracker.polish()
-    return tracker, _found(tracker, poses)
-
-
-def _follow(
-    tracker: PoseTracker,
-    poses: dict[int, Pose],
-    errors: dict[int, float],
-    clock: StageClock,
-    reporter: Reporter,
-) -> None:
-    """Tracks from the anchor frames, and searches again what went wrong."""
-    count = len(tracker.observations)
-    reporter.stage("tracking", count)
-    tracker.begin(poses, errors)
-    reporter.stage("repair")
-    with clock("repair"):
-        tracker.begin_again()
-        tracker.repair(3 + count // 100)
-        tracker.mend_jumps()
-    reporter.stage("limbs")
-    tracker.recheck()
-
-
-def _found(tracker: PoseTracker, anchors: dict[int, Pose]) -> dict[str, object]:
-    """Facts of any body."""
-    errors = tracker.error[np.isfinite(tracker.error)]
-    return {
-        "voxel_size_m": tracker.observations.observer.voxel_size_m,
-        "anchor_frames": sorted(anchors),
-        "silhouette_error": {"median": float(np.median(errors)) if len(errors) else None},
-    }
 
 
 def _motion(

@@ -44,7 +44,8 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
     wrong more likely than not (several cameras), or if body and silhouettes have less than three
     quarters of their union in common (one camera, whose errors in depth no silhouette shows), or if
-    it was joined of pieces that do not meet.
+    it was joined of pieces that do not meet. So is one from which an object was left out that
+    nobody marked: legs that do not move may have been taken for it.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
@@ -74,6 +75,12 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             "doubtful",
             f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
             " sheet, at background and calibration, and at clothes of the walls' colours",
+        )
+    if facts.get("objects_share"):
+        return Verdict(
+            "doubtful",
+            "something that stands beside the person, as a chair does, was left out: look at the"
+            " contact sheet whether legs were taken for it; mark it as unknown to be sure",
         )
     near = quality.get("landmark_confidence", {})
     return Verdict("reliable", "", tuple(name for name in near if near[name] < _UNCERTAIN))

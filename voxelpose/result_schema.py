@@ -64,6 +64,7 @@ class _Spent(msgspec.Struct):
 class _Facts(msgspec.Struct):
     seams_mm: list[_Number | None] = []
     half_turn_ratio: _Number | None = None
+    objects_share: dict[_Name, _Number] = {}
 
 
 class _Verdict(msgspec.Struct):

@@ -41,3 +41,12 @@ def test_joints_that_are_likely_wrong_are_named():
     assert str(verdict) == "reliable, but for left_wrist: likely over 30 mm off"
     numbers["quality"]["right_probability"]["lower_quarter"] = 0.1
     assert verdict_of(numbers).uncertain == ()
+
+
+def test_an_object_that_nobody_marked_leaves_a_doubt():
+    numbers = summary(right=0.9)
+    numbers["facts"]["objects_share"] = {"cam_1": 0.03}
+    assert verdict_of(numbers).level == "doubtful"
+    assert "mark it as unknown" in verdict_of(numbers).reason
+    numbers["facts"]["objects_share"] = {}
+    assert verdict_of(numbers).level == "reliable"

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,6 +37,7 @@ _SETTINGS = {
     "frames": (str, ""),
     "unit": (str, ""),
     "fps": (float, ""),
+    "backend": (str, "backend"),
 }
 _OPTIONS = {
     "fit": {
@@ -86,12 +87,31 @@ class Job:
         recording: the recording folder.
         command: `fit` or `track`.
         settings: values by name, as the options of that command.
+        sources: files that settings were taken from, by their names.
     """
 
     name: str
     recording: str
     command: Command
     settings: Mapping[str, bool | int | float | str]
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    def with_defaults(self, defaults: Mapping[str, Any], files: Mapping[str, str]) -> Job:
+        """The job with other settings where it has none; a batch decides on the rest itself.
+
+        Args:
+            defaults: values by name, as the options of the command.
+            files: the file that each was taken from.
+
+        Raises:
+            InputError: a value is not understood.
+        """
+        known = (_SETTINGS.keys() | _OPTIONS[self.command].keys()) - self.settings.keys()
+        taken = {name: value for name, value in defaults.items() if name in known}
+        for name, value in taken.items():
+            _check({name: value}, self.command, files[name])
+        sources = {name: files[name] for name in taken}
+        return replace(self, settings=taken | dict(self.settings), sources=sources)
 
     def open(self) -> Recording:
         """The recording.

@@ -7,7 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -218,7 +218,7 @@ def run_job(task: _Task) -> Outcome:
     """Carries out one job; what the user can correct is an outcome, a bug is raised."""
     job, started = task.job, time.perf_counter()
     try:
-        output = Output(task.out, overwrite=is_result(task.out), pictures=task.pictures)
+        output = Output(task.out, is_result(task.out), task.pictures, job.sources)
         if task.pieces:
             join_pieces(job, task.pieces, output)
         else:
@@ -237,6 +237,7 @@ def run_job(task: _Task) -> Outcome:
 
 def _identity(job: Job) -> dict[str, object]:
     """What a result must have been made from to be kept."""
+    job = replace(job, sources={})  # wherever they come from
     return {"voxelpose": __version__, **asdict(job)}
 
 

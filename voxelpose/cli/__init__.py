@@ -36,6 +36,7 @@ COMMANDS = {
     "report": "write a page about a result: joint angles, quality, advice",
     "evaluate": "score a result against known joint positions",
     "experiment": "repeat the experiments of Okada and Stenger",
+    "settings": "show the settings that voxelpose.toml files give, and where from",
     "doctor": "check what works on this machine, with remedies for the rest",
 }
 _HELP = """usage: voxelpose [-h] [--version] COMMAND ...
@@ -145,25 +146,27 @@ def run(arguments: Sequence[str]) -> int:
 def _parse(name: str, words: list[str]):
     """Returns a command with its arguments.
 
-    The command's class has the name of its module, or is listed in the module's SUBCOMMANDS.
+    The command's class has the name of its module, is named by the module's COMMAND, or is listed
+    in the module's SUBCOMMANDS.
     """
-    import tyro
+    from voxelpose.cli.folder_settings import load_command, parse_with_settings, settings_notes
 
+    section = name
     module = importlib.import_module(f"voxelpose.cli.{name}")
     if hasattr(module, "SUBCOMMANDS"):
-        name, command, words = _subcommand(name, module.SUBCOMMANDS, words)
-    else:
-        command = getattr(module, name.capitalize())
+        word, words = _subcommand(name, module.SUBCOMMANDS, words)
+        section = f"{name}.{word}"
     if not {"-h", "--help"}.isdisjoint(words):
         # tyro would join the lines of a description, and not wrap them.
-        print(_wrapped(command.help))
-    return tyro.cli(command, prog=f"voxelpose {name}", description="", args=words)
+        print(_wrapped(load_command(section).help))
+    command, taken = parse_with_settings(section, words, f"voxelpose {section.replace('.', ' ')}")
+    for line in settings_notes(section, taken):
+        print(f"voxelpose: {message(line)}", file=sys.stderr)
+    return command
 
 
-def _subcommand(
-    name: str, commands: Mapping[str, Any], words: list[str]
-) -> tuple[str, Any, list[str]]:
-    """Returns name, class and arguments of a subcommand; prints a list where help is requested."""
+def _subcommand(name: str, commands: Mapping[str, Any], words: list[str]) -> tuple[str, list[str]]:
+    """Returns name and arguments of a subcommand; prints a list where help is requested."""
     word, *rest = words or ["--help"]
     if word in ("-h", "--help"):
         listing = _listing({word: cls.help.splitlines()[0] for word, cls in commands.items()})
@@ -175,7 +178,7 @@ def _subcommand(
     if word not in commands:
         names = ", ".join(f"{name} {word}" for word in commands)
         raise InputError(f"there is no command '{name} {word}': there are {names}")
-    return f"{name} {word}", commands[word], rest
+    return word, rest
 
 
 def _listing(commands: Mapping[str, str]) -> str:

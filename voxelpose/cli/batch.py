@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
+    from voxelpose.batch.jobs import Job
     from voxelpose.batch.run import Outcome
 
 
@@ -66,7 +67,8 @@ Exit code 0: all done; 1: one failed.
         from voxelpose.batch.jobs import jobs_of, read_settings
         from voxelpose.batch.run import BatchSettings, run_batch
 
-        jobs = jobs_of(self.paths, self.command, read_settings(self.set))
+        listed = jobs_of(self.paths, self.command, read_settings(self.set))
+        jobs = [_with_folder_settings(job) for job in listed]
         if self.pieces is not None and not self.pieces > 0:
             raise InputError(f"--pieces {self.pieces} is impossible: give a length in seconds")
         processes = self.jobs or _usual_jobs()
@@ -98,6 +100,19 @@ Exit code 0: all done; 1: one failed.
         for path in write_tables(outcomes, self.out):
             print(path)
         return 1 if any(outcome.status == "failed" for outcome in outcomes) else 0
+
+
+def _with_folder_settings(job: Job) -> Job:
+    """The job with what voxelpose.toml of its recording and the folders above it say."""
+    from voxelpose.cli.folder_settings import folder_settings
+
+    found = folder_settings(job.command, Path(job.recording))
+    named = {name.replace("-", "_"): setting for name, setting in found.items()}
+    values = {
+        name: str(setting.value) if isinstance(setting.value, Path) else setting.value
+        for name, setting in named.items()
+    }
+    return job.with_defaults(values, {name: str(s.file) for name, s in named.items()})
 
 
 def _usual_jobs() -> int:

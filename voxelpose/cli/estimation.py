@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import arg
+from tyro.conf import Suppress, arg
 
 from voxelpose.cli.arguments import (
     BodyName,
@@ -62,6 +62,8 @@ class EstimationArguments:
     threads: Threads = None
     pictures: bool = True
     """Draw the overlay videos and the contact sheet."""
+    sources: Suppress[Mapping[str, str]] = field(default_factory=dict)
+    """Files that options were taken from, by their names; see `folder_settings`."""
 
     def estimate(
         self,
@@ -112,7 +114,7 @@ class EstimationArguments:
                     f"{self.recording} holds no calibration: a level camera with a field of view of"
                     " 53 degrees is assumed, and distances are only rough"
                 )
-            output = Output(self.out, self.overwrite, self.pictures)
+            output = Output(self.out, self.overwrite, self.pictures, self.sources)
             result = fit(recording, output, settings, estimator, progress)
         from voxelpose.cli.summary import print_result
 

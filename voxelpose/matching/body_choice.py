@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -32,8 +34,11 @@ from voxelpose.matching.pose_search import (
     PoseFit,
     find_pose,
 )
+from voxelpose.matching.sitting import find_sitting_pose
 from voxelpose.matching.stature_search import ADULT_M, HULL_SIGMA, stature_candidates, unusual_by
 
+PoseSearch = Callable[[BodyGeometry, FrameObservation], list[PoseFit]]
+"""Searches the poses of a frame, best first."""
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60
 _CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
 _GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
@@ -77,6 +82,7 @@ def choose_body(
     reporter: Reporter,
     known: BodyModel | None = None,
     keep_clothes: bool = False,
+    sitting: bool = False,
 ) -> Start:
     """Searches anchor frames without a prior, and adapts a body to them.
 
@@ -87,6 +93,8 @@ def choose_body(
         reporter: receives the progress.
         known: the person's body, of which only the clothes are then adapted; None: all of it is.
         keep_clothes: the known body's clothes are kept, too.
+        sitting: whether sitting postures are searched, and an adult's stature is expected where
+            it is not given: the hull's height is not the person's.
 
     Raises:
         InputError: no frame shows a body.
@@ -103,23 +111,27 @@ def choose_body(
         )
     reporter.stage("first poses", len(frames) + 1)
     voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
+    search: PoseSearch = find_sitting_pose if sitting else partial(find_pose, settings=matching)
     if known is not None:
         reporter.advance(len(frames) + 1)
         body = BodyGeometry.from_model(known, voxel_size_m, backend)
-        return _known_start(body, frames, matching, voxel_size_m, keep_clothes)
+        fits = _clear_fits(body, frames, search)
+        return _known_start(body, frames, fits, voxel_size_m, keep_clothes)
     if settings.stature_m is not None:
         candidates = [Stature(settings.stature_m, _GIVEN_SIGMA_M)]
+    elif sitting:
+        candidates = [Stature(ADULT_M, HULL_SIGMA * ADULT_M)]
     else:
         candidates = stature_candidates(frames, settings, matching, voxel_size_m, backend)
-    search = _BodySearch(frames, settings, matching, voxel_size_m, backend)
-    best, *others = map(search.start, candidates)
+    bodies = _BodySearch(frames, settings, search, voxel_size_m, backend)
+    best, *others = map(bodies.start, candidates)
     for other in others:  # of the hull's height
         if _mean_error(best) > _CLEARLY * _mean_error(other):
             best = other
     if settings.stature_m is None:
         if unusual_by(best.stature.metres) > _UNUSUAL:
             # Who reaches up or bends over fills the hull of a giant, too.
-            adult = search.start(Stature(ADULT_M, HULL_SIGMA * ADULT_M))
+            adult = bodies.start(Stature(ADULT_M, HULL_SIGMA * ADULT_M))
             best = min([best, adult], key=_mean_error)
         reporter.note(
             f"no stature given: about {best.stature.metres:.2f} m by the hull (--stature makes"
@@ -135,7 +147,7 @@ class _BodySearch:
 
     frames: dict[int, FrameObservation]
     settings: Settings
-    matching: MatchSettings
+    search: PoseSearch
     voxel_size_m: float
     backend: Backend
 
@@ -173,7 +185,8 @@ class _BodySearch:
 
     def _searched(self, stature: Stature, chest_m: float | None) -> Start:
         """From poses that are searched with one body."""
-        fits = _clear_fits(self._body(stature, chest_m), self.frames, self.matching)
+        body = self._body(stature, chest_m)
+        fits = _clear_fits(body, self.frames, self.search)
         return self._adapted({t: fit.pose for t, fit in fits.items()}, stature, chest_m)
 
     def _adapted(self, poses: dict[int, Pose], stature: Stature, chest_m: float | None) -> Start:
@@ -194,13 +207,12 @@ class _BodySearch:
 def _known_start(
     body: BodyGeometry,
     frames: dict[int, FrameObservation],
-    matching: MatchSettings,
+    fits: dict[int, PoseFit],
     voxel_size_m: float,
     keep_clothes: bool,
 ) -> Start:
     """Start with a person's known body, whose clothes are adapted unless they are kept."""
     model = body.model
-    fits = _clear_fits(body, frames, matching)
     poses = {t: fit.pose for t, fit in fits.items()}
     errors = {t: fit.error for t, fit in fits.items()}
     stature = Stature(stature_of(model), _GIVEN_SIGMA_M)
@@ -213,10 +225,12 @@ def _known_start(
 
 
 def _clear_fits(
-    body: BodyGeometry, frames: dict[int, FrameObservation], matching: MatchSettings
+    body: BodyGeometry,
+    frames: dict[int, FrameObservation],
+    search: PoseSearch,
 ) -> dict[int, PoseFit]:
     """Poses of the frames in which they explain the silhouettes nearly as well as in the best."""
-    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    found = side_by_side(lambda frame: search(body, frame)[:1], list(frames.values()))
     fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
     smallest = min(fit.error for fit in fits.values())
     return {t: fit for t, fit in fits.items() if fit.error <= _CLEAR * smallest}

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 
 import numpy as np
 
+from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.scratch_file import ScratchFile
 from voxelpose.carving.grid import VoxelGrid
@@ -15,7 +17,30 @@ from voxelpose.matching.mask_store import MaskStore
 from voxelpose.matching.observe import COMPONENT, FrameObservation, HullComponents, HullObserver
 
 _NOWHERE = -1
+_TOGETHER = 16  # frames
 _BOX = struct.Struct("3d3q")  # origin and shape of a grid
+
+
+@contextmanager
+def carved_observations(
+    observer: HullObserver, masks: MaskStore, clock: StageClock, reporter: Reporter
+) -> Iterator[ObservationStore]:
+    """Observations of all frames, whose hulls are carved, for a `with` block.
+
+    Args:
+        observer: finds the body in a frame.
+        masks: the raw silhouettes.
+        clock: told the durations.
+        reporter: told the progress.
+    """
+    with closing(ObservationStore(observer, masks)) as observations:
+        reporter.stage("hulls", len(masks))
+        for first in range(0, len(masks), _TOGETHER):
+            together = range(first, min(first + _TOGETHER, len(masks)))
+            with clock("hulls"):
+                observations.carve(together)
+            reporter.advance(len(together))
+        yield observations
 
 
 class ObservationStore:

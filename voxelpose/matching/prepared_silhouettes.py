@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,6 +71,7 @@ class PreparedSilhouettes:
         numbers: (T,) int64, frames of the recording.
         times_s: (T,) float64.
         facts: what was found, for the summary.
+        settings: by which they were prepared.
     """
 
     store: MaskStore
@@ -80,6 +81,19 @@ class PreparedSilhouettes:
     numbers: np.ndarray
     times_s: FloatArray
     facts: dict[str, object]
+    settings: PreparationSettings
+
+    @contextmanager
+    def without(self, hidden: Sequence[np.ndarray]) -> Iterator[PreparedSilhouettes]:
+        """The same for a `with` block, with more that is unknown: C arrays (h, w) bool."""
+        marked = self.observer.views.unknown or [np.False_] * len(hidden)
+        unknown = tuple(new | old for new, old in zip(hidden, marked, strict=True))
+        views = PinholeViews.from_rig(self.observer.views.rig, unknown)
+        with closing(MaskStore([camera.size for camera in views.rig], len(self.store))) as store:
+            for t in range(len(store)):
+                store.put(t, views.without_unknown(self.store[t]))
+            observer = observer_of(views.rig, store, self.settings, unknown)
+            yield replace(self, store=store, observer=observer)
 
 
 @contextmanager
@@ -144,7 +158,7 @@ def prepare_silhouettes(
         }
         observer = work.observer(upright.rig(checked.rig))
         yield PreparedSilhouettes(
-            stores[0], observer, upright, checked.rig, numbers, times_s, facts
+            stores[0], observer, upright, checked.rig, numbers, times_s, facts, preparation
         )
 
 

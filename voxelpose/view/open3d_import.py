@@ -34,8 +34,8 @@ def import_open3d(screen: bool = False) -> ModuleType:
         import open3d
     except ImportError as error:
         raise InputError(
-            f"open3d is not installed ({error}): pip install open3d-cpu on Linux, else pip install"
-            " open3d"
+            f"open3d is not installed ({error}): pip install 'voxelpose[open3d]', which Python 3.13"
+            " and newer on Linux have with glibc 2.35; the browser and --png do without it"
         ) from None
     except OSError as error:
         raise InputError(

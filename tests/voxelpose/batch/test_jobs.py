@@ -120,3 +120,14 @@ def test_a_wrong_setting_names_the_list(studio, entries, words):
     path.write_text(f'[[recording]]\nfolder = "{"x" * 300}"\n')
     with pytest.raises(InputError, match="folder is no folder's name"):
         jobs_of([path], "fit", {})
+
+
+def test_other_settings_count_where_a_job_has_none(studio):
+    (job,) = jobs_of([studio / "anna" / "walk"], "fit", {"stature": 1.7})
+    given = {"stature": 1.5, "fps": 50.0, "backend": "reference", "threads": 3}
+    full = job.with_defaults(given, dict.fromkeys(given, "voxelpose.toml"))
+    assert full.settings == {"stature": 1.7, "fps": 50.0, "backend": "reference"}
+    assert full.sources == dict.fromkeys(("fps", "backend"), "voxelpose.toml")
+    assert full.estimator_settings(1).backend == "reference"
+    with pytest.raises(InputError, match=r"voxelpose.toml: frames = 'all' is not understood"):
+        job.with_defaults({"frames": "all"}, {"frames": "voxelpose.toml"})

@@ -173,3 +173,28 @@ def test_a_cluster_gives_the_same_bytes_though_a_machine_is_lost(studio):
             ours = (studio / "here" / job.name / name).read_bytes()
             assert (studio / "there" / job.name / name).read_bytes() == ours, name
         assert json.loads((studio / "there" / job.name / "job.json").read_text())
+
+
+def test_a_recordings_own_settings_count_within_a_batch(studio):
+    (studio / "voxelpose.toml").write_text(
+        "[batch]\nreport = false\npictures = false\nout = 'out'\n"
+        "[fit]\nestimator = 'standing'\nstature = 1.6\npictures = true\n"
+    )
+    own = studio / "in" / "three" / "voxelpose.toml"
+    own.write_text("[fit]\nstature = 1.5\nfps = 12.5\n")
+    words = ["batch", "in/one", "in/three"]
+    assert run(words) == 0
+    one, three = (
+        json.loads((studio / "out" / name / "summary.json").read_text())
+        for name in ("one", "three")
+    )
+    assert (one["fps"], three["fps"]) == (25.0, 12.5)
+    assert one["settings_from"]["stature"] == "../../voxelpose.toml"
+    assert three["settings_from"]["stature"] == "../../in/three/voxelpose.toml"
+    assert not (studio / "out" / "one" / "report.html").exists()
+    made = (studio / "out" / "three" / "summary.json").stat().st_mtime_ns
+    own.write_text("[fit]\nstature = 1.5\nfps = 12.5\nsmooth = true\n")
+    assert run([*words, "--set", "stature=1.4"]) == 0
+    settings = (studio / "out" / "three" / "settings.toml").read_text()
+    assert "stature_m = 1.4" in settings
+    assert (studio / "out" / "three" / "summary.json").stat().st_mtime_ns > made

@@ -1,0 +1,45 @@
+"""Where open3d has no wheel, only its window is missing."""
+
+import sys
+
+import pytest
+
+from tests.sources import ring, write_recording
+from tests.test_structure import PACKAGES, ROOT
+from voxelpose.cli import run
+from voxelpose.machine_checks import _open3d
+
+
+@pytest.fixture(autouse=True)
+def without_open3d(monkeypatch):
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    monkeypatch.setenv("DISPLAY", ":0")
+
+
+def test_results_are_made_reported_and_exported_without_it(desk):
+    write_recording(desk / "walk", ring(2))
+    assert run(["fit", "walk", "--out", "fitted", "--estimator", "standing"]) == 0
+    assert run(["report", "fitted"]) == 0
+    assert run(["export", "fitted", "--to", "bvh,csv,npz"]) == 0
+    assert (desk / "fitted" / "report.html").stat().st_size > 10_000
+
+
+def test_it_is_imported_at_one_place():
+    importing = [
+        path.name
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+        if "import open3d\n" in path.read_text(encoding="utf-8")
+    ]
+    assert importing == ["open3d_import.py"]
+
+
+def test_its_window_is_refused_with_the_remedy(desk, capsys):
+    assert run(["view", "walk", "--open3d"]) == 2
+    assert "pip install 'voxelpose[open3d]'" in capsys.readouterr().err
+
+
+def test_the_doctor_says_what_it_costs():
+    check = _open3d()
+    assert check.state == "limited" and "open3d is not installed" in check.found
+    assert check.remedy.startswith("only `view --open3d` needs it: pip install 'voxelpose[open3d]'")

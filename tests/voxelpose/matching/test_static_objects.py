@@ -1,0 +1,123 @@
+"""A chair beside the person: found, its pixels told, and a sitting pose found in spite of it."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.cpu import CPU
+from tests.voxelpose.matching.matching_scenes import (
+    fitting_model,
+    joint_errors_m,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.observe import HullObserver, body_rule
+from voxelpose.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.matching.sitting import find_sitting_pose
+from voxelpose.matching.static_objects import find_static_objects
+
+SCENE = views(4)
+VOLUME = VoxelGrid.from_bounds((-1.2, -1.2, -0.1), (1.2, 1.2, 2.1), 0.05)
+MODEL, PERSON = fitting_model(), other_body()
+SEAT_M = 0.45
+
+
+def boxes(seat_m: float = SEAT_M) -> list[np.ndarray]:
+    """Corners (8, 3) of a chair's seat, back and legs; its user faces -y."""
+    spans = [((-0.22, 0.22), (-0.22, 0.22), (seat_m - 0.05, seat_m))]
+    spans.append(((-0.22, 0.22), (0.20, 0.24), (seat_m + 0.1, seat_m + 0.45)))
+    spans += [
+        ((x - 0.02, x + 0.02), (y - 0.02, y + 0.02), (0.0, seat_m))
+        for x in (-0.2, 0.2)
+        for y in (-0.2, 0.2)
+    ]
+    return [np.array(np.meshgrid(*span)).reshape(3, 8).T for span in spans]
+
+
+def furniture(corners: list[np.ndarray]) -> list[np.ndarray]:
+    """Pixels (h, w) bool that boxes cover in every view."""
+    masks = []
+    for camera in SCENE.rig:
+        mask = np.zeros(camera.size[::-1], np.uint8)
+        for box in corners:
+            seen = box @ camera.rotation.T + camera.translation
+            pixels = (seen @ camera.matrix.T)[:, :2] / seen[:, 2:]
+            outline = cv2.convexHull(np.rint(pixels).astype(np.int32))
+            cv2.fillConvexPoly(mask, outline, 1)
+        masks.append(mask > 0)
+    return masks
+
+
+def sitting(model, lift_deg: float) -> Pose:
+    """Sits on the chair, one arm raised."""
+    legs = {f"{side}_thigh.flexion": 88.0 for side in ("left", "right")}
+    legs |= {f"{side}_shin.flexion": 85.0 for side in ("left", "right")}
+    pose = stance(model, legs | {"left_upper_arm.abduction": lift_deg})
+    return Pose(np.array([0.0, 0.0, SEAT_M + 0.1]), pose.root_rotation, pose.angles_rad)
+
+
+def filmed(poses: list[Pose], model, objects: list[np.ndarray]) -> MaskStore:
+    store = MaskStore([camera.size for camera in SCENE.rig], len(poses))
+    for t, pose in enumerate(poses):
+        body = photograph(SCENE, model, pose)
+        store.put(t, [mask | thing for mask, thing in zip(body, objects, strict=True)])
+    return store
+
+
+@pytest.fixture(scope="module")
+def poses() -> list[Pose]:
+    return [sitting(MODEL, lift_deg) for lift_deg in np.linspace(20, 90, 8)]
+
+
+@pytest.fixture(scope="module")
+def observer() -> HullObserver:
+    return HullObserver(SCENE, VOLUME, 0.03, body_rule(4, 0))
+
+
+def test_a_chair_is_found_with_the_pixels_that_it_covers(poses, observer):
+    things = furniture(boxes())
+    found = find_static_objects(MODEL, poses, filmed(poses, MODEL, things), observer)
+    assert found is not None
+    for hidden, thing, mask in zip(found, things, photograph(SCENE, MODEL, poses[0]), strict=True):
+        beside = thing & ~mask
+        assert np.count_nonzero(hidden & beside) > 0.9 * np.count_nonzero(beside)
+        alone = mask & ~thing
+        assert np.count_nonzero(hidden & alone) < 0.1 * np.count_nonzero(alone)
+
+
+def test_without_a_chair_nothing_is_found(poses, observer):
+    nothing = [np.zeros(camera.size[::-1], bool) for camera in SCENE.rig]
+    assert find_static_objects(MODEL, poses, filmed(poses, MODEL, nothing), observer) is None
+
+
+def test_what_moves_is_no_object(poses, observer):
+    store = MaskStore([camera.size for camera in SCENE.rig], len(poses))
+    for t, pose in enumerate(poses):
+        turned = Rotation.from_euler("z", 12 * t, degrees=True).as_matrix().T
+        things = furniture([(box + np.array([0.5, 0, 0])) @ turned for box in boxes()])
+        body = photograph(SCENE, MODEL, pose)
+        store.put(t, [mask | thing for mask, thing in zip(body, things, strict=True)])
+    assert find_static_objects(MODEL, poses, store, observer) is None
+
+
+@pytest.mark.slow
+def test_legs_are_found_on_the_legs_and_not_on_the_chair():
+    truth = sitting(PERSON, 60.0)
+    silhouettes = [
+        mask | thing
+        for mask, thing in zip(photograph(SCENE, PERSON, truth), furniture(boxes()), strict=True)
+    ]
+    observer = HullObserver(SCENE, VOLUME, 0.03, CarveRule())
+    frame = observer.observe(silhouettes)
+    assert frame is not None
+    body = BodyGeometry.from_model(MODEL, 0.03, CPU)
+    error_m = joint_errors_m(MODEL, find_sitting_pose(body, frame)[0].pose, PERSON, truth)
+    usual_m = joint_errors_m(MODEL, find_pose(body, frame)[0].pose, PERSON, truth)
+    assert error_m.mean() < min(0.08, usual_m.mean() + 0.01)

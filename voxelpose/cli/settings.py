@@ -1,0 +1,139 @@
+"""voxelpose settings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import MISSING, dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from tyro.conf import Positional, arg
+
+from calib.errors import InputError
+from voxelpose.cli.folder_settings import folder_settings, load_command, sections_in
+from voxelpose.cli.options import nearest, options_of
+
+COMMAND = "ShowSettings"
+_OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}
+_WITH_SUBJECT = "fit", "track", "live"
+
+
+@dataclass(frozen=True)
+class ShowSettings:
+    """Arguments of `voxelpose settings`."""
+
+    help: ClassVar[str] = """Shows the value of every setting, and where it comes from.
+
+Every option of every command can be set in files called voxelpose.toml: in the recording, in the
+folders above it, and in the user's configuration folder. The nearest counts, and the command line
+before all. Paths are relative to the file. Values of subject.toml are shown, too.
+
+  voxelpose settings walk
+  voxelpose settings walk --command track
+  voxelpose settings --command "calibrate board" --json
+
+A voxelpose.toml has a section for each command, with the names of its options:
+  [fit]
+  stature = 1.75
+  smooth = false
+  [calibrate.board]
+  paper = "a3"
+"""
+
+    recording: Annotated[
+        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
+    ] = None
+    """Folder of the recording. Default: the current folder."""
+    command: Annotated[str | None, arg(metavar="COMMAND", help_behavior_hint="")] = None
+    """Command whose settings are shown. Default: fit, and those that the files have sections of."""
+    json: bool = False
+    """Print JSON instead of a table."""
+
+    def run(self) -> int:
+        """Prints the settings; returns the exit code."""
+        from voxelpose.results import as_json
+
+        folder = self.recording or Path()
+        if not folder.is_dir():
+            raise InputError(f"there is no folder {folder}: give a recording, or no folder")
+        sections = dict.fromkeys(["fit", *sections_in(folder)])
+        if self.command is not None:
+            sections = [_section(self.command)]
+        tables = {section: _values(section, folder) for section in sections}
+        if self.json:
+            print(as_json(tables), end="")
+        else:
+            _print_tables(tables)
+        return 0
+
+
+def _section(command: str) -> str:
+    """The section of a command, as in `calibrate board`."""
+    section = ".".join(command.replace(".", " ").split())
+    sections = _all_sections()
+    if section not in sections:
+        near = nearest(section, sections) or f": there are {', '.join(sections)}"
+        raise InputError(f"--command {command}: there is no such command{near}")
+    return section
+
+
+def _all_sections() -> list[str]:
+    import importlib
+
+    from voxelpose.cli import COMMANDS
+
+    sections = []
+    for name in COMMANDS:
+        words = getattr(importlib.import_module(f"voxelpose.cli.{name}"), "SUBCOMMANDS", None)
+        sections += [name] if words is None else [f"{name}.{word}" for word in words]
+    return sections
+
+
+def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
+    """Value and source of every option, by name."""
+    found = folder_settings(section, folder)
+    known = _of_the_subject(folder) if section in _WITH_SUBJECT else {}
+    values = {}
+    for name, option in options_of(load_command(section)).items():
+        if name in found:
+            value, source = found[name].value, str(found[name].file)
+        elif name in known:
+            value, source = known[name], str(folder / "subject.toml")
+        elif option.default is MISSING:
+            value, source = None, "to be given"
+        else:
+            value, source = option.default, "default"
+        values[name] = {"value": _plain_value(value), "from": source}
+    return values
+
+
+def _of_the_subject(folder: Path) -> dict[str, Any]:
+    """What subject.toml of a recording says, by the names of the options."""
+    from voxelpose.recording.subject import Subject, read_subject
+
+    subject, unknown = read_subject(folder / "subject.toml"), Subject()
+    return {
+        name: getattr(subject, field)
+        for name, field in _OF_THE_SUBJECT.items()
+        if getattr(subject, field) != getattr(unknown, field)
+    }
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain_value(part) for part in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _print_tables(tables: dict[str, dict[str, dict[str, Any]]]) -> None:
+    for section, values in tables.items():
+        rows = [(name, _shown(entry["value"]), entry["from"]) for name, entry in values.items()]
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
+        print(f"[{section}]")
+        for name, shown, source in rows:
+            print(f"  {name:<{wide[0]}}  {shown:<{wide[1]}}  {source}")
+
+
+def _shown(value: Any) -> str:
+    """A value as in TOML, `-` for none; on one line."""
+    return "-" if value is None else json.dumps(value, ensure_ascii=False)
