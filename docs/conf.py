@@ -46,6 +46,7 @@ html_static_path = [
 ]
 
 myst_heading_anchors = 4
+myst_fence_as_directive = ["math"]  # ```math, as GitHub writes equations
 # Short names in annotations are ambiguous, and a guide may skip a heading level.
 suppress_warnings = ["ref.python", "myst.header"]
 
@@ -78,7 +79,9 @@ apidoc_modules = [
 ]
 exclude_patterns = ["docs/reference/*/modules.rst"]
 
-_GUIDE = "install guide live recordings calibration checking viewing exports python results".split()
+_GUIDE = (
+    "install guide live recordings calibration checking viewing exports python glossary results"
+).split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
 _OTHERS = sorted(
     {path.stem for path in (_ROOT / "docs").glob("*.md")} - {*_GUIDE, "architecture", "papers"}

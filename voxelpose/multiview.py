@@ -76,7 +76,8 @@ class MultiViewEstimator:
         if len(source.rig) < 2:
             raise InputError(
                 f"{len(source.rig)} camera is too few for voxels: give at least two calibrated"
-                " cameras that see the person"
+                " cameras that see the person, or use `voxelpose track RECORDING --camera"
+                f" {source.rig.names[0]}`, which needs one"
             )
         check_tolerance(options.tolerance, len(source.rig))
         if settings.stature_m is not None:

@@ -38,7 +38,7 @@ def load_body(spec: str, say: Callable[[str], None] = lambda line: None) -> Body
             f"there is no body {spec}: give one of {names}; or a body.toml, a rig, or an earlier"
             " result"
         )
-    if _is_rig(path):
+    if _is_rig(path) or path.suffix.lower() == ".fbx":  # refused there, with a remedy
         return read_rig_body(path, say)
     return read_body(path) if path.suffix.lower() == _TOML else body_of_motion(path)
 

@@ -58,7 +58,7 @@ class Motion:
     quality: Mapping[str, NDArray] = field(default_factory=dict)
     up: NDArray[np.float64] = field(default_factory=Z_UP.copy)
     floor_m: float = 0.0
-    filled: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    filled: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     conditioning: Conditioning | None = None
     unfiltered: Motion | None = None
 

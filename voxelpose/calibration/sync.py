@@ -218,8 +218,8 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
     """Offsets from silhouettes, with the calibration or without."""
     if by == "geometry" and not films.calibrated:
         raise InputError(
-            f"{films.folder} holds no calibration: calibrate first, put calibration.toml there, or"
-            " choose --by silhouettes"
+            f"{films.folder} holds no calibration: make one, beginning with `voxelpose calibrate"
+            " board` (docs/calibration.md), or choose --by silhouettes"
         )
     begin, end = films.window(by, settings)
     tracks, without_background = [], []

@@ -65,18 +65,27 @@ def demo_rig(count: int = 4) -> Rig:
 class FilmCamera:
     """One camera's view of the room."""
 
-    def __init__(self, camera: Camera, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        rng: np.random.Generator,
+        colours_bgr: NDArray[np.float64] = COLOURS_BGR,
+        shadow: float = 0.38,
+    ) -> None:
         """Paints the empty room.
 
         Args:
             camera: as calibrated; pictures are drawn without distortion and then distorted.
             rng: source of the noise.
+            colours_bgr: (5, 3) of skin, hair, shirt, trousers, shoes.
+            shadow: share of the light that the actor keeps from the floor.
         """
         self._wide = _widened(camera)
         self._maps = _distortion_maps(camera)
         # The same seed for all cameras: it is one room.
         self._room, self._floor = _paint_room(self._wide, np.random.default_rng(11))
         self._rng = rng
+        self._colours_bgr, self._shadow = colours_bgr, shadow
         self._noise = rng.normal(0, 2.2, (SIZE[1] + 64, SIZE[0] + 64, 3)).astype(np.float32)
 
     def empty(self) -> NDArray[np.uint8]:
@@ -105,7 +114,7 @@ class FilmCamera:
         light = 0.45 + 0.55 * np.maximum(normals @ _LIGHT, 0) + 0.10 * normals[:, 2]
         shade = np.clip(np.rint((light - 0.3) * (_SHADES - 1)), 0, _SHADES - 1).astype(np.int32)
         palette = (
-            COLOURS_BGR[:, None] * (0.3 + np.arange(_SHADES) / (_SHADES - 1))[:, None]
+            self._colours_bgr[:, None] * (0.3 + np.arange(_SHADES) / (_SHADES - 1))[:, None]
         ).reshape(-1, 3)
         palette = np.vstack([np.zeros(3), palette]).clip(0, 255).astype(np.float32)
         flat = vertices_m - vertices_m[:, 2:] / _LIGHT[2] * _LIGHT
@@ -126,7 +135,7 @@ class FilmCamera:
         light = self._room.copy()
         room, floor = (image[top:bottom, left:right] for image in (self._room, self._floor))
         light[top:bottom, left:right] = (
-            room * (1 - 0.38 * dark[..., None] * floor) * (1 - cover) + actor
+            room * (1 - self._shadow * dark[..., None] * floor) * (1 - cover) + actor
         )
         return self._expose(light)
 

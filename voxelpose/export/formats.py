@@ -59,6 +59,11 @@ def export_motion(
     """
     folder, files = Path(folder), {}
     for name in formats:
+        if name == "fbx":
+            raise InputError(
+                "there is no format 'fbx': export glb and turn it into FBX in Blender"
+                " (docs/exports.md#fbx-through-blender)"
+            )
         if name not in _WRITERS:
             raise InputError(f"there is no format {name!r}: the formats are {', '.join(_WRITERS)}")
         if name == "opensim" and motion.model.person is None:

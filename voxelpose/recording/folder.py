@@ -124,10 +124,7 @@ class Recording:
             rig = Rig((default_camera(cameras[0], sizes.pop()),))
             names = tuple(_paths(folder, None)[0])
         elif calibration is None:
-            raise InputError(
-                f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml;"
-                " see docs/recordings.md)"
-            )
+            raise _no_calibration(folder, tuple(paths))
         else:
             rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
             names = rig.names
@@ -172,10 +169,7 @@ class Recording:
         folder = Path(folder)
         calibration = calibration_path(folder)
         if calibration is None:
-            raise InputError(
-                f"{folder} holds no calibration: put calibration.toml there (or .yml, .json, .xml;"
-                " see docs/recordings.md)"
-            )
+            raise _no_calibration(folder)
         rig = read_rig(calibration, unit=unit)
         for name in cameras or ():
             if name not in rig:
@@ -397,6 +391,20 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
         camera_from_world,
         camera_from_world @ np.array([0.0, 0.0, -1.0]),
     )
+
+
+def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
+    """Error that leads to a calibration, or to `track` where a single camera filmed."""
+    remedy = (
+        "put one there as calibration.toml (or .yml, .json, .xml), or make one, beginning with"
+        " `voxelpose calibrate board` (docs/calibration.md)"
+    )
+    if len(cameras) == 1:
+        remedy = (
+            f"one camera needs none, with `voxelpose track {folder} --camera {cameras[0]}`; for"
+            " several begin with `voxelpose calibrate board` (docs/calibration.md)"
+        )
+    return InputError(f"{folder} holds no calibration: {remedy}")
 
 
 def _select_cameras(

@@ -45,6 +45,11 @@ def read_rig_body(path: Path, say: Callable[[str], None] = lambda line: None) ->
             return read_bvh_rig(path)
         case ".toml":
             return read_makehuman_table(path)
+        case ".fbx":
+            raise InputError(
+                f"{path} is no rig that is read here: turn FBX into GLB in Blender"
+                " (docs/exports.md#fbx-through-blender)"
+            )
     raise InputError(
         f"{path} is no rig that is read here: give {', '.join(RIG_SUFFIXES[:-1])}, or MakeHuman's"
         " data folder"

@@ -49,6 +49,11 @@ def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -
         selected = _with_ancestors(roles, parents)
         local, positions_in_parent = local[:, selected], positions_in_parent[:, selected]
         offsets = positions_in_parent[0]
+    elif path.suffix.lower() == ".fbx":
+        raise InputError(
+            f"{path} is no motion that is read here: turn FBX into BVH in Blender"
+            " (docs/exports.md#fbx-through-blender)"
+        )
     else:
         raise InputError(
             f"{path} is no motion that is read here: give .bvh, or .csv with skeleton.json"

@@ -59,7 +59,12 @@ def test_nothing_is_left_of_what_fails(tmp_path, monkeypatch, error):
 
 
 @pytest.mark.parametrize(
-    ("formats", "line"), [(["fbx"], "no format 'fbx'"), (["csv", ""], "no format ''")]
+    ("formats", "line"),
+    [
+        (["obj"], "no format 'obj': the formats are bvh"),
+        (["fbx"], "no format 'fbx': export glb.*Blender"),
+        (["csv", ""], "no format ''"),
+    ],
 )
 def test_unknown_formats(tmp_path, formats, line):
     with pytest.raises(InputError, match=line):

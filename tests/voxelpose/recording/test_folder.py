@@ -215,7 +215,14 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "no videos": (lambda f: [path.unlink() for path in f.glob("*.avi")], "holds no video"),
     "video missing": (lambda f: (f / "cam_2.avi").unlink(), "camera cam_2 of .* has no video"),
     "video unreadable": (truncated, "cam_2.avi cannot be read as a video"),
-    "calibration missing": (lambda f: (f / "calibration.toml").unlink(), "holds no calibration"),
+    "calibration missing": (
+        lambda f: (f / "calibration.toml").unlink(),
+        "holds no calibration.*beginning with `voxelpose calibrate board`",
+    ),
+    "neither calibration nor a second camera": (
+        lambda f: [(f / name).unlink() for name in ("calibration.toml", "cam_2.avi")],
+        "holds no calibration: one camera needs none.*`voxelpose track .* --camera cam_1`",
+    ),
     "camera not calibrated": (
         lambda f: write_calibration(f / "calibration.toml", ("cam_1",)),
         "camera cam_2 has no calibration",

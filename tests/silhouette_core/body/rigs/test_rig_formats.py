@@ -4,6 +4,7 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.rigs.rig_formats import read_rig_body
+from silhouette_core.motion.body_source import load_body
 
 
 def test_every_format_has_its_reader(rig_files, tmp_path):
@@ -20,3 +21,11 @@ def test_every_format_has_its_reader(rig_files, tmp_path):
 def test_anything_else_is_refused_by_name(tmp_path, name):
     with pytest.raises(InputError, match=str(tmp_path)):
         read_rig_body(tmp_path / name)
+
+
+def test_fbx_is_refused_with_the_way_to_glb(tmp_path):
+    path = tmp_path / "robot.fbx"
+    path.write_bytes(b"")
+    for read in (read_rig_body, load_body):
+        with pytest.raises(InputError, match=r"robot\.fbx is no rig.*into GLB in Blender"):
+            read(path if read is read_rig_body else str(path))
