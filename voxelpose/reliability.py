@@ -52,7 +52,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     """
     frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
     lost, posed = len(frames["lost"]), frames["with_pose"]
-    agreement = quality.get("outline_agreement", {}).get("median", 1.0)
+    agreement = _known(quality.get("outline_agreement", {}).get("median"), 1.0)
     right = quality.get("right_probability", {}).get("lower_quarter")
     if lost > _LOST * (lost + posed):
         reason = f"{lost} of {lost + posed} frames have no pose: look at their silhouettes"
@@ -65,7 +65,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             " the frames around it (facts in summary.json), or give longer --pieces",
         )
     if (right is None and agreement < _APART) or (right is not None and right < _RIGHT):
-        if agreement >= _APART and facts.get("half_turn_ratio", _TURN) < _TURN:
+        if agreement >= _APART and _known(facts.get("half_turn_ratio"), _TURN) < _TURN:
             return Verdict(
                 "doubtful",
                 "turned half round, the body explains the silhouettes nearly as well: look which"
@@ -83,4 +83,10 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             " contact sheet whether legs were taken for it; mark it as unknown to be sure",
         )
     near = quality.get("landmark_confidence", {})
-    return Verdict("reliable", "", tuple(name for name in near if near[name] < _UNCERTAIN))
+    uncertain = (name for name in near if _known(near[name], 1.0) < _UNCERTAIN)
+    return Verdict("reliable", "", tuple(uncertain))
+
+
+def _known(value: float | None, otherwise: float) -> float:
+    """A number of the summary, where null stands for one that is not known."""
+    return otherwise if value is None else value

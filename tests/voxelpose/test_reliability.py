@@ -50,3 +50,11 @@ def test_an_object_that_nobody_marked_leaves_a_doubt():
     assert "mark it as unknown" in verdict_of(numbers).reason
     numbers["facts"]["objects_share"] = {}
     assert verdict_of(numbers).level == "reliable"
+
+
+def test_numbers_that_are_not_known_leave_no_doubt():
+    numbers = summary(right=0.9, agreement=None, turn=None)
+    numbers["quality"]["landmark_confidence"] = {"left_wrist": None}
+    assert verdict_of(numbers) == Verdict("reliable")
+    numbers["quality"]["right_probability"]["lower_quarter"] = 0.1
+    assert verdict_of(numbers).level == "doubtful"

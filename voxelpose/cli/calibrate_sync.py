@@ -47,7 +47,7 @@ _REMEDIES = {
 class CalibrateSync:
     """Arguments of `voxelpose calibrate sync`."""
 
-    help: ClassVar[str] = """Estimates the time offsets of cameras, with or without a calibration.
+    help: ClassVar[str] = """Estimates the time offsets of cameras, calibrated or not.
 
 Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who moves
 (with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried board (1
