@@ -1,16 +1,19 @@
 """Memory and time per frame over a long recording: `python -m benchmarks.long_recording fit|track
-[--minutes 120]`.
+[--minutes 120] [--varied SEED]`.
 
 A rendered clip of three seconds, whose end meets its beginning, is repeated in the videos
-themselves (20 frames a second), and the whole is estimated as by the command, without pictures.
-For every stage that goes through the frames: steps, milliseconds a step and resident memory of all
-its processes in the second and the last tenth (the first also loads and compiles). Afterwards the
-result's files are read.
+themselves (20 frames a second); with --varied it is a take of ../shared's recorded motions instead
+(`benchmarks.varied_take`, 15 frames a second), kept in out/long. The whole is estimated as by the
+command, without pictures. For every stage that goes through the frames: steps, milliseconds a step
+and resident memory of all its processes in the second and the last tenth (the first also loads and
+compiles). Afterwards the result's files are read and scored: minute by minute, to see whether
+errors grow.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,15 +24,18 @@ from pathlib import Path
 import imageio_ffmpeg
 import psutil
 
+from benchmarks.varied_take import varied_take
 from silhouette_core.estimator import Settings
 from voxelpose.demo.filming import make_recording
-from voxelpose.evaluation import evaluate
+from voxelpose.evaluation import score_motion
+from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit, track
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.truth import read_truth
 from voxelpose.results import Result
 
-CAMERA = "cam_2"
 CLIP_FRAMES = 60
+OUT = Path(__file__).resolve().parents[1] / "out" / "long"
 
 
 def repeat(clip: Path, folder: Path, times: int) -> None:
@@ -53,6 +59,12 @@ def resident_mib() -> float:
         except psutil.NoSuchProcess:
             continue
     return size / 2**20
+
+
+def processor_seconds() -> float:
+    """Processor time of this process and of those it waited for, s."""
+    times = psutil.Process().cpu_times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 @dataclass
@@ -109,34 +121,69 @@ class Watch:
         return lines
 
 
+def looped(minutes: float, scratch: Path) -> tuple[Path, Path]:
+    """The repeated clip, made anew, and the place of its result."""
+    clip = make_recording(scratch / "clip", CLIP_FRAMES)
+    repeat(clip, scratch / "long", max(1, round(minutes * 60 * 20 / CLIP_FRAMES)))
+    # Only the first clip's truth is known: it is scored as far as it goes.
+    shutil.copy(clip / "truth.json", scratch / "long")
+    return scratch / "long", scratch / "out"
+
+
+def score_rows(folder: Path, result: Path, fps: float) -> list[str]:
+    """A line of Markdown for every minute of the result whose truth is known."""
+    truth = read_truth(folder / "truth.json")
+    estimate = read_joints(result / "joints.csv", len(truth))
+    minute = round(60 * fps)
+    lines = ["| minute | root_mm | mpjpe_mm | flips | lost |", "|---|---|---|---|---|"]
+    for start in range(0, len(truth), minute):
+        part = slice(start, start + minute)
+        score = score_motion(truth[part], estimate[part])
+        lines.append(
+            f"| {start // minute + 1} | {score.root_mm:.1f} | {score.mpjpe_mm:.1f}"
+            f" | {score.flips:.3f} | {score.lost:.3f} |"
+        )
+    score = score_motion(truth, estimate)
+    joints = [
+        f"{name} {mm:.0f}" for name, mm in zip(score.joints, score.joint_root_mm, strict=True)
+    ]
+    lines.append(f"| all | {score.root_mm:.1f} | {score.mpjpe_mm:.1f} | {score.flips:.3f} |")
+    return [*lines, f"joints, root_mm: {', '.join(joints)}"]
+
+
 def main() -> None:
-    """Estimates the recording and prints the table."""
+    """Estimates the recording and prints the tables."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("command", choices=("fit", "track"))
     words.add_argument("--minutes", type=float, default=120.0)
+    words.add_argument("--varied", type=int, metavar="SEED")
     given = words.parse_args()
-    times = max(1, round(given.minutes * 60 * 20 / CLIP_FRAMES))
     with tempfile.TemporaryDirectory() as scratch:
-        clip = make_recording(Path(scratch) / "clip", CLIP_FRAMES)
-        folder, out, watch = Path(scratch) / "long", Path(scratch) / "out", Watch()
-        repeat(clip, folder, times)
-        one = [CAMERA] if given.command == "track" else None
-        recording = Recording.open(folder, cameras=one)
+        if given.varied is None:
+            folder, out = looped(given.minutes, Path(scratch))
+        else:
+            folder = varied_take(OUT / f"take_{given.varied}", given.varied, given.minutes)
+            out = OUT / f"{given.command}_{given.varied}"
+        watch = Watch()
+        recording = Recording.open(folder)
+        if given.command == "track":
+            recording = Recording.open(folder, cameras=[recording.rig.names[-1]])
         estimate = track if given.command == "track" else fit
-        begun_s = time.perf_counter()
-        estimate(recording, Output(out, pictures=False), Settings(), reporter=watch)
+        before_s, begun_s = processor_seconds(), time.perf_counter()
+        output = Output(out, pictures=False, overwrite=True)
+        estimate(recording, output, Settings(), reporter=watch)
         spent_s = time.perf_counter() - begun_s
+        worked_s = processor_seconds() - before_s
         result = Result.open(out)
         rows = sum(1 for _ in (out / "joints.csv").open()) - 1
         frames, poses = recording.frame_count, len(result.motion)
         print(
-            f"{given.command}, {given.minutes:g} minutes, {frames} frames:"
-            f" {1000 * spent_s / frames:.0f} ms a frame, at most {watch.peak_mib:.0f} MiB;"
+            f"{given.command}, {given.minutes:g} minutes, {frames} frames: {spent_s / 60:.1f} min,"
+            f" {1000 * spent_s / frames:.0f} ms a frame ({1000 * worked_s / frames:.0f} of the"
+            f" processors), at most {watch.peak_mib:.0f} MiB;"
             f" {poses} poses, {rows} rows of joints.csv"
         )
-        print("\n".join(watch.table()))
-        score = evaluate(out, clip / "truth.json")
-        print(f"the first clip: {score.root_mm:.1f} mm")
+        print("\n".join([*watch.table(), *score_rows(folder, out, recording.fps)]))
 
 
 if __name__ == "__main__":

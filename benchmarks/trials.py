@@ -21,6 +21,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.drawn import SHARED, drawn
 from benchmarks.expected_error import reliability_rows, sample
@@ -39,6 +40,7 @@ RECIPES = ROOT / "datasets" / "made" / "recipes.toml"
 GROUPS = {"careful": (1, 201, 240), "careless": (2, 301, 340)}
 WRONG_MM = 80.0
 SIDES = re.compile(r"^(left|right)_")
+_JOINTS = list(dict.fromkeys(SIDES.sub("", name) for name in LANDMARK_NAMES if name != "pelvis"))
 
 
 @dataclass(frozen=True)
@@ -128,34 +130,45 @@ def accuracy_table(groups: dict[str, list[Trial]]) -> str:
 
 
 def joint_table(groups: dict[str, list[Trial]]) -> str:
-    """Median errors of the joints, left and right together, over the recordings that are right."""
-    names = list(dict.fromkeys(SIDES.sub("", name) for name in LANDMARK_NAMES))
+    """Errors of the joints, left and right together, in the recordings that are right: of every
+    group the median of the recordings, and what one in ten exceeds.
+    """
     rows = []
     for group, trials in groups.items():
-        right = [trial.outcome.score for trial in trials if trial.root_mm <= WRONG_MM]
-        errors = np.array([score["joint_root_mm"] for score in right])
-        medians = [
-            np.median(errors[:, [SIDES.sub("", other) == name for other in LANDMARK_NAMES]])
-            for name in names
-        ]
-        rows.append([group, *(f"{median:.0f}" for median in medians)])
-    return table(["recordings", *names], rows)
+        errors = _joint_errors([trial for trial in trials if trial.root_mm <= WRONG_MM])
+        for name, share in (("median", 50), ("90 %", 90)):
+            cells = np.percentile(errors, share, axis=0) if len(errors) else []
+            rows.append([group, name, *(f"{cell:.0f}" for cell in cells)])
+    return table(["recordings", "", *_JOINTS], rows)
 
 
 def motion_table(groups: dict[str, list[Trial]]) -> str:
-    """Median errors of the kinds of motion, all groups together."""
-    kinds: dict[str, list[float]] = defaultdict(list)
+    """Errors of the kinds of motion, all groups together: median and worst recording, and of those
+    that are right the median error of every joint.
+    """
+    kinds: dict[str, list[Trial]] = defaultdict(list)
     for trials in groups.values():
         for trial in trials:
-            kinds[trial.motion].append(trial.root_mm)
-    medians = {
-        kind: float(np.quantile(errors, 0.5, method="lower")) for kind, errors in kinds.items()
-    }
-    rows = [
-        [kind, len(kinds[kind]), f"{median:.1f}"]
-        for kind, median in sorted(medians.items(), key=lambda item: item[1])
-    ]
-    return table(["motion", "recordings", "median root_mm"], rows)
+            kinds[trial.motion].append(trial)
+    rows = []
+    for kind, trials in kinds.items():
+        errors = [trial.root_mm for trial in trials]
+        median = float(np.quantile(errors, 0.5, method="lower"))
+        worst = f"{max(errors):.1f}" if np.isfinite(max(errors)) else "–"
+        joints = _joint_errors([trial for trial in trials if trial.root_mm <= WRONG_MM])
+        cells = [f"{cell:.0f}" for cell in np.median(joints, axis=0)] if len(joints) else []
+        rows.append((median, [kind, len(trials), f"{median:.1f}", worst, *cells]))
+    rows = [cells for _, cells in sorted(rows, key=lambda row: row[0])]
+    return table(["motion", "recordings", "median root_mm", "worst", *_JOINTS], rows)
+
+
+def _joint_errors(trials: Sequence[Trial]) -> NDArray[np.float64]:
+    """Errors (n, J), mm relative to the pelvis, of the joints, means of left and right."""
+    errors = np.array([trial.outcome.score["joint_root_mm"] for trial in trials])
+    if not len(errors):
+        return np.zeros((0, len(_JOINTS)))
+    own = [[SIDES.sub("", other) == name for other in LANDMARK_NAMES] for name in _JOINTS]
+    return np.stack([errors[:, sides].mean(axis=1) for sides in own], axis=1)
 
 
 def reliability_table(groups: dict[str, list[Trial]]) -> str:
