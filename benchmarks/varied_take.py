@@ -52,14 +52,13 @@ def _film(once: Path, seed: int) -> None:
 
     def joined(rng: Any, subject: Any, motion: Any, *unused: object) -> tuple[Any, ...]:
         """Stands in for the renderer's choice of one piece."""
-        rotations, roots = _piece(shared_draw, piece, rng, subject, motion, names)
+        rotations, roots = _piece(piece, rng, subject, motion, names)
         for _ in range(_PIECES - 1):
             drawn: list[Any] = []
             for _ in range(_CANDIDATES):
                 own: list[str] = []
-                turned = _face_alike(
-                    *_piece(shared_draw, piece, rng, subject, motion, own), rotations[-1], subject
-                )
+                found = _piece(piece, rng, subject, motion, own)
+                turned = _face_alike(found, rotations[-1], subject)
                 drawn.append((np.linalg.norm(turned[1][0] - roots[-1]), own[0], turned))
             distance, name, (to_rotations, to_roots) = min(drawn, key=lambda one: one[0])
             names.append(name)
@@ -77,7 +76,7 @@ def _film(once: Path, seed: int) -> None:
     (once.parent / str(seed)).rename(once)
 
 
-def _piece(draw: Any, piece: Any, rng: Any, subject: Any, motion: Any, names: list[str]) -> Any:
+def _piece(piece: Any, rng: Any, subject: Any, motion: Any, names: list[str]) -> Any:
     """A piece of a drawn clip that is long enough: rotations, roots; its clip joins the names."""
     while True:
         try:
@@ -88,10 +87,9 @@ def _piece(draw: Any, piece: Any, rng: Any, subject: Any, motion: Any, names: li
         return found[0], found[1]
 
 
-def _face_alike(
-    rotations: NDArray[Any], roots: NDArray[Any], last: NDArray[Any], subject: Any
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The motion turned about z so that it begins with the heading of a pose."""
+def _face_alike(motion: Any, last: NDArray[Any], subject: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Rotations and roots turned about z so that they begin with the heading of a pose."""
+    rotations, roots = motion
     hips = subject.names.index("Hips")
     of = [np.arctan2(pose[hips][1, 0], pose[hips][0, 0]) for pose in (last, rotations[0])]
     turn = Rotation.from_euler("z", of[0] - of[1]).as_matrix()
