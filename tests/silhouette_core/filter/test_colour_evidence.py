@@ -1,5 +1,7 @@
 """Hands and bare arms before the trunk are found by the colours of the head."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,8 +87,10 @@ def test_shading_is_that_of_the_surface_whatever_its_colour(scene):
     picture[:, ::2] = SKIN
     picture[middle:] //= 2
     lit = Person(person.mask, False, ColourCrop.of(picture, person.colours.corner))
+    darker = Person(person.mask, False, replace(lit.colours, grey=lit.colours.grey // 4))
     evidence = ColourEvidence(CAMERA)
-    evidence.learn([person, lit, lit, lit], [joints] * 4, 0.0)
+    evidence.learn([darker] * 3, [joints] * 3, 1.0)
+    evidence.learn([person, lit, lit, lit], [joints] * 4, 0.0)  # forgets what was before
     inside = evidence.inside(window, lit)
     assert inside is not None
     shading = inside.shading.astype(int) - 32
@@ -95,6 +99,7 @@ def test_shading_is_that_of_the_surface_whatever_its_colour(scene):
     # The colours' means lie between, nearer to the half with more pixels.
     assert np.median(upper) - np.median(lower) == pytest.approx(48 * np.log(2), abs=4)
     assert upper.std() < 3 and lower.std() < 3
+    assert np.median(lower) < 0 < np.median(upper)
     assert not shading[window.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) == 0].any()
 
 
