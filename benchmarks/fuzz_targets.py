@@ -447,8 +447,14 @@ def _proposal():
 
     from silhouette_core.proposal import silhouette_features as features
 
-    grids = GRID[0] * GRID[1], FEET_GRID[0] * FEET_GRID[1], GRID[0] * GRID[1]
-    counts = features.COMPONENTS, features.FEET_COMPONENTS, features.SKIN_COMPONENTS
+    whole, feet = GRID[0] * GRID[1], FEET_GRID[0] * FEET_GRID[1]
+    grids = whole, feet, whole, whole
+    counts = (
+        features.COMPONENTS,
+        features.FEET_COMPONENTS,
+        features.SKIN_COMPONENTS,
+        features.SHADING_COMPONENTS,
+    )
     bases = [basis(*pair) for pair in zip(grids, counts, strict=True)]
     joints = rng.random((len(LANDMARK_NAMES) - 1, 3), np.float32)
     inputs = features.network_inputs(

@@ -1,8 +1,9 @@
-"""What lies inside the outline: where the person has the colours of the head.
+"""What lies inside the outline: where the person has the colours of the head, and shading.
 
 The proposal finds the head without colours, pictures then tell which colours it has, and what else
-has them tells where bare arms and hands lie before the body. Beyond paper A, which names the inside
-of the outline as further work (section 7).
+has them tells where bare arms and hands lie before the body. How bright each place is, relative to
+others of its colour, tells which way it faces. Beyond paper A, which names the inside of the
+outline as further work (section 7).
 """
 
 from __future__ import annotations
@@ -18,7 +19,14 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.window import Window
 from silhouette_core.image.head_colours import ColourCrop, HeadColours
-from silhouette_core.proposal.silhouette_features import FULL, GRID, counted
+from silhouette_core.image.shading import ColourBrightness, relative_shading
+from silhouette_core.proposal.silhouette_features import (
+    FULL,
+    GRID,
+    InsideGrids,
+    counted,
+    shading_grid,
+)
 
 _NECK, _TOP = LANDMARK_NAMES.index("neck"), LANDMARK_NAMES.index("head_top")
 _LOWEST = 0.35  # of the way from the neck to the top of the head: above it is the head
@@ -37,6 +45,8 @@ class ColourEvidence:
         self.camera = camera
         self._colours = HeadColours()
         self._likelihood: NDArray[np.float32] | None = None
+        self._brightness = ColourBrightness()
+        self._mean = self._brightness.mean()
 
     def learn(
         self, people: Sequence[Person], joints_m: Sequence[NDArray[np.float64]], memory: float
@@ -49,28 +59,43 @@ class ColourEvidence:
             memory: weight of all earlier frames.
         """
         self._colours.fade(memory)
+        self._brightness.fade(memory)
         for person, joints in zip(people, joints_m, strict=True):
             if person.colours is not None:
                 head = self._head(joints, person.colours)
-                self._colours.add(person.colours.bins, head, person.colours.part(person.mask))
+                crop, inside = person.colours, person.colours.part(person.mask)
+                self._colours.add(crop.bins, head, inside)
+                self._brightness.add(crop.chromaticity[inside], crop.grey[inside])
         self._likelihood = self._colours.likelihood()
+        self._mean = self._brightness.mean()
         return self._likelihood is not None
 
-    def skin(self, window: Window, person: Person) -> NDArray[np.uint8] | None:
-        """Grid (60, 80) uint8, 0 to 4, of what has the colours of the head in a window.
+    def inside(self, window: Window, person: Person) -> InsideGrids | None:
+        """Grids (60, 80) of what lies inside the silhouette in a window.
 
         Args:
             window: about the silhouette.
             person: silhouette and colours.
 
         Returns:
-            The grid, or None if the colours are not known.
+            The grids, or None if the colours are not known.
         """
         if self._likelihood is None or person.colours is None:
             return None
         crop = person.colours
-        likelihood = self._likelihood[crop.bins] * crop.part(person.mask)
-        left, top = crop.corner
+        mask = crop.part(person.mask)
+        skin = self._warped(self._likelihood[crop.bins] * mask, window, crop.corner)
+        relative = relative_shading(crop.chromaticity, crop.grey, self._mean, mask)
+        return InsideGrids(
+            np.clip(np.rint(counted(skin)), 0, FULL).astype(np.uint8),
+            shading_grid(counted(self._warped(relative, window, crop.corner))),
+        )
+
+    def _warped(
+        self, image: NDArray[np.float32], window: Window, corner: tuple[int, int]
+    ) -> NDArray[np.float32]:
+        """Window (120, 160) of a part (h, w) of the picture, whose first pixel is at a corner."""
+        left, top = corner
         rows, columns = 2 * GRID[0], 2 * GRID[1]
         focal = window.focal_px / 2
         from_window = np.array(
@@ -83,13 +108,9 @@ class ColourEvidence:
             @ window.world_from_virtual
             @ np.linalg.inv(from_window)
         )
-        seen = cv2.warpPerspective(
-            likelihood,
-            camera_from_window,
-            (columns, rows),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        )
-        return np.clip(np.rint(counted(seen)), 0, FULL).astype(np.uint8)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        seen = cv2.warpPerspective(image, camera_from_window, (columns, rows), flags=flags)
+        return np.asarray(seen, np.float32)
 
     def _head(self, joints_m: NDArray[np.float64], crop: ColourCrop) -> NDArray[np.bool_]:
         """Pixels (h, w) bool of the head in a crop."""

@@ -19,6 +19,7 @@ from silhouette_core.library.rendering import STATURE_PX
 from silhouette_core.proposal.pose_proposal import PoseModes, PoseProposal
 from silhouette_core.proposal.silhouette_features import (
     FrameFeatures,
+    InsideGrids,
     SilhouetteCodes,
     level_axes,
 )
@@ -129,15 +130,14 @@ class ModeFinder:
         codes = self.proposal.codes(np.stack([window.mask, window.mask[:, ::-1]]))
         return ModeView(replace(window, mask=empty, seen=empty), codes, time_s)
 
-    def with_skin(self, view: ModeView, skin: NDArray[np.uint8] | None) -> ModeView:
-        """View of a frame with a grid (60, 80) uint8, 0 to 4, of what has the colours of the head
-        in its window; None: that is not known.
+    def with_inside(self, view: ModeView, inside: InsideGrids | None) -> ModeView:
+        """View of a frame with what lies inside the silhouette in its window, grids (60, 80); None:
+        that is not known.
         """
-        if skin is None:
+        if inside is None:
             return view
-        return replace(
-            view, codes=self.proposal.with_skin(view.codes, np.stack([skin, skin[:, ::-1]]))
-        )
+        codes = self.proposal.with_inside(view.codes, inside.with_mirror_image())
+        return replace(view, codes=codes)
 
     def corrected(
         self, views: Sequence[ModeView], masks: Sequence[NDArray[np.bool_]]

@@ -238,9 +238,9 @@ class PoseTrajectory:
         return self.finder.find(views, facing=facing)
 
     def _coloured(self, view: ModeView, person: Person) -> ModeView:
-        """View of a frame with what has the colours of the head, if they are known."""
+        """View of a frame with what lies inside the silhouette, if the colours are known."""
         assert self.finder is not None
-        return self.finder.with_skin(view, self._colours.skin(view.window, person))
+        return self.finder.with_inside(view, self._colours.inside(view.window, person))
 
     def _beams(
         self, observed: list[ObservedFrame], modes: list[FrameModes] | list[None]

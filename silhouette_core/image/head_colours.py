@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from silhouette_core.image.shading import chromaticity
+
 _BINS = (8, 32, 32)  # of lightness and of the two axes of colour of CIELAB
 _SHIFTS = (5, 3, 3)
 _SMOOTHING = (0.7, 0.8, 0.8)  # bins
@@ -28,16 +30,21 @@ class ColourCrop:
 
     Attributes:
         bins: (h, w) uint16, numbers of the colours, from `quantise`.
+        chromaticity: (h, w) uint16, from `shading.chromaticity`.
+        grey: (h, w) uint8, brightness.
         corner: column and row of the first pixel in the picture.
     """
 
     bins: NDArray[np.uint16]
+    chromaticity: NDArray[np.uint16]
+    grey: NDArray[np.uint8]
     corner: tuple[int, int]
 
     @classmethod
     def of(cls, picture: NDArray[np.uint8], corner: tuple[int, int]) -> ColourCrop:
         """Crop of a part (h, w, 3) of a picture, BGR, whose first pixel is at a corner."""
-        return cls(quantise(picture), corner)
+        grey = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+        return cls(quantise(picture), chromaticity(picture), grey, corner)
 
     def part(self, image: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The rectangle (h, w) of an image as large as the picture."""

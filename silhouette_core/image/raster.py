@@ -82,7 +82,7 @@ def render_many(
     Args:
         vertices_cam: (N, V, 3) metres, camera frame.
         faces: as for `render_parts`.
-        face_part: as for `render_parts`.
+        face_part: as for `render_parts`, or (N, F), another for every pose.
         matrix: as for `render_parts`.
         size: as for `render_parts`.
         cull_back: as for `render_parts`, but set by default.
@@ -96,6 +96,10 @@ def render_many(
     Source: Okada and Stenger, 3.1.
     """
     check_array("vertices_cam", vertices_cam, ("N", "V", 3), np.floating)
+    if face_part.ndim == 1:
+        face_part = face_part[None]
+    elif len(face_part) != len(vertices_cam):
+        raise ValueError(f"face_part is for {len(face_part)} poses, not {len(vertices_cam)}")
     faces, face_part, matrix, (width, height) = _checked(
         faces, face_part, matrix, size, vertices_cam.shape[1]
     )
@@ -115,7 +119,7 @@ def _checked(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], tuple[int, int]]:
     """Checks the arguments of both renderers and converts them to the kernels' types."""
     check_array("faces", faces, ("F", 3), np.integer)
-    check_array("face_part", face_part, (len(faces),), np.integer)
+    check_array("face_part", face_part, (*face_part.shape[:-1], len(faces)), np.integer)
     pinhole = np.ascontiguousarray(float_array("matrix", matrix, (3, 3)))
     if len(faces) and (faces.min() < 0 or faces.max() >= vertices):
         raise ValueError(

@@ -30,7 +30,7 @@ from silhouette_core.library.library_check import check_library, check_library_s
 from silhouette_core.library.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.proposal.pose_proposal import PoseProposal
 
-VERSION = 3
+VERSION = 4
 _BODY = "body."
 _FORMAT = "voxelpose pose library"
 _TYPES = {

@@ -16,6 +16,7 @@ from silhouette_core.proposal.silhouette_features import (
     FEET_GRID,
     GRID,
     FrameFeatures,
+    InsideGrids,
     SilhouetteBasis,
     SilhouetteCodes,
     coverage_grid,
@@ -63,12 +64,14 @@ class PoseProposal:
         coverage: basis of the grids of coverage.
         feet: basis of the grids of the lowest parts.
         skin: basis of the grids of what has the colours of the head.
+        shading: basis of the grids of shading.
         network: the network, float32.
     """
 
     coverage: SilhouetteBasis
     feet: SilhouetteBasis
     skin: SilhouetteBasis
+    shading: SilhouetteBasis
     network: MixtureNetwork
 
     def codes(self, masks: NDArray[np.bool_]) -> SilhouetteCodes:
@@ -83,15 +86,21 @@ class PoseProposal:
         return SilhouetteCodes(
             self.coverage.encode(coverage_grid(masks)),
             self.feet.encode(feet_grid(reduce_silhouette(masks))),
-            np.zeros((len(masks), self.skin.components.shape[1]), np.float32),
+            *(
+                np.zeros((len(masks), basis.components.shape[1]), np.float32)
+                for basis in (self.skin, self.shading)
+            ),
             np.zeros(len(masks), bool),
         )
 
-    def with_skin(self, codes: SilhouetteCodes, skin: NDArray[np.uint8]) -> SilhouetteCodes:
-        """Codes of T silhouettes with grids (T, 60, 80) uint8, 0 to 4, of what has the colours of
-        the head.
-        """
-        return replace(codes, skin=self.skin.encode(skin), coloured=np.ones(len(codes), bool))
+    def with_inside(self, codes: SilhouetteCodes, inside: InsideGrids) -> SilhouetteCodes:
+        """Codes of T silhouettes with what lies inside them, grids (T, 60, 80)."""
+        return replace(
+            codes,
+            skin=self.skin.encode(inside.skin),
+            shading=self.shading.encode(inside.shading),
+            coloured=np.ones(len(codes), bool),
+        )
 
     def modes(
         self,
@@ -145,6 +154,8 @@ class PoseProposal:
             "feet_basis": self.feet.components,
             "mean_skin": self.skin.mean,
             "skin_basis": self.skin.components,
+            "mean_shading": self.shading.mean,
+            "shading_basis": self.shading.components,
             "mean_joints": network.mean_joints,
             "modes": np.array([network.modes], np.int32),
             **{f"weight{number}": array for number, array in enumerate(network.weights)},
@@ -161,9 +172,9 @@ class PoseProposal:
             ValueError: the arrays do not fit together, hold NaN, or are those of an earlier
                 version.
         """
-        if "mean_skin" not in arrays:
+        if "mean_shading" not in arrays:
             raise ValueError("its proposal was learned by an earlier version")
-        cells = {"coverage": GRID, "feet": FEET_GRID, "skin": GRID}
+        cells = {"coverage": GRID, "feet": FEET_GRID, "skin": GRID, "shading": GRID}
         bases = {}
         for name, (rows, columns) in cells.items():
             mean, basis = arrays[f"mean_{name}"], arrays[f"{name}_basis"]

@@ -19,6 +19,7 @@ from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.silhouette_features import (
     COMPONENTS,
     FEET_COMPONENTS,
+    SHADING_COMPONENTS,
     SKIN_COMPONENTS,
     FrameFeatures,
     SilhouetteBasis,
@@ -34,7 +35,12 @@ _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
 _FIRST_TAKES = 120  # takes in random order, from which the basis is made
 _BASIS_GRIDS = 4000
 _CAUSAL, _COLOURLESS = 1 / 3, 1 / 3  # of the samples
-_GRIDS = {"coverage": COMPONENTS, "feet": FEET_COMPONENTS, "skin": SKIN_COMPONENTS}
+_GRIDS = {
+    "coverage": COMPONENTS,
+    "feet": FEET_COMPONENTS,
+    "skin": SKIN_COMPONENTS,
+    "shading": SHADING_COMPONENTS,
+}
 _LEAST_STEPS = 200
 
 

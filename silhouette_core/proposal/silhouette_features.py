@@ -4,7 +4,9 @@ A silhouette becomes a grid of coverage and a finer one of its lowest part, the 
 principal components, and these are read at several instants within 0.4 s, stated in seconds so that
 any frame rate will do. The feet tell whether a person is seen from the front or from behind. Where
 colours are known, a third grid holds what has the colours of the head: mostly the hands and arms,
-which a silhouette does not show before the trunk.
+which a silhouette does not show before the trunk; and a fourth one how bright every place is
+relative to others of its colour, which tells limbs that point toward the camera from those that
+point away.
 """
 
 from __future__ import annotations
@@ -26,13 +28,17 @@ STATURE_CELLS = 39.5
 """Cells of a stature at the assumed distance: 158 pixels of the library's window."""
 FULL = 4
 """Coverage of a cell inside the silhouette."""
+NEUTRAL = 32
+"""Shading of a cell that is as bright as others of its colour, or outside the silhouette."""
 OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
 """Instants that are read beside a frame's own, s."""
-COMPONENTS, FEET_COMPONENTS, SKIN_COMPONENTS = 120, 48, 64
-"""Principal components of the three grids."""
+COMPONENTS, FEET_COMPONENTS, SKIN_COMPONENTS, SHADING_COMPONENTS = 120, 48, 64, 96
+"""Principal components of the four grids."""
 _FUTURE = OFFSETS_S > 0
 _WINDOW_PX = (240, 320)
-_COMPONENTS_BESIDE, _SKIN_BESIDE = 40, 16  # that are read of the instants beside a frame's own
+# Components that are read of the instants beside a frame's own.
+_COMPONENTS_BESIDE, _SKIN_BESIDE, _SHADING_BESIDE = 40, 16, 24
+_SHADES = 48  # levels of a factor of e
 _SPARE, _ROUNDS = 20, 3  # of the randomised decomposition
 _BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with other threads
 
@@ -45,12 +51,14 @@ class SilhouetteCodes:
         coverage: (T, K) float32, of the whole silhouette.
         feet: (T, K') float32, of its lowest part.
         skin: (T, K'') float32, of what has the colours of the head; 0 where they are not known.
+        shading: (T, K''') float32, of how bright each place is; 0 where colours are not known.
         coloured: (T,) bool, where they are known.
     """
 
     coverage: NDArray[np.float32]
     feet: NDArray[np.float32]
     skin: NDArray[np.float32]
+    shading: NDArray[np.float32]
     coloured: NDArray[np.bool_]
 
     @classmethod
@@ -59,19 +67,40 @@ class SilhouetteCodes:
         return cls(
             *(
                 np.concatenate([getattr(part, name) for part in parts])
-                for name in ("coverage", "feet", "skin", "coloured")
+                for name in ("coverage", "feet", "skin", "shading", "coloured")
             )
         )
 
     def __getitem__(self, rows: NDArray[np.integer] | slice) -> SilhouetteCodes:
         """Codes of some of the silhouettes."""
         return SilhouetteCodes(
-            self.coverage[rows], self.feet[rows], self.skin[rows], self.coloured[rows]
+            self.coverage[rows],
+            self.feet[rows],
+            self.skin[rows],
+            self.shading[rows],
+            self.coloured[rows],
         )
 
     def __len__(self) -> int:
         """Number of silhouettes."""
         return len(self.coverage)
+
+
+@dataclass(frozen=True, eq=False)
+class InsideGrids:
+    """What lies inside silhouettes.
+
+    Attributes:
+        skin: (..., 60, 80) uint8, 0 to 4, what has the colours of the head.
+        shading: (..., 60, 80) uint8, see `shading_grid`.
+    """
+
+    skin: NDArray[np.uint8]
+    shading: NDArray[np.uint8]
+
+    def with_mirror_image(self) -> InsideGrids:
+        """Grids (2, 60, 80): these (60, 80) and their mirror image."""
+        return InsideGrids(*(np.stack([one, one[:, ::-1]]) for one in (self.skin, self.shading)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +172,14 @@ def counted(masks: NDArray) -> NDArray:
     """Coverage (…, h / 2, w / 2), 0 to 4, of masks (…, h, w), 0 or 1: the sums of 2 x 2 pixels."""
     a, b, c, d = (masks[..., y::2, x::2] for y in range(2) for x in range(2))
     return a + b + c + d
+
+
+def shading_grid(sums: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Shading (..., 60, 80) uint8 of the sums (..., 60, 80) over the 2 x 2 pixels of every cell of
+    the logarithm of their relative brightness, 0 outside the silhouette: 48 levels are a factor of
+    e, from 0 to 64.
+    """
+    return np.clip(np.rint(NEUTRAL + _SHADES / FULL * sums), 0, 2 * NEUTRAL).astype(np.uint8)
 
 
 def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -230,6 +267,8 @@ def network_inputs(
             codes.skin[frames] * known,
             codes.skin[nearby, :_SKIN_BESIDE].reshape(len(frames), -1) * known,
             known,
+            codes.shading[frames] * known,
+            codes.shading[nearby, :_SHADING_BESIDE].reshape(len(frames), -1) * known,
             3 * np.matmul(moved, axes.transpose(0, 2, 1)).reshape(len(frames), -1),
             2 * features.pitch_rad[frames][:, None],
             features.anchor[frames, 2:],
@@ -241,11 +280,12 @@ def network_inputs(
     )
 
 
-def input_count(coverage: int, feet: int, skin: int) -> int:
+def input_count(coverage: int, feet: int, skin: int, shading: int) -> int:
     """Number I of the inputs of `network_inputs` from the numbers of components of the codes."""
     instants = len(OFFSETS_S)
-    beside = min(coverage, _COMPONENTS_BESIDE) + min(skin, _SKIN_BESIDE) + 3
-    return coverage + feet + skin + instants * beside + 4
+    beside = min(coverage, _COMPONENTS_BESIDE) + min(skin, _SKIN_BESIDE)
+    beside += min(shading, _SHADING_BESIDE) + 3
+    return coverage + feet + skin + shading + instants * beside + 4
 
 
 def fit_basis(

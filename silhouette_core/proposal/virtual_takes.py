@@ -26,7 +26,9 @@ from silhouette_core.proposal.silhouette_features import (
     counted,
     feet_grid,
     level_axes,
+    shading_grid,
 )
+from silhouette_core.proposal.virtual_shading import bare_pixels, lit_labels, relative_brightness
 
 _FPS = 30.0
 _LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
@@ -48,7 +50,6 @@ _LOOSE = ("pelvis", "lumbar", "abdomen", "thorax", "thigh", "shin", "upper_arm",
 _CLOTHED = np.array([any(name in part for name in _LOOSE) for part in PART_NAMES])
 _CLOTHES = (0.005 * _METRE, 0.035 * _METRE)  # distance of wide clothes from the skin
 # What has the colours of the head, each with its chance if all before have: sleeves differ.
-_BARE = 2  # its label; the rest has 1
 _BARE_PARTS = (
     (("hand", "thumb", "fingers"), 0.96),
     (("forearm",), 0.6),
@@ -64,6 +65,7 @@ _SKIN_LIKE, _SKIN_LIKE_PARTS = (
     ),
 )
 _SURE, _WRONGLY, _OFTEN, _SKIN_NOISE = (0.6, 1.0), (0.0, 0.3), 0.4, 0.2
+_EXPOSURE, _GRAIN = 0.02, (0.005, 0.05)  # of brightness: of a frame, of a cell; logarithms
 # Cameras: distances and heights, and the room that the person leaves before them.
 _DISTANCE, _HEIGHT = (2.7 * _METRE, 7.5 * _METRE), (0.4 * _METRE, 3.2 * _METRE)
 _NEAREST = 1.8 * _METRE
@@ -84,6 +86,7 @@ class VirtualTake:
         coverage: (T, 60, 80) uint8, 0 to 4, the silhouettes, see `coverage_grid`.
         feet: (T, 28, 48) uint8, 0 or 4, their lowest parts, see `feet_grid`.
         skin: (T, 60, 80) uint8, 0 to 4, what has the colours of the head.
+        shading: (T, 60, 80) uint8, see `shading_grid`.
         pitch_rad: (T,) float32, as in `FrameFeatures`.
         heading_rad: (T,) float32, as in `FrameFeatures`.
         anchor: (T, 3) float32, as in `FrameFeatures`.
@@ -96,6 +99,7 @@ class VirtualTake:
     coverage: NDArray[np.uint8]
     feet: NDArray[np.uint8]
     skin: NDArray[np.uint8]
+    shading: NDArray[np.uint8]
     pitch_rad: NDArray[np.float32]
     heading_rad: NDArray[np.float32]
     anchor: NDArray[np.float32]
@@ -166,9 +170,9 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     assumed = pelvis[:, 2] * np.exp(_distance_error(count, rng))
     focal = _STATURE_PX * assumed
     viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
-    bare = _bare_parts(rng)[model.face_part].astype(np.int32)
-    labels = render_many(viewed, model.faces, bare, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
-    masks, bare = (labels > 0).astype(np.uint8), (labels == _BARE).astype(np.uint8)
+    labels = lit_labels(surface, model.faces, model.face_part, _bare_parts(rng), rng)
+    images = render_many(viewed, model.faces, labels, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
+    masks, bare = (images > 0).view(np.uint8), bare_pixels(images)
     kernels.spoil_silhouettes(masks, *_defects(viewed, rng))
     edges, discs = _defects(viewed, rng)
     kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
@@ -184,6 +188,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
         coverage,
         feet_grid(masks.astype(bool)),
         _skin_grids(bare & masks, masks, corners, rng),
+        _shading_grids(relative_brightness(images, rng) * masks, masks, corners, rng),
         pitch.astype(np.float32),
         heading.astype(np.float32),
         (centre + assumed[:, None] * np.einsum("tji,tj->ti", camera_from_world, ray)).astype(
@@ -219,8 +224,8 @@ def _performed(
     return joints - moved, surface - moved.astype(np.float32), model
 
 
-def _bare_parts(rng: np.random.Generator) -> NDArray[np.intp]:
-    """Label (27,) of every part less 1: whether it has the colours of the head."""
+def _bare_parts(rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Whether every part (27,) has the colours of the head."""
     bare = {"neck", "head"}
     for parts, chance in _BARE_PARTS:
         if rng.random() >= chance:
@@ -233,7 +238,7 @@ def _bare_parts(rng: np.random.Generator) -> NDArray[np.intp]:
     if rng.random() < _SKIN_LIKE:  # clothes of the same colours
         bare |= set(_SKIN_LIKE_PARTS[int(rng.integers(len(_SKIN_LIKE_PARTS)))])
     names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
-    return np.array([name in bare for name in names]) * (_BARE - 1)
+    return np.array([name in bare for name in names])
 
 
 def _skin_grids(
@@ -253,12 +258,28 @@ def _skin_grids(
     return np.clip(np.rint(found + noise * (found > 0) * FULL), 0, FULL).astype(np.uint8)
 
 
-def window_coverage(masks: NDArray[np.uint8], corners: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """Coverage (T, 60, 80) uint8, 0 to 4, of masks (T, H, W), 0 or 1, in windows whose first
-    pixels, x and y, are at corners (T, 2); outside the masks it is 0.
+def _shading_grids(
+    brightness: NDArray[np.float32],
+    masks: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """Grids (T, 60, 80) uint8 of relative brightness (T, H, W) in windows at corners (T, 2), with
+    exposures and noise that change from frame to frame.
+    """
+    sums = window_coverage(brightness, corners)
+    covered = window_coverage(masks, corners)
+    exposure = rng.normal(0, _EXPOSURE, len(masks)).astype(np.float32)[:, None, None]
+    noise = rng.uniform(*_GRAIN) * rng.standard_normal(sums.shape, np.float32)
+    return shading_grid(sums + covered * (exposure + noise))
+
+
+def window_coverage(masks: NDArray, corners: NDArray[np.integer]) -> NDArray:
+    """Coverage (T, 60, 80), 0 to 4, of masks (T, H, W), 0 or 1, in windows whose first pixels, x
+    and y, are at corners (T, 2); outside the masks it is 0. Of other images: the sums of the cells.
     """
     rows, columns = 2 * GRID[0], 2 * GRID[1]
-    window = np.zeros((len(masks), rows, columns), np.uint8)
+    window = np.zeros((len(masks), rows, columns), masks.dtype)
     height, width = masks.shape[1:]
     for mask, (left, top), part in zip(masks, corners, window, strict=True):
         bottom, right = min(top + rows, height), min(left + columns, width)

@@ -137,7 +137,9 @@ def draw(rng):
 
 
 def draw_many(rng):
-    return Example((*mesh(rng, 3), False, np.zeros((3, 40, 60), np.uint8)))
+    moved, faces, part, *rest = mesh(rng, 3)
+    each = np.stack([part, part + 3, 5 - part]) if rng.random() < 0.5 else part[None]
+    return Example((moved, faces, each, *rest, False, np.zeros((3, 40, 60), np.uint8)))
 
 
 def thin_in_place(rng):

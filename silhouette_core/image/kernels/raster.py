@@ -164,9 +164,10 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
 
 @parallel_kernel
 def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
-    """Draws every pose (N, V, 3) into its own image of `parts` (N, h, w); the depth buffers are
-    discarded.
+    """Draws every pose (N, V, 3) into its own image of `parts` (N, h, w), with face_part (N, F) or,
+    for all of them, (1, F); the depth buffers are discarded.
     """
     for n in prange(len(vertices)):
         depth = np.full(parts.shape[1:], np.inf, np.float32)
-        draw(vertices[n], faces, face_part, matrix, near, cull, parts[n], depth)
+        own = 0 if len(face_part) == 1 else np.int64(n)
+        draw(vertices[n], faces, face_part[own], matrix, near, cull, parts[n], depth)

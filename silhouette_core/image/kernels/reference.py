@@ -183,9 +183,10 @@ def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):
 
 def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
     """Each pose into its own image."""
-    for pose, image in zip(vertices, parts, strict=True):
+    own = np.broadcast_to(face_part, (len(vertices), len(faces)))
+    for pose, part, image in zip(vertices, own, parts, strict=True):
         depth = np.full(image.shape, np.inf, np.float32)
-        draw(pose, faces, face_part, matrix, near, cull, image, depth)
+        draw(pose, faces, part, matrix, near, cull, image, depth)
 
 
 def thin_in_place(image, removable):

@@ -1,5 +1,7 @@
 """Hands and bare arms before the trunk are found by the colours of the head."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,10 +63,11 @@ def test_arms_before_the_trunk_have_the_colours_of_the_head(scene):
     person, bare, joints = scene
     evidence = ColourEvidence(CAMERA)
     window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
-    assert evidence.skin(window, person) is None
+    assert evidence.inside(window, person) is None
     assert evidence.learn([person] * 3, [joints] * 3, 1.0)
-    found = evidence.skin(window, person)
-    assert found is not None and found.shape == (60, 80)
+    inside = evidence.inside(window, person)
+    assert inside is not None and inside.skin.shape == inside.shading.shape == (60, 80)
+    found = inside.skin
     true = look_at(CAMERA, bare, 4.0, STATURE_PX / STATURE_M, window_middle(person.mask))
     truth = true.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) / 4
     assert np.abs(found - truth).mean() < 0.02 * 4
@@ -73,6 +76,31 @@ def test_arms_before_the_trunk_have_the_colours_of_the_head(scene):
         assert found[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].max() >= 3
     u, v = window.pixels(joints[LANDMARK_NAMES.index("left_knee")])[0] / 4
     assert not found[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].any()
+
+
+def test_shading_is_that_of_the_surface_whatever_its_colour(scene):
+    """The upper half of the picture is lit twice as brightly."""
+    person, _, joints = scene
+    window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
+    middle = person.colours.bins.shape[0] // 2
+    picture = np.full((*person.colours.bins.shape, 3), SHIRT, np.uint8)
+    picture[:, ::2] = SKIN
+    picture[middle:] //= 2
+    lit = Person(person.mask, False, ColourCrop.of(picture, person.colours.corner))
+    darker = Person(person.mask, False, replace(lit.colours, grey=lit.colours.grey // 4))
+    evidence = ColourEvidence(CAMERA)
+    evidence.learn([darker] * 3, [joints] * 3, 1.0)
+    evidence.learn([person, lit, lit, lit], [joints] * 4, 0.0)  # forgets what was before
+    inside = evidence.inside(window, lit)
+    assert inside is not None
+    shading = inside.shading.astype(int) - 32
+    covered = window.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) == 16
+    upper, lower = shading[:27][covered[:27]], shading[36:][covered[36:]]
+    # The colours' means lie between, nearer to the half with more pixels.
+    assert np.median(upper) - np.median(lower) == pytest.approx(48 * np.log(2), abs=4)
+    assert upper.std() < 3 and lower.std() < 3
+    assert np.median(lower) < 0 < np.median(upper)
+    assert not shading[window.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) == 0].any()
 
 
 def window_middle(mask):
@@ -88,7 +116,7 @@ def test_people_without_colours_are_passed_over(scene):
     window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
     assert not evidence.learn([Person(person.mask, False)], [joints], 1.0)
     assert evidence.learn([person, Person(person.mask, False)] * 3, [joints] * 6, 1.0)
-    assert evidence.skin(window, Person(person.mask, False)) is None
+    assert evidence.inside(window, Person(person.mask, False)) is None
 
 
 def test_a_head_behind_the_camera_teaches_nothing(scene):

@@ -126,7 +126,7 @@ def test_other_files_and_versions_are_refused(path, tmp_path):
     header["__metadata__"]["version"] = "0"
     text = json.dumps(header).encode()
     path.write_bytes(len(text).to_bytes(8, "little") + text + content[8 + length :])
-    with pytest.raises(InputError, match="version 0, and this program reads version 3"):
+    with pytest.raises(InputError, match="version 0, and this program reads version 4"):
         read_library(path)
 
 

@@ -20,6 +20,7 @@ from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take
 from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import SETTINGS, swaying
 
+GRIDS = "coverage", "feet", "skin", "shading"
 TINY = LearningSettings(frames=400, training=TrainingSettings(steps=3, modes=2, hidden=(8,)))
 
 
@@ -42,7 +43,7 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
     bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
     for seed, motion in enumerate(unseen * 3):
         take = film_take(motion, bodies, np.random.default_rng([1, seed]))
-        grids = {name: getattr(take, name) for name in ("coverage", "feet", "skin")}
+        grids = {name: getattr(take, name) for name in GRIDS}
         codes = SilhouetteCodes(
             **{name: getattr(proposal, name).encode(grid) for name, grid in grids.items()},
             coloured=np.arange(len(take)) % 2 == 0,

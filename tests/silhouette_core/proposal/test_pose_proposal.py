@@ -26,6 +26,7 @@ from silhouette_core.proposal.silhouette_features import (
     fit_basis,
     nearby_frames,
     network_inputs,
+    shading_grid,
 )
 from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
 
@@ -38,7 +39,7 @@ def rng():
 def features(rng, count=40, fps=30.0):
     return FrameFeatures(
         SilhouetteCodes(
-            *(rng.normal(size=(count, k)).astype(np.float32) for k in (120, 48, 64)),
+            *(rng.normal(size=(count, k)).astype(np.float32) for k in (120, 48, 64, 96)),
             np.arange(count) % 3 > 0,
         ),
         rng.uniform(-0.2, 0.5, count),
@@ -55,7 +56,7 @@ def proposal(rng):
     inputs = network_inputs(features(rng, 1), np.arange(1), np.zeros((1, 8), int), np.ones(1, bool))
     bases = [
         SilhouetteBasis(np.zeros(rows * columns, np.float32), components.astype(np.float32))
-        for (rows, columns), count in ((GRID, 120), (FEET_GRID, 48), (GRID, 64))
+        for (rows, columns), count in ((GRID, 120), (FEET_GRID, 48), (GRID, 64), (GRID, 96))
         for components in [rng.normal(size=(rows * columns, count))]
     ]
     network = MixtureNetwork.initial(inputs.shape[1], (64, 64), 4, mean, rng)
@@ -190,12 +191,19 @@ def test_the_lowest_part_ends_with_the_lowest_pixel(rng):
     assert grids[1].sum() == 4 * 50 and grids[1, -1].any() and not grids[1, :18].any()
 
 
-def test_colours_are_read_only_where_they_are_known(proposal, rng):
+@pytest.mark.parametrize("name", ["skin", "shading"])
+def test_colours_are_read_only_where_they_are_known(proposal, rng, name):
     given = features(rng)
-    plain = replace(given, codes=replace(given.codes, skin=given.codes.skin * 2))
+    plain = replace(given, codes=replace(given.codes, **{name: getattr(given.codes, name) * 2}))
     one, other = proposal.modes(given).joints, proposal.modes(plain).joints
     same = (one == other).reshape(40, -1).all(axis=1)
     assert (same == ~given.codes.coloured).all()
+
+
+def test_shading_is_neutral_outside_and_bounded():
+    grid = shading_grid(np.array([0.0, 4.0, -4.0, 4e-2, 40.0, -40.0]))
+    assert grid.tolist() == [32, 64, 0, 32, 64, 0] and grid.dtype == np.uint8
+    assert shading_grid(np.array([4 / 48]))[0] == 33
 
 
 @pytest.fixture(scope="module")
@@ -239,7 +247,7 @@ def test_a_library_of_before_has_none(library, tmp_path):
 
 def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path):
     arrays = proposal.arrays()
-    for name in ("weight1", "bias0", "bias2", "feet_basis", "mean_skin", "mean_joints"):
+    for name in ("weight1", "bias0", "bias2", "feet_basis", "mean_shading", "mean_joints"):
         with pytest.raises(ValueError, match=r"proposal\.\w+ must be"):
             PoseProposal.from_arrays(arrays | {name: arrays[name][:-1]})
     cut = replace(proposal.skin, components=proposal.skin.components[:-1])

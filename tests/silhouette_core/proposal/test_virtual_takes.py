@@ -10,7 +10,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.jit import cores, set_threads
 from silhouette_core.motion.motion import Motion
 from silhouette_core.proposal import virtual_takes
-from silhouette_core.proposal.silhouette_features import GRID, STATURE_CELLS
+from silhouette_core.proposal.silhouette_features import GRID, NEUTRAL, STATURE_CELLS
 from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take, plan_takes
 from tests.silhouette_core.library.small_library import swaying
 
@@ -103,6 +103,22 @@ def test_hands_have_the_colours_of_the_head_and_clothes_do_not(takes):
                 values.append(skin[rows, columns].max(initial=0))
     head, wrist, hip = (np.mean(values) for values in found.values())
     assert head > 1.7 and wrist > 1.5 and hip < 0.5 * wrist
+
+
+def test_what_faces_up_is_brighter(takes):
+    """Shoulders and the top of the head against what hangs below them, in most takes; nothing
+    outside the silhouettes.
+    """
+    brighter = []
+    for take in takes:
+        shading = take.shading.astype(float) - NEUTRAL
+        assert not shading[take.coverage == 0].any()
+        inside = take.coverage == 4
+        top = inside & ~np.roll(inside, 2, axis=1)
+        bottom = inside & ~np.roll(inside, -2, axis=1)
+        brighter.append(shading[top].mean() - shading[bottom].mean())
+        assert abs(shading[inside].mean()) < 6
+    assert np.mean(np.array(brighter) > 0) > 0.8 and np.median(brighter) > 3
 
 
 @pytest.mark.skipif(cores() < 2, reason="one core")
