@@ -86,10 +86,8 @@ class PoseProposal:
         return SilhouetteCodes(
             self.coverage.encode(coverage_grid(masks)),
             self.feet.encode(feet_grid(reduce_silhouette(masks))),
-            *(
-                np.zeros((len(masks), basis.components.shape[1]), np.float32)
-                for basis in (self.skin, self.shading)
-            ),
+            np.zeros((len(masks), self.skin.components.shape[1]), np.float32),
+            np.zeros((len(masks), self.shading.components.shape[1]), np.float32),
             np.zeros(len(masks), bool),
         )
 
