@@ -23,6 +23,7 @@ from voxelpose.cli.terminal import VisibleStream, message
 
 COMMANDS = {
     "demo": "render a small recording, fit it and score it: a first result",
+    "setup": "draw regions, click points and check a recording in the browser",
     "fit": "estimate the motion of a person from several cameras",
     "calibrate": "calibrate cameras, convert and check calibrations",
     "track": "estimate the motion of a person from one camera",
