@@ -1,0 +1,409 @@
+// The page: cameras in the middle, steps at the side, time below.
+
+import { getJson, onConnection, postJson } from "./api.js";
+import { CameraView } from "./camera_view.js";
+import { checkPanel, floorPanel, silhouettesPanel } from "./findings.js";
+import { Loupe } from "./loupe.js";
+import { Overlays } from "./overlays.js";
+import { placesPanel, pointsPanel } from "./panels.js";
+import { make } from "./parts.js";
+import { Pointer, polygonsOf } from "./pointer.js";
+import { Store } from "./store.js";
+
+const by = (id) => document.getElementById(id);
+const STEPS = [
+  ["region", "Region of interest", "#50c878", (app) => placesPanel(app, "region")],
+  ["unknown", "Unknown places", "#ff9628", (app) => placesPanel(app, "unknown")],
+  ["points", "Scene points", "#ffd23f", pointsPanel],
+  ["silhouettes", "Silhouettes and settings", "#40c8ff", silhouettesPanel],
+  ["check", "Check the cameras", "#b99cff", checkPanel],
+  ["floor", "Up and the floor", "#f2f4f6", floorPanel],
+];
+
+class App {
+  constructor(state) {
+    this.store = new Store(state);
+    this.views = new Map();
+    this.tool = "region";
+    this.large = this.chosen = this.draft = null;
+    this.point = state.points[0]?.name ?? null;
+    this.typed = {};
+    this.errors = {};
+    this.silhouettes = this.ground = false;
+    this.silhouetteNote = "";
+    this.height = 0;
+    this.check = { state: "idle" };
+    this.checkNumber = 0;
+    this.moment = Math.floor(state.moments / 2);
+    this.loupe = new Loupe(by("loupe"));
+    this.pointer = new Pointer(this);
+    this.overlays = new Overlays(this);
+    this.build();
+    this.store.addEventListener("change", () => this.changed());
+    this.changed();
+    this.overlays.loadMoment();
+  }
+
+  build() {
+    const { state } = this.store;
+    by("recording").textContent = state.name;
+    by("recording").title = state.folder;
+    document.title = `${state.name} – voxelpose setup`;
+    for (const camera of state.cameras) {
+      const view = new CameraView(camera);
+      view.scene = (name) => this.scene(name);
+      view.element.addEventListener("whole", () => view.reset());
+      view.element.addEventListener("all", () => this.enlarge(null));
+      this.pointer.attach(view);
+      this.views.set(camera.name, view);
+      by("tiles").append(view.element);
+    }
+    Object.assign(by("moment"), { max: state.moments - 1, value: this.moment });
+    by("empty_label").hidden = !state.cameras.some((camera) => camera.empty);
+    by("moment").addEventListener("input", () => this.seek(+by("moment").value));
+    by("back").addEventListener("click", () => this.seek(this.moment - 1));
+    by("forward").addEventListener("click", () => this.seek(this.moment + 1));
+    by("empty").addEventListener("change", () => this.overlays.loadMoment());
+    by("undo").addEventListener("click", () => this.undo());
+    by("redo").addEventListener("click", () => this.redo());
+    by("save").addEventListener("click", () => this.save());
+    document.addEventListener("keydown", (event) => this.key(event));
+    addEventListener("resize", () => this.arrange());
+    addEventListener("beforeunload", (event) => {
+      if (this.store.dirty || this.draft) event.preventDefault();
+    });
+    onConnection((reachable) => {
+      by("banner").hidden = reachable;
+      by("banner").textContent = "The program has ended or cannot be reached. What you drew is still"
+        + " here: start `voxelpose setup` again at the same port, and save.";
+    });
+    if (state.fault) this.notice(`fit would refuse this folder: ${state.fault}`);
+    this.arrange();
+  }
+
+  notice(text) {
+    by("banner").hidden = false;
+    by("banner").textContent = text;
+  }
+
+  cameraState(name) {
+    return this.store.state.cameras.find((camera) => camera.name === name);
+  }
+
+  scene(name) {
+    const { doc } = this.store;
+    return {
+      tool: this.tool,
+      region: doc.regions[name],
+      unknown: doc.unknown[name],
+      points: doc.points,
+      errors: this.errors,
+      point: this.point,
+      chosen: name === this.large ? this.chosen : null,
+      draft: this.draft?.camera === name ? this.draft : null,
+      silhouettes: this.silhouettes && !by("empty").checked,
+      ground: this.ground,
+    };
+  }
+
+  // After a change of the document.
+  changed() {
+    const { store } = this;
+    if (this.chosen && this.large) {
+      const polygon = polygonsOf(store.doc, this.chosen.kind, this.large)[this.chosen.index];
+      if (!polygon) this.chosen = null;
+    }
+    by("undo").disabled = !store.past.length;
+    by("redo").disabled = !store.future.length;
+    by("save").disabled = !store.dirty;
+    if (store.dirty) this.status(`not saved: ${store.dirtyParts.join(", ")}`);
+    else if (!by("saving").classList.contains("done")) this.status("");
+    this.overlays.update();
+    this.show();
+  }
+
+  status(text, done = false) {
+    by("saving").textContent = by("saving").title = text;
+    by("saving").classList.toggle("done", done);
+  }
+
+  show() {
+    for (const view of this.views.values()) view.draw();
+    this.hint();
+    const tools = by("tools");
+    const focus = document.activeElement?.id;
+    const { scrollTop } = tools;
+    tools.replaceChildren(...STEPS.map(([tool, title, colour, panel]) => {
+      const open = tool === this.tool;
+      const dot = make("i");
+      dot.style.background = colour;
+      const step = make("section", { class: `step${open ? " open" : ""}` },
+        make("button", { onclick: () => this.use(tool), "aria-expanded": open, "data-tool": tool },
+          dot, make("b", {}, title), make("small", {}, this.badge(tool))));
+      if (open) step.append(make("div", { class: "body" }, ...panel(this)));
+      return step;
+    }));
+    tools.scrollTop = scrollTop;
+    if (focus && tools.querySelector(`#${CSS.escape(focus)}`)) by(focus).focus();
+  }
+
+  badge(tool) {
+    const { doc, state } = this.store;
+    if (tool === "region" || tool === "unknown") {
+      const painted = (camera) => (tool === "region" ? camera.painted_region && doc.regions[camera.name].painted : camera.painted_unknown);
+      const count = state.cameras.filter((camera) => polygonsOf(doc, tool, camera.name).length || painted(camera)).length;
+      return count ? `${count} of ${state.cameras.length} cameras` : "";
+    }
+    if (tool === "points") return doc.points.length ? String(doc.points.length) : "";
+    if (tool === "silhouettes") return this.silhouettes ? "shown" : "";
+    if (tool === "check") {
+      if (state.refused.check) return "not here";
+      return this.check.state === "done" ? (this.check.agrees ? "agree" : "look here") : "";
+    }
+    if (state.refused.floor) return "not here";
+    return this.ground ? "shown" : doc.fit.up ?? "";
+  }
+
+  hint() {
+    const many = this.views.size > 1;
+    let text = many ? "Click a camera to enlarge it." : "Click the picture to work on it.";
+    if (this.large) {
+      const does = {
+        region: "Click corners of the region.", unknown: "Click corners of what is hidden.",
+        points: this.point ? `Click where ${this.point} is.` : "Click a place: it becomes a new point.",
+      }[this.tool] || "";
+      const closing = "Click the first corner, or press Enter, to close; Backspace takes one back.";
+      text = `${this.draft ? closing : does} Wheel zooms, dragging moves the picture, Esc goes back.`;
+    }
+    by("hint").textContent = text.trim();
+  }
+
+  use(tool) {
+    this.tool = tool;
+    this.draft = this.chosen = null;
+    this.loupe.hide();
+    if (tool === "floor" && !this.ground && !this.store.state.refused.floor) this.toggleGround(true);
+    if (tool === "silhouettes" && !this.silhouettes) this.toggleSilhouettes(true);
+    this.show();
+  }
+
+  enlarge(name) {
+    if (name !== this.large) this.draft = this.chosen = null;
+    this.large = name;
+    this.loupe.hide();
+    this.arrange();
+    this.show();
+  }
+
+  // Places of the pictures: as large as fits, or one large above the others.
+  arrange() {
+    const tiles = by("tiles");
+    const count = this.views.size;
+    const { width, height } = tiles.getBoundingClientRect();
+    const [first] = this.views.values();
+    const aspect = first.width / first.height;
+    for (const view of this.views.values()) {
+      view.large = view.name === this.large;
+      view.element.classList.toggle("large", view.large);
+      view.element.style.gridArea = view.large ? `1 / 1 / 2 / ${Math.max(count, 2)}` : "";
+      view.element.style.order = view.large ? -1 : 0;
+      view.draw();
+    }
+    if (this.large) {
+      tiles.style.gridTemplateColumns = `repeat(${Math.max(count - 1, 1)}, minmax(0, 1fr))`;
+      tiles.style.gridTemplateRows = count > 1 ? "minmax(0, 1fr) clamp(64px, 17%, 130px)" : "minmax(0, 1fr)";
+      return;
+    }
+    let best = { side: 0, columns: 1 };
+    for (let columns = 1; columns <= count; columns++) {
+      const side = Math.min(width / columns, (height / Math.ceil(count / columns)) * aspect);
+      if (side > best.side + 1) best = { side, columns };
+    }
+    tiles.style.gridTemplateColumns = `repeat(${best.columns}, minmax(0, 1fr))`;
+    tiles.style.gridTemplateRows = `repeat(${Math.ceil(count / best.columns)}, minmax(0, 1fr))`;
+  }
+
+  seek(moment) {
+    this.moment = Math.min(Math.max(moment, 0), this.store.state.moments - 1);
+    by("moment").value = this.moment;
+    this.overlays.loadMoment();
+  }
+
+  key(event) {
+    const command = event.ctrlKey || event.metaKey;
+    const typing = event.target.matches("input:not([type=range], [type=checkbox]), select");
+    const key = event.key.toLowerCase();
+    if (command && key === "s") {
+      document.activeElement?.blur(); // what is being typed counts
+      this.save();
+    } else if (typing || by("picture").open) {
+      return;
+    } else if (command && key === "z") {
+      if (event.shiftKey) this.redo();
+      else this.undo();
+    } else if (command && key === "y") {
+      this.redo();
+    } else if (command || event.altKey || (event.target.matches("input") && event.key.startsWith("Arrow"))) {
+      return;
+    } else if (event.key === "Enter" && event.target.matches("button") && !this.draft) {
+      return;
+    } else if (!this.large || !this.pointer.key(this.views.get(this.large), event)) {
+      return;
+    }
+    event.preventDefault();
+  }
+
+  undo() {
+    if (this.draft) {
+      this.draft.corners.pop();
+      if (!this.draft.corners.length) this.draft = null;
+      this.show();
+    } else {
+      this.typed = {};
+      this.store.undo();
+    }
+  }
+
+  redo() {
+    this.typed = {};
+    this.store.redo();
+  }
+
+  choose(chosen) {
+    this.chosen = chosen;
+    this.show();
+  }
+
+  removePolygon(kind, camera, index) {
+    this.chosen = null;
+    this.store.change(`remove ${Math.random()}`, (doc) => polygonsOf(doc, kind, camera).splice(index, 1));
+  }
+
+  newPoint() {
+    let count = this.store.doc.points.length + 1;
+    while (this.store.doc.points.some((point) => point.name === `point_${count}`)) count++;
+    const name = `point_${count}`;
+    this.point = name;
+    this.store.change(`new ${name}`, (doc) => doc.points.push({ name, pixels: {}, position_m: null }));
+    by("point_name")?.select();
+    return name;
+  }
+
+  choosePoint(name) {
+    this.point = name;
+    this.show();
+  }
+
+  placePoint(view, pixel) {
+    const { points } = this.store.doc;
+    if (!points.some((point) => point.name === this.point)) this.newPoint();
+    this.store.change(`place ${Math.random()}`, (doc) => {
+      doc.points.find((point) => point.name === this.point).pixels[view.name] = pixel;
+    });
+  }
+
+  removeClick(name, camera) {
+    this.store.change(`unclick ${Math.random()}`, (doc) => {
+      const point = doc.points.find((each) => each.name === name);
+      if (point) delete point.pixels[camera];
+    });
+  }
+
+  removePoint(name) {
+    this.store.change(`remove ${Math.random()}`, (doc) => {
+      doc.points = doc.points.filter((point) => point.name !== name);
+    });
+    this.choosePoint(this.store.doc.points[0]?.name ?? null);
+  }
+
+  renamePoint(name, wanted) {
+    const text = wanted.replace(/["\s,]+/g, " ").trim();
+    const taken = this.store.doc.points.some((point) => point.name === text && text !== name);
+    if (text && !taken) {
+      this.point = text;
+      this.store.change(`rename ${name}`, (doc) => {
+        doc.points.find((point) => point.name === name).name = text;
+      });
+    }
+    if (taken) this.status(`there is a point ${text} already`);
+    this.show();
+  }
+
+  setFit(name, value) {
+    this.store.change(`fit ${name}`, (doc) => (doc.fit[name] = value));
+  }
+
+  useCamera(name, used) {
+    const all = this.store.state.cameras.map((camera) => camera.name);
+    const now = this.store.doc.fit.cameras ?? all;
+    const chosen = all.filter((each) => (each === name ? used : now.includes(each)));
+    if (chosen.length) this.setFit("cameras", chosen.length === all.length ? null : chosen);
+    this.show();
+  }
+
+  toggleSilhouettes(now) {
+    this.silhouettes = now;
+    this.overlays.update();
+    this.show();
+  }
+
+  toggleGround(now) {
+    this.ground = now;
+    this.overlays.update();
+    this.show();
+  }
+
+  setHeight(height) {
+    this.height = height;
+    this.overlays.update();
+  }
+
+  enlargePicture(source) {
+    by("picture").querySelector("img").src = source;
+    by("picture").showModal();
+  }
+
+  async startCheck() {
+    try {
+      this.check = await postJson("/api/check/start", {});
+      this.checkNumber++;
+      while (this.check.state === "running") {
+        this.show();
+        await new Promise((done) => setTimeout(done, 300));
+        this.check = await getJson("/api/check");
+      }
+    } catch (error) {
+      this.check = { state: "failed", error: error.message };
+    }
+    this.show();
+  }
+
+  async save() {
+    if (!this.store.dirty || this.isSaving) return;
+    this.isSaving = true;
+    const sent = structuredClone(this.store.doc);
+    this.status("saving …");
+    try {
+      const { written, removed, left_out, state } = await postJson("/api/save", this.store.changes());
+      const words = [];
+      if (written.length) words.push(`written: ${written.join(", ")}`);
+      if (removed.length) words.push(`removed: ${removed.join(", ")}`);
+      if (left_out.length) words.push(`not yet clicked, so not saved: ${left_out.join(", ")}`);
+      this.overlays.forgetPainted();
+      this.store.adopt(state, sent);
+      this.status(words.join("; ") || "nothing to write", !left_out.length);
+    } catch (error) {
+      this.status(`not saved: ${error.message}`);
+      this.notice(`Not saved: ${error.message}`);
+    } finally {
+      this.isSaving = false;
+    }
+  }
+}
+
+try {
+  window.app = new App(await getJson("/api/state"));
+} catch (error) {
+  by("banner").hidden = false;
+  by("banner").textContent = error.message;
+}
