@@ -43,9 +43,7 @@ class OpenedFolder:
     fault: str
 
     @classmethod
-    def open(
-        cls, folder: Path, unit: str | None = None, fps: float | None = None
-    ) -> OpenedFolder:
+    def open(cls, folder: Path, unit: str | None = None, fps: float | None = None) -> OpenedFolder:
         """Opens all cameras of which there are pictures.
 
         Args:

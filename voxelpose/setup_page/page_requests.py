@@ -21,8 +21,15 @@ Polygon = Annotated[list[Corner], Meta(min_length=3, max_length=1000)]
 Polygons = Annotated[list[Polygon], Meta(max_length=200)]
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 # Of a point, as a line of a table: no line breaks, no quotes, nothing before or after.
-PointName = Annotated[str, Meta(min_length=1, max_length=60, pattern=r"^[^\s\x00-\x1f\x7f\",]"
-                                r"([^\x00-\x1f\x7f\",]*[^\s\x00-\x1f\x7f\",])?$")]
+PointName = Annotated[
+    str,
+    Meta(
+        min_length=1,
+        max_length=60,
+        pattern=r"^[^\s\x00-\x1f\x7f\",]"
+        r"([^\x00-\x1f\x7f\",]*[^\s\x00-\x1f\x7f\",])?$",
+    ),
+]
 
 
 class RegionDrawing(Struct, forbid_unknown_fields=True):
@@ -80,13 +87,13 @@ class FitChosen(Struct, forbid_unknown_fields=True):
         up: direction of up, an axis or three numbers.
     """
 
-    background: Literal["refined", "paper"] | None | UnsetType = UNSET
-    tolerance: Annotated[int, Meta(ge=0, le=60)] | None | UnsetType = UNSET
-    voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | None | UnsetType = UNSET
-    repair: Literal["auto", "say", "off"] | None | UnsetType = UNSET
-    stature: Annotated[float, Meta(ge=0.3, le=3.0)] | None | UnsetType = UNSET
-    cameras: Annotated[list[Name], Meta(min_length=1, max_length=200)] | None | UnsetType = UNSET
-    up: Up | None | UnsetType = UNSET
+    background: Literal["refined", "paper"] | UnsetType | None = UNSET
+    tolerance: Annotated[int, Meta(ge=0, le=60)] | UnsetType | None = UNSET
+    voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | UnsetType | None = UNSET
+    repair: Literal["auto", "say", "off"] | UnsetType | None = UNSET
+    stature: Annotated[float, Meta(ge=0.3, le=3.0)] | UnsetType | None = UNSET
+    cameras: Annotated[list[Name], Meta(min_length=1, max_length=200)] | UnsetType | None = UNSET
+    up: Up | UnsetType | None = UNSET
 
 
 class SilhouetteRequest(Struct, forbid_unknown_fields=True):

@@ -143,9 +143,7 @@ def overlay_png(
     image = np.zeros((*mask.shape, 4), np.uint8)
     image[mask] = (*colour[::-1], alpha)
     if outline:
-        contours, _ = cv2.findContours(
-            mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
-        )
+        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
         thickness = max(1, round(max(mask.shape) / 640))
         cv2.drawContours(image, contours, -1, (*colour[::-1], 255), thickness)
     with suppress(cv2.error):

@@ -65,7 +65,10 @@ def setup_app(session: SetupSession, peers: Container[tuple[str, int]]) -> ASGIA
             Route("/api/check/start", _post(dict, lambda _: session.start_check()), methods=_POST),
             Route("/api/check/picture", _picture(lambda _: session.check_picture(), "image/png")),
             Route("/picture/{camera}", _picture(functools.partial(_frame, session), "image/jpeg")),
-            Route("/painted/{kind}/{camera}", _picture(functools.partial(_painted, session), "image/png")),
+            Route(
+                "/painted/{kind}/{camera}",
+                _picture(functools.partial(_painted, session), "image/png"),
+            ),
         ],
     )
 

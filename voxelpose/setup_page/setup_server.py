@@ -22,6 +22,7 @@ class SetupServer:
 
     Attributes:
         url: address for the browser, the token included.
+        port: of the gate.
     """
 
     def __init__(self, session: SetupSession, host: str, port: int, token: str | None) -> None:
@@ -64,7 +65,7 @@ class SetupServer:
             target=self._server.run, args=([self._socket],), name="setup page", daemon=True
         )
         self._thread.start()
-        self.url = self._gate.url
+        self.url, self.port = self._gate.url, self._gate.port
 
     def wait(self) -> None:
         """Waits until somebody interrupts.

@@ -151,9 +151,7 @@ class SetupSession:
         self._check_places(asked.places)
         frames = self._moments.frames(asked.moment)
         unknown = self._places.unknown_masks(asked.places)
-        source = DrawnSource(
-            self._recording, self._places.region_masks(asked.places), unknown
-        )
+        source = DrawnSource(self._recording, self._places.region_masks(asked.places), unknown)
         masks = self._previews.masks(asked.background, frames, source)
         if masks is None:
             return {"ready": False}

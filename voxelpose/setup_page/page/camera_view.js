@@ -117,7 +117,7 @@ export class CameraView {
       this.layer(pen, this.outside(scene.region));
     }
     pen.lineJoin = "round";
-    for (const line of scene.ground ? this.ground : []) this.line(pen, line);
+    if (scene.ground) this.floor(pen);
     this.polygons(pen, scene.unknown, "unknown", scene);
     this.polygons(pen, scene.region.polygons, "region", scene);
     if (scene.draft) this.draft(pen, scene.draft);
@@ -155,6 +155,17 @@ export class CameraView {
     pen.beginPath();
     for (const pixel of pixels) pen.lineTo(...this.toCanvas(pixel));
     if (closed) pen.closePath();
+  }
+
+  // The floor's lines within the picture.
+  floor(pen) {
+    const [x, y] = this.toCanvas([-0.5, -0.5]);
+    pen.save();
+    pen.beginPath();
+    pen.rect(x, y, this.width * this.scale, this.height * this.scale);
+    pen.clip();
+    for (const line of this.ground) this.line(pen, line);
+    pen.restore();
   }
 
   line(pen, { kind, pixels }) {

@@ -2,8 +2,8 @@
 
 import { button, checkbox, make, number, refusal } from "./parts.js";
 
-const USUAL = { background: "refined", tolerance: "0", voxel: "chosen by the program", repair: "auto",
-  stature: "estimated, or from subject.toml" };
+const USUAL = { background: "refined", tolerance: "0", voxel: "automatic", repair: "auto",
+  stature: "estimated" };
 
 export function silhouettesPanel(app) {
   const { state } = app.store;
@@ -122,7 +122,7 @@ export function floorPanel(app) {
   const { found, source, choices } = state.up;
   const other = inherited(state, "up");
   body.push(checkbox("Show floor and axes", app.ground, (now) => app.toggleGround(now), { id: "show_ground" }));
-  const options = [{ name: "", text: other ? `as in the other file (${other})` : `${found}, found by ${source}` },
+  const options = [{ name: "", text: other ? `as in the other file (${other})` : `as found: ${found}` },
     ...choices.map(({ name, worth }) => ({ name, text: `${name}  ·  cameras ${Math.round(100 * worth)} %` }))];
   const own = doc.fit.up;
   if (own !== null && !options.some(({ name }) => name === own)) options.push({ name: own, text: own });
@@ -137,8 +137,8 @@ export function floorPanel(app) {
   });
   body.push(make("div", { class: "grid" }, make("label", { htmlFor: "up" }, "Up is"), element,
     make("span"), free));
-  body.push(make("p", { class: "note" }, "The share tells how well a direction explains how the cameras"
-    + " stand. What is chosen is saved as up under [fit] in voxelpose.toml; the calibration is not changed."));
+  body.push(make("p", { class: "note" }, `${found} is found from ${source}. The share tells how well a direction explains how the`
+    + " cameras stand. What is chosen is saved as up under [fit] in voxelpose.toml; the calibration is not changed."));
   const height = make("input", { type: "range", min: -2, max: 2, step: 0.01, value: app.height, id: "height" });
   const text = make("output", {}, `${number(app.height, 2)} m`);
   height.addEventListener("input", () => {

@@ -67,6 +67,7 @@ class App {
     by("undo").addEventListener("click", () => this.undo());
     by("redo").addEventListener("click", () => this.redo());
     by("save").addEventListener("click", () => this.save());
+    this.watchPanel();
     document.addEventListener("keydown", (event) => this.key(event));
     addEventListener("resize", () => this.arrange());
     addEventListener("beforeunload", (event) => {
@@ -77,7 +78,8 @@ class App {
       by("banner").textContent = "The program has ended or cannot be reached. What you drew is still"
         + " here: start `voxelpose setup` again at the same port, and save.";
     });
-    if (state.fault) this.notice(`fit would refuse this folder: ${state.fault}`);
+    by("fault").hidden = !state.fault;
+    by("fault").replaceChildren(make("span", {}, `\`fit\` would refuse this folder: ${state.fault}`));
     this.arrange();
   }
 
@@ -130,6 +132,38 @@ class App {
   show() {
     for (const view of this.views.values()) view.draw();
     this.hint();
+    this.renderSoon();
+  }
+
+  // Draws the side panel when nothing in it is pressed or being typed, which would be lost.
+  renderSoon() {
+    clearTimeout(this.rendering);
+    this.rendering = setTimeout(() => {
+      if (!this.pressed && !this.typing) this.render();
+    });
+  }
+
+  watchPanel() {
+    const tools = by("tools");
+    const release = () => {
+      this.pressed = false;
+      this.renderSoon();
+    };
+    tools.addEventListener("pointerdown", () => (this.pressed = true));
+    addEventListener("pointerup", release);
+    addEventListener("pointercancel", release);
+    tools.addEventListener("input", (event) => {
+      if (event.target.matches("[type=text], [type=number]")) this.typing = true;
+    });
+    for (const end of ["change", "focusout"]) {
+      tools.addEventListener(end, () => {
+        this.typing = false;
+        this.renderSoon();
+      }, true);
+    }
+  }
+
+  render() {
     const tools = by("tools");
     const focus = document.activeElement?.id;
     const { scrollTop } = tools;
@@ -144,7 +178,10 @@ class App {
       return step;
     }));
     tools.scrollTop = scrollTop;
-    if (focus && tools.querySelector(`#${CSS.escape(focus)}`)) by(focus).focus();
+    const wanted = this.wanted ?? focus;
+    if (wanted && tools.querySelector(`#${CSS.escape(wanted)}`)) by(wanted).focus();
+    if (this.wanted) by(this.wanted)?.select();
+    this.wanted = null;
   }
 
   badge(tool) {
@@ -279,13 +316,18 @@ class App {
     this.store.change(`remove ${Math.random()}`, (doc) => polygonsOf(doc, kind, camera).splice(index, 1));
   }
 
+  // A new point whose name is typed next.
+  addPoint() {
+    this.wanted = "point_name";
+    this.newPoint();
+  }
+
   newPoint() {
     let count = this.store.doc.points.length + 1;
     while (this.store.doc.points.some((point) => point.name === `point_${count}`)) count++;
     const name = `point_${count}`;
     this.point = name;
     this.store.change(`new ${name}`, (doc) => doc.points.push({ name, pixels: {}, position_m: null }));
-    by("point_name")?.select();
     return name;
   }
 
@@ -295,6 +337,7 @@ class App {
   }
 
   placePoint(view, pixel) {
+    document.activeElement?.blur(); // arrow keys move the point
     const { points } = this.store.doc;
     if (!points.some((point) => point.name === this.point)) this.newPoint();
     this.store.change(`place ${Math.random()}`, (doc) => {

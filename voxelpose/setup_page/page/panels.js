@@ -1,6 +1,6 @@
 // The side panel's parts on regions, unknown places and points.
 
-import { button, checkbox, make, number, refusal } from "./parts.js";
+import { button, checkbox, make, number } from "./parts.js";
 import { polygonsOf } from "./pointer.js";
 
 const SAID = {
@@ -76,7 +76,7 @@ export function pointsPanel(app) {
     "Corners of tiles, tape marks, posts: places that several cameras see and of which you know where"
     + " they are. `calibrate extrinsics --points` finds the cameras from four or more.")];
   body.push(make("div", { class: "row" },
-    button("New point", () => app.newPoint(), { class: "main", id: "new_point" })));
+    button("New point", () => app.addPoint(), { class: "main", id: "new_point" })));
   const list = make("ul", { class: "things" });
   for (const point of doc.points) {
     const clicks = Object.keys(point.pixels).length;
@@ -147,5 +147,3 @@ function pixelTable(app, point) {
     make("th", {}, "camera"), make("th", {}, "click, px"), make("th", {}, "off by"))),
   make("tbody", {}, ...rows));
 }
-
-export { refusal };

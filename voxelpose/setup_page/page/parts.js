@@ -9,8 +9,19 @@ export function make(tag, properties = {}, ...children) {
     else if (name in element) element[name] = value;
     else element.setAttribute(name, value);
   }
-  element.append(...children.filter((child) => child !== null && child !== undefined && child !== false));
+  const there = children.filter((child) => child !== null && child !== undefined && child !== false);
+  element.append(...there.flatMap((child) => (typeof child === "string" ? withCode(child) : child)));
   return element;
+}
+
+// A text whose `words` in backticks are code.
+function withCode(text) {
+  return text.split("`").map((piece, index) => {
+    if (index % 2 === 0) return piece;
+    const code = document.createElement("code");
+    code.textContent = piece;
+    return code;
+  });
 }
 
 export const button = (text, onclick, more = {}) => make("button", { onclick, ...more }, text);
