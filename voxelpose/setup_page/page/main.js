@@ -157,6 +157,7 @@ class App {
     });
     for (const end of ["change", "focusout"]) {
       tools.addEventListener(end, () => {
+        if (this.replacing) return; // a field that is replaced loses the focus, and gets it back
         this.typing = false;
         this.renderSoon();
       }, true);
@@ -165,8 +166,9 @@ class App {
 
   render() {
     const tools = by("tools");
-    const focus = document.activeElement?.id;
+    const { id: focus, selectionStart, selectionEnd } = document.activeElement ?? {};
     const { scrollTop } = tools;
+    this.replacing = true;
     tools.replaceChildren(...STEPS.map(([tool, title, colour, panel]) => {
       const open = tool === this.tool;
       const dot = make("i");
@@ -179,9 +181,12 @@ class App {
     }));
     tools.scrollTop = scrollTop;
     const wanted = this.wanted ?? focus;
-    if (wanted && tools.querySelector(`#${CSS.escape(wanted)}`)) by(wanted).focus();
-    if (this.wanted) by(this.wanted)?.select();
+    const field = wanted ? tools.querySelector(`#${CSS.escape(wanted)}`) : null;
+    field?.focus();
+    if (this.wanted) field?.select();
+    else if (field?.type === "text") field.setSelectionRange(selectionStart, selectionEnd);
     this.wanted = null;
+    this.replacing = false;
   }
 
   badge(tool) {

@@ -26,6 +26,7 @@ _WRONG_TOKEN_S = 0.2  # slows down who tries many
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
+_LAST_PORT = 65_535
 
 
 class Gate:
@@ -54,6 +55,10 @@ class Gate:
                 address cannot be used.
         """
         check_access(host, token)
+        if not 0 <= port <= _LAST_PORT:  # the system may take it for another
+            raise InputError(
+                f"--port {port}: ports are numbers from 1 to {_LAST_PORT}: choose another"
+            )
         self.host, self.port = host, port
         self.peers: set[tuple[str, int]] = set()
         self._token, self._inner_port, self._largest_body = token, inner_port, largest_body
