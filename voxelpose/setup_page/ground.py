@@ -84,10 +84,10 @@ def _seen(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str
     share = np.linspace(0, 1, count)[:, None]
     pixels, _ = camera.project(ends[0] + share * (ends[1] - ends[0]))
     most = 4.0 * max(camera.size)
-    good = np.isfinite(pixels).all(axis=1) & (np.abs(np.nan_to_num(pixels)) < most).all(axis=1)
+    near = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
     pieces, run = [], []
-    for pixel, is_good in zip(pixels.tolist(), [*good.tolist(), False], strict=False):
-        if is_good:
+    for pixel, is_near in zip(pixels.tolist(), [*near.tolist(), False], strict=False):
+        if is_near:
             run.append([round(pixel[0], 2), round(pixel[1], 2)])
             continue
         pieces.append(run)

@@ -73,7 +73,8 @@ def setup_app(session: SetupSession, peers: Container[tuple[str, int]]) -> ASGIA
     )
 
     async def guarded(scope: Scope, receive: Receive, send: Send) -> None:
-        if tuple(scope.get("client") or ())[:2] not in peers:
+        client = scope.get("client") or ("", 0)
+        if (client[0], client[1]) not in peers:
             answer = Response("Open the page through its gate.\n", 403, _HEADERS)
             await answer(scope, receive, send)
             return

@@ -1,5 +1,6 @@
 // The page: cameras in the middle, steps at the side, time below.
 
+import { arrange } from "./arrange.js";
 import { getJson, onConnection, postJson } from "./api.js";
 import { CameraView } from "./camera_view.js";
 import { checkPanel, floorPanel, silhouettesPanel } from "./findings.js";
@@ -7,6 +8,7 @@ import { Loupe } from "./loupe.js";
 import { Overlays } from "./overlays.js";
 import { placesPanel, pointsPanel } from "./panels.js";
 import { make } from "./parts.js";
+import { pointActions } from "./point_actions.js";
 import { Pointer, polygonsOf } from "./pointer.js";
 import { Store } from "./store.js";
 
@@ -71,7 +73,9 @@ class App {
     document.addEventListener("keydown", (event) => this.key(event));
     addEventListener("resize", () => this.arrange());
     addEventListener("beforeunload", (event) => {
-      if (this.store.dirty || this.draft) event.preventDefault();
+      if (!this.store.dirty && !this.draft) return;
+      event.preventDefault();
+      event.returnValue = true; // for browsers that ask only then
     });
     onConnection((reachable) => {
       by("banner").hidden = reachable;
@@ -237,32 +241,8 @@ class App {
     this.show();
   }
 
-  // Places of the pictures: as large as fits, or one large above the others.
   arrange() {
-    const tiles = by("tiles");
-    const count = this.views.size;
-    const { width, height } = tiles.getBoundingClientRect();
-    const [first] = this.views.values();
-    const aspect = first.width / first.height;
-    for (const view of this.views.values()) {
-      view.large = view.name === this.large;
-      view.element.classList.toggle("large", view.large);
-      view.element.style.gridArea = view.large ? `1 / 1 / 2 / ${Math.max(count, 2)}` : "";
-      view.element.style.order = view.large ? -1 : 0;
-      view.draw();
-    }
-    if (this.large) {
-      tiles.style.gridTemplateColumns = `repeat(${Math.max(count - 1, 1)}, minmax(0, 1fr))`;
-      tiles.style.gridTemplateRows = count > 1 ? "minmax(0, 1fr) clamp(64px, 17%, 130px)" : "minmax(0, 1fr)";
-      return;
-    }
-    let best = { side: 0, columns: 1 };
-    for (let columns = 1; columns <= count; columns++) {
-      const side = Math.min(width / columns, (height / Math.ceil(count / columns)) * aspect);
-      if (side > best.side + 1) best = { side, columns };
-    }
-    tiles.style.gridTemplateColumns = `repeat(${best.columns}, minmax(0, 1fr))`;
-    tiles.style.gridTemplateRows = `repeat(${Math.ceil(count / best.columns)}, minmax(0, 1fr))`;
+    arrange(by("tiles"), this.views, this.large);
   }
 
   seek(moment) {
@@ -319,62 +299,6 @@ class App {
   removePolygon(kind, camera, index) {
     this.chosen = null;
     this.store.change(`remove ${Math.random()}`, (doc) => polygonsOf(doc, kind, camera).splice(index, 1));
-  }
-
-  // A new point whose name is typed next.
-  addPoint() {
-    this.wanted = "point_name";
-    this.newPoint();
-  }
-
-  newPoint() {
-    let count = this.store.doc.points.length + 1;
-    while (this.store.doc.points.some((point) => point.name === `point_${count}`)) count++;
-    const name = `point_${count}`;
-    this.point = name;
-    this.store.change(`new ${name}`, (doc) => doc.points.push({ name, pixels: {}, position_m: null }));
-    return name;
-  }
-
-  choosePoint(name) {
-    this.point = name;
-    this.show();
-  }
-
-  placePoint(view, pixel) {
-    document.activeElement?.blur(); // arrow keys move the point
-    const { points } = this.store.doc;
-    if (!points.some((point) => point.name === this.point)) this.newPoint();
-    this.store.change(`place ${Math.random()}`, (doc) => {
-      doc.points.find((point) => point.name === this.point).pixels[view.name] = pixel;
-    });
-  }
-
-  removeClick(name, camera) {
-    this.store.change(`unclick ${Math.random()}`, (doc) => {
-      const point = doc.points.find((each) => each.name === name);
-      if (point) delete point.pixels[camera];
-    });
-  }
-
-  removePoint(name) {
-    this.store.change(`remove ${Math.random()}`, (doc) => {
-      doc.points = doc.points.filter((point) => point.name !== name);
-    });
-    this.choosePoint(this.store.doc.points[0]?.name ?? null);
-  }
-
-  renamePoint(name, wanted) {
-    const text = wanted.replace(/["\s,]+/g, " ").trim();
-    const taken = this.store.doc.points.some((point) => point.name === text && text !== name);
-    if (text && !taken) {
-      this.point = text;
-      this.store.change(`rename ${name}`, (doc) => {
-        doc.points.find((point) => point.name === name).name = text;
-      });
-    }
-    if (taken) this.status(`there is a point ${text} already`);
-    this.show();
   }
 
   setFit(name, value) {
@@ -448,6 +372,8 @@ class App {
     }
   }
 }
+
+Object.assign(App.prototype, pointActions);
 
 try {
   window.app = new App(await getJson("/api/state"));
