@@ -96,7 +96,7 @@ class CheckJob:
         try:
             check = check_recording(self._recording, None, self._progress)
             self._picture = png(draw_check(check))
-            self._findings = findings(check)
+            self._findings = check_findings(check)
         except _Ended:
             self._findings = {"state": "idle"}
         except InputError as error:
@@ -109,7 +109,7 @@ class CheckJob:
             traceback.print_exc()
 
 
-def findings(check: Check) -> dict[str, Any]:
+def check_findings(check: Check) -> dict[str, Any]:
     """What a check found, as `voxelpose calibrate check` prints it."""
     return {
         "state": "done",

@@ -17,7 +17,7 @@ from calib.documents import load_text
 from calib.errors import InputError
 from voxelpose.recording.folder import Recording, pictures_by_camera
 from voxelpose.recording.unknown_places import RECORDING_FILE, paint_unknown, unknown_polygons
-from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon, check_cameras
+from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon, check_camera_names
 from voxelpose.setup_page.region_files import (
     RegionFile,
     drawn_region,
@@ -93,7 +93,7 @@ class PlaceFiles:
         Raises:
             InputError: a file cannot be written.
         """
-        check_cameras((*drawn.regions, *drawn.unknown), self.sizes)
+        check_camera_names((*drawn.regions, *drawn.unknown), self.sizes)
         written, removed = [], []
         for name, drawing in drawn.regions.items():
             pair = write_region(folder, name, drawing, self.regions.get(name), self.sizes[name])

@@ -14,7 +14,7 @@ from calib.atomic import write_whole
 from calib.errors import InputError
 from calib.upright import direction_of
 from voxelpose.setup_page.drawn_places import open_toml
-from voxelpose.setup_page.page_requests import FitChosen, check_cameras
+from voxelpose.setup_page.page_requests import FitChosen, check_camera_names
 
 
 def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
@@ -28,7 +28,7 @@ def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
         InputError: there is no such camera, or up is no direction.
     """
     if chosen.cameras is not UNSET and chosen.cameras is not None:
-        check_cameras(chosen.cameras, names)
+        check_camera_names(chosen.cameras, names)
         if any("," in name for name in chosen.cameras):
             raise InputError("a camera whose name holds a comma cannot be chosen: rename its files")
     if chosen.up is not UNSET and chosen.up is not None:

@@ -161,7 +161,7 @@ def parse_request(body: bytes, kind: type[Asked]) -> Asked:
         raise InputError(f"the page sent what is not understood: {str(error)[:200]}") from None
 
 
-def check_cameras(named: Iterable[str], names: Iterable[str]) -> None:
+def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
     """Checks that there are such cameras.
 
     Raises:

@@ -23,7 +23,7 @@ _KEPT_BYTES = 400_000_000
 _QUALITY = 93
 
 
-class Moments:
+class MomentFrames:
     """Frames of moments of a recording, the last few of which are kept."""
 
     def __init__(self, recording: Recording) -> None:

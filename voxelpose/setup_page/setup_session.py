@@ -32,9 +32,9 @@ from voxelpose.setup_page.page_requests import (
     PointsRequest,
     SaveRequest,
     SilhouetteRequest,
-    check_cameras,
+    check_camera_names,
 )
-from voxelpose.setup_page.previews import Moments, SilhouettePreview, jpeg, overlay_png
+from voxelpose.setup_page.previews import MomentFrames, SilhouettePreview, jpeg, overlay_png
 
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
@@ -65,7 +65,7 @@ class SetupSession:
         self._recording = opened.recording
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
-        self._moments = Moments(self._recording)
+        self._moments = MomentFrames(self._recording)
         self._previews = SilhouettePreview(self._recording)
         self._check = CheckJob(self._recording)
         self._saving = threading.Lock()
@@ -124,7 +124,7 @@ class SetupSession:
             InputError: there is none.
         """
         frames = self._moments.empty() if moment is None else self._moments.frames(moment)
-        check_cameras([camera], self._recording.rig.names)
+        check_camera_names([camera], self._recording.rig.names)
         if camera not in frames:
             raise InputError(f"there is no picture of the empty view of {camera}")
         return jpeg(frames[camera])
@@ -246,7 +246,7 @@ class SetupSession:
         }
 
     def _check_places(self, places: PlacesDrawn) -> None:
-        check_cameras((*places.regions, *places.unknown), self._recording.rig.names)
+        check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)
 
     def _need(self, part: str) -> None:
         refusal = self._refusals().get(part)

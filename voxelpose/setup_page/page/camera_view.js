@@ -225,7 +225,7 @@ export class CameraView {
       const expected = scene.errors?.[point.name]?.pixels[this.name]?.expected;
       const pixel = point.pixels[this.name];
       const chosen = scene.tool === "points" && scene.point === point.name;
-      if (expected && (pixel || scene.tool === "points")) {
+      if (expected && (pixel || (scene.tool === "points" && this.contains(expected)))) {
         this.cross(pen, expected, COLOURS.expected, 5, Math.PI / 4, 1.5);
         if (pixel) {
           this.path(pen, [pixel, expected], false);
