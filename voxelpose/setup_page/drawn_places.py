@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tomlkit.exceptions import TOMLKitError
 
 from calib.atomic import write_whole
-from calib.documents import load_text
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.recording.folder import Recording, pictures_by_camera
 from voxelpose.recording.unknown_places import RECORDING_FILE, paint_unknown, unknown_polygons
@@ -179,8 +179,10 @@ def open_toml(path: Path) -> tomlkit.TOMLDocument:
     """
     if not path.exists():
         return tomlkit.document()
+    text = load_text(path, _LARGEST_BYTES)
+    parse_toml(text, path)
     try:
-        return tomlkit.parse(load_text(path, _LARGEST_BYTES))
+        return tomlkit.parse(text)
     except TOMLKitError as error:
         raise InputError(f"{path}: no valid TOML: {str(error)[:200]}; mend it") from None
 
