@@ -242,6 +242,20 @@ def _use_recording_file(folder: Path, thorough: bool) -> None:
     read_unknown_polygons(folder / "recording.toml", _rig(), _rig().names)
 
 
+def _make_region(folder: Path) -> None:
+    from voxelpose.setup_page.page_requests import RegionDrawing
+    from voxelpose.setup_page.region_files import write_region
+
+    drawing = RegionDrawing(True, [[(5.0, 5.0), (60.5, 5.0), (30.0, 40.2)]])
+    write_region(folder, "cam_0", drawing, None, (64, 48))
+
+
+def _use_region(folder: Path, thorough: bool) -> None:
+    from voxelpose.setup_page.region_files import read_regions
+
+    read_regions(folder, {"cam_0": (64, 48)})
+
+
 def _make_folder_settings(folder: Path) -> None:
     text = (
         '[fit]\nstature = 1.75\nout = "x"\nsex = "female"\nbody = "92A5"\n'
@@ -585,6 +599,7 @@ TARGETS: dict[str, FuzzTarget] = {
     "recording-file": FuzzTarget(
         _make_recording_file, {"recording.toml": any_text}, _use_recording_file
     ),
+    "drawn-region": FuzzTarget(_make_region, {"regions/cam_0.png": any_bytes}, _use_region),
     "folder-settings": FuzzTarget(
         _make_folder_settings, {"voxelpose.toml": any_text}, _use_folder_settings
     ),

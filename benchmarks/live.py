@@ -28,9 +28,9 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import SilentReporter
 from voxelpose.live.camera_source import CameraSource
+from voxelpose.live.live_input import LiveInput, make_estimator, open_input
 from voxelpose.live.senders import Senders
 from voxelpose.live.session import LiveSession
-from voxelpose.live.setup import LiveInput, make_estimator, open_input
 
 _QUALITY = 95
 _STAGES = ("capture", "silhouettes", "waiting", "estimation", "send", "total")

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.live import Receiver, forth_and_back, session_of
 from silhouette_core.estimator import Settings
-from voxelpose.live.setup import open_input
+from voxelpose.live.live_input import open_input
 
 
 def resident_mib() -> list[int]:

@@ -144,7 +144,7 @@ def _start(lenses: Rig, points: ScenePoints) -> tuple[dict[str, Camera], dict[st
         for name, seen in points.pixels.items():
             both = [camera for camera in seen if camera in located]
             if name not in points.known_m and len(both) > 1:
-                points_m[name] = _triangulate(
+                points_m[name] = triangulate(
                     [located[camera] for camera in both],
                     np.array([seen[camera] for camera in both]),
                 )
@@ -182,7 +182,7 @@ def _fill_a_plane(points: FloatArray) -> bool:
     return bool(spread[1] > _ON_A_LINE * spread[0])
 
 
-def _triangulate(cameras: list[Camera], pixels: FloatArray) -> FloatArray:
+def triangulate(cameras: list[Camera], pixels: FloatArray) -> FloatArray:
     """Point (3,) nearest to the rays of pixels (N, 2), one per camera."""
     normal, target = np.zeros((3, 3)), np.zeros(3)
     for camera, pixel in zip(cameras, pixels, strict=True):

@@ -80,7 +80,8 @@ apidoc_modules = [
 exclude_patterns = ["docs/reference/*/modules.rst"]
 
 _GUIDE = (
-    "install guide live recordings calibration checking viewing exports python glossary results"
+    "install guide live recordings setup calibration checking viewing exports python glossary"
+    " results"
 ).split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
 _OTHERS = sorted(

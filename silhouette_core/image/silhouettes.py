@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import islice
 from math import gcd
@@ -61,13 +62,8 @@ class Silhouettes:
         """
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
         self._given = source.silhouettes_given
-        self._regions = {
-            name: self._scaled(name, region.astype(np.uint8)) > 0
-            for name, region in source.regions().items()
-        }
-        self.unknown = scaled_unknown(source, long_side_px)
-        for name, mask in self.unknown.items():
-            self._regions[name] = ~mask & self._regions.get(name, True)
+        self._size_px = long_side_px
+        self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
         self.without_background: tuple[str, ...] = ()
@@ -91,6 +87,27 @@ class Silhouettes:
                 self._models[name] = BackgroundModel.from_occupied(frames, settings)
         if ahead and method == "refined":
             self._measure_shadow(source)
+
+    def with_places(self, source: FrameSource) -> Silhouettes:
+        """The same background models, with the regions and unknown places of another source.
+
+        Args:
+            source: of the same cameras.
+        """
+        other = copy(self)
+        other._exposures = {}
+        other._read_places(source)
+        return other
+
+    def _read_places(self, source: FrameSource) -> None:
+        """Reads the regions, and the unknown places, which are outside of them."""
+        self._regions = {
+            name: self._scaled(name, region.astype(np.uint8)) > 0
+            for name, region in source.regions().items()
+        }
+        self.unknown = scaled_unknown(source, self._size_px)
+        for name, mask in self.unknown.items():
+            self._regions[name] = ~mask & self._regions.get(name, True)
 
     def unknown_of(self, names: Sequence[str]) -> list[NDArray[np.bool_]] | None:
         """Unknown places (h, w) bool of some cameras; None where there are none in any."""

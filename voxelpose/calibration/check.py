@@ -287,6 +287,35 @@ def _notes(recording: Recording, silhouettes: Silhouettes, checked: Agreement) -
     return tuple(notes)
 
 
+def verdict_on(check: Check, camera: str) -> str:
+    """Whether a camera `agrees`, `does not agree`, or `?` where that cannot be said of one."""
+    swapped = any(
+        repair.with_camera and camera in (repair.camera, repair.with_camera)
+        for repair in check.repairs
+    )
+    if camera in check.agreement.culprits or swapped:
+        return "does not agree"
+    return "agrees" if check.agreement.agrees or check.agreement.culprits else "?"
+
+
+def remedy(check: Check, camera: str) -> str:
+    """Returns what the user can do about a camera that does not agree."""
+    repair = next(repair for repair in check.repairs if repair.camera == camera)
+    if repair.kind == "swapped":
+        return f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}"
+    if repair.kind == "out of step":
+        return "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`"
+    if repair.kind == "scaled":
+        return (
+            "record as you calibrated (same resolution, no black bars, no crop), or run with"
+            f" --repair; but if {camera}'s picture is whole, heads or feet are missing from its"
+            " silhouettes: look at --png"
+        )
+    if repair.kind == "unexplained":
+        return f"look at {camera}'s silhouettes first; if they are good, calibrate it again"
+    return "calibrate it again, or run with --repair"
+
+
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
     """Writes the repaired calibration, and timestamps.csv where a camera is out of step.
 

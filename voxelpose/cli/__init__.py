@@ -24,6 +24,7 @@ from voxelpose.cli.terminal import VisibleStream, message
 COMMANDS = {
     "demo": "render a small recording, fit it and score it: a first result",
     "fit": "estimate the motion of a person from several cameras",
+    "setup": "draw regions, click points and check a recording in the browser",
     "calibrate": "calibrate cameras, convert and check calibrations",
     "track": "estimate the motion of a person from one camera",
     "batch": "fit or track many recordings, and compare the results",

@@ -101,21 +101,16 @@ def print_check(check: Check) -> None:
     """Prints one line per camera, the faults and their remedies."""
     from rich.table import Table
 
+    from voxelpose.calibration.check import remedy, verdict_on
+
     console = rich_console()
     table = Table(
         "camera", "off by, px", "the others, px", "planes", "", box=None, padding=(0, 2, 0, 0)
     )
-    swapped = {
-        name
-        for repair in check.repairs
-        if repair.with_camera
-        for name in (repair.camera, repair.with_camera)
-    }
     for line in check.agreement.table:
-        bad = line.camera in check.agreement.culprits or line.camera in swapped
-        verdict = "agrees" if check.agreement.agrees or check.agreement.culprits else "?"
-        if bad:
-            verdict = "[red]does not agree[/red]"
+        verdict = verdict_on(check, line.camera)
+        if verdict == "does not agree":
+            verdict = f"[red]{verdict}[/red]"
         table.add_row(
             plain(line.camera),
             f"{line.error_px:.1f}",
@@ -138,21 +133,3 @@ def print_check(check: Check) -> None:
         )
     for note in check.notes:
         console.print(f"note: {plain(note)}", soft_wrap=True)
-
-
-def remedy(check: Check, camera: str) -> str:
-    """Returns what the user can do about a camera that does not agree."""
-    repair = next(repair for repair in check.repairs if repair.camera == camera)
-    if repair.kind == "swapped":
-        return f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}"
-    if repair.kind == "out of step":
-        return "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`"
-    if repair.kind == "scaled":
-        return (
-            "record as you calibrated (same resolution, no black bars, no crop), or run with"
-            f" --repair; but if {camera}'s picture is whole, heads or feet are missing from its"
-            " silhouettes: look at --png"
-        )
-    if repair.kind == "unexplained":
-        return f"look at {camera}'s silhouettes first; if they are good, calibrate it again"
-    return "calibrate it again, or run with --repair"

@@ -106,9 +106,9 @@ Ctrl-C ends the session.
             progress.stage("opening")
             from silhouette_core.estimator import Settings
             from voxelpose.live.camera_source import CameraSource
+            from voxelpose.live.live_input import make_estimator, open_input
             from voxelpose.live.senders import Senders
             from voxelpose.live.session import LiveSession
-            from voxelpose.live.setup import make_estimator, open_input
 
             sources = [CameraSource.parse(text) for text in self.source]
             names = (self.camera,) if self.camera is not None else camera_names(self.cameras)

@@ -65,6 +65,27 @@ def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> Unknown
         InputError: the file is not TOML, a key is not known, there is no such camera, or what it
             holds are no polygons.
     """
+    masks: UnknownMasks = {}
+    for name, polygons in unknown_polygons(path, names).items():
+        if name in rig:
+            width, height = rig[name].size
+            image = np.zeros((height, width), np.uint8)
+            for polygon in polygons:
+                cv2.fillPoly(image, [np.rint(polygon).astype(np.int32)], 1)
+            masks[name] = image.view(np.bool_)
+    return masks
+
+
+def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray[np.float64]]]:
+    """Reads the polygons of recording.toml, each (N, 2) px, by camera name.
+
+    Args:
+        path: the file; one that does not exist lists none.
+        names: all cameras of the recording.
+
+    Raises:
+        InputError: as `read_unknown_polygons`.
+    """
     if not path.exists():
         return {}
     table = parse_toml(load_text(path, _LARGEST_BYTES), path)
@@ -74,17 +95,11 @@ def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> Unknown
     listed = table.get("unknown", {})
     if not isinstance(listed, dict):
         raise InputError(f"{path}: unknown is no table: write [unknown] and {_EXAMPLE}")
-    masks: UnknownMasks = {}
+    found = {}
     for name, polygons in listed.items():
         _check_camera(name, str(path), names)
-        corners = _corners(polygons, f"{path}: unknown places of {name[:40]}")
-        if name in rig:
-            width, height = rig[name].size
-            image = np.zeros((height, width), np.uint8)
-            for polygon in corners:
-                cv2.fillPoly(image, [np.rint(polygon).astype(np.int32)], 1)
-            masks[name] = image.view(np.bool_)
-    return masks
+        found[name] = _corners(polygons, f"{path}: unknown places of {name[:40]}")
+    return found
 
 
 def _check_camera(name: str, where: str, names: Sequence[str]) -> None:

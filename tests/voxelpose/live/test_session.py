@@ -7,8 +7,8 @@ import pytest
 
 from tests.sources import ring, write_staged
 from tests.voxelpose.live.sessions import MOTION, running, wait_until
+from voxelpose.live.live_input import open_input
 from voxelpose.live.session import SessionSettings
-from voxelpose.live.setup import open_input
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.subject import Subject
 

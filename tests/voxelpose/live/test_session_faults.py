@@ -12,8 +12,8 @@ from tests.voxelpose.live.network_camera import NetworkCamera
 from tests.voxelpose.live.sessions import MOTION, running, wait_until
 from voxelpose.live.camera_source import CameraSource
 from voxelpose.live.live_frame import LiveFrame
+from voxelpose.live.live_input import open_input
 from voxelpose.live.session import SessionSettings
-from voxelpose.live.setup import open_input
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.subject import Subject
 

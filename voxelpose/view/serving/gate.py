@@ -1,8 +1,8 @@
 """The page's gate: it stands before viser's server, which has no access control of its own.
 
 It listens at the outer address, checks every request before it answers anything, and relays those
-that may pass, byte by byte. A connection carries one request: a page's file, or the upgrade to a
-WebSocket and all that follows.
+that may pass, byte by byte. A connection carries one request: a page's file, JSON that a page sends
+where it may, or the upgrade to a WebSocket and all that follows.
 """
 
 from __future__ import annotations
@@ -14,16 +14,19 @@ import threading
 from asyncio import StreamReader, StreamWriter
 from concurrent.futures import Future
 from contextlib import suppress
+from urllib.parse import quote
 
 from calib.errors import InputError
 from voxelpose.view.serving.gate_request import GateKeys, GateRequest, Reply, is_loopback
 
 _HEAD_BYTES = 16384
 _HEAD_S = 10.0
+_BODY_S = 60.0
 _WRONG_TOKEN_S = 0.2  # slows down who tries many
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
+_LAST_PORT = 65_535
 
 
 class Gate:
@@ -35,7 +38,9 @@ class Gate:
         peers: addresses of its own connections to the server behind it: all others are strangers.
     """
 
-    def __init__(self, host: str, port: int, token: str | None, inner_port: int) -> None:
+    def __init__(
+        self, host: str, port: int, token: str | None, inner_port: int, largest_body: int = 0
+    ) -> None:
         """Listens, from a thread of its own.
 
         Args:
@@ -43,15 +48,20 @@ class Gate:
             port: the first free one from this number on is used, of twenty; 0: any.
             token: who wants to pass must know it; None: only this machine's own addresses.
             inner_port: of the server behind it, at 127.0.0.1.
+            largest_body: bytes of JSON that a page may send with one request; 0: none.
 
         Raises:
             InputError: other machines could pass without a token; the token is short; or the
                 address cannot be used.
         """
         check_access(host, token)
+        if not 0 <= port <= _LAST_PORT:  # the system may take it for another
+            raise InputError(
+                f"--port {port}: ports are numbers from 1 to {_LAST_PORT}: choose another"
+            )
         self.host, self.port = host, port
         self.peers: set[tuple[str, int]] = set()
-        self._token, self._inner_port = token, inner_port
+        self._token, self._inner_port, self._largest_body = token, inner_port, largest_body
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
         self._stopped = asyncio.Event()
@@ -68,6 +78,14 @@ class Gate:
                 f"--host {host} --port {port}: the page cannot be served there"
                 f" ({getattr(error, 'strerror', None) or error}): choose another"
             ) from None
+
+    @property
+    def url(self) -> str:
+        """Address for the browser, the token included."""
+        host = "localhost" if self.host in ("0.0.0.0", "::", "") else self.host
+        query = f"/?token={quote(self._token, safe='')}" if self._token is not None else ""
+        name = f"[{host}]" if ":" in host else host
+        return f"http://{name}:{self.port}{query}"
 
     def close(self) -> None:
         """Ends all connections and the thread."""
@@ -129,14 +147,14 @@ class Gate:
             async with asyncio.timeout(_HEAD_S):
                 head = await reader.readuntil(b"\r\n\r\n")
             request = GateRequest.parse(head)
-            reply = request.reply(self._keys)
+            reply = request.reply(self._keys, self._largest_body)
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
             if reply is None and len(self.peers) >= _MOST_LINKS:
                 reply = Reply("503 Service Unavailable", "Too many pages are open: close some.")
             if reply is None:
-                await self._relay(head, request.upgrade, reader, writer)
+                await self._relay(head, request, reader, writer)
                 return
         if reply.status.startswith("401"):
             await asyncio.sleep(_WRONG_TOKEN_S)
@@ -144,7 +162,7 @@ class Gate:
         await writer.drain()
 
     async def _relay(
-        self, head: bytes, both_ways: bool, reader: StreamReader, writer: StreamWriter
+        self, head: bytes, request: GateRequest, reader: StreamReader, writer: StreamWriter
     ) -> None:
         """Passes a request on, then the answer, and for a WebSocket whatever follows either way."""
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", self._inner_port)
@@ -152,8 +170,10 @@ class Gate:
         self.peers.add(own)
         try:
             inner_writer.write(head)
+            if request.body_bytes:
+                await _copy_body(reader, inner_writer, request.body_bytes)
             ways = [asyncio.create_task(_copy(inner_reader, writer))]
-            if both_ways:
+            if request.upgrade:
                 ways.append(asyncio.create_task(_copy(reader, inner_writer)))
             try:
                 await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
@@ -183,6 +203,25 @@ def check_access(host: str, token: str | None) -> None:
         )
     if token is not None and len(token) < _LEAST_TOKEN:
         raise InputError(f"--token is short: take at least {_LEAST_TOKEN} characters")
+
+
+async def _copy_body(reader: StreamReader, writer: StreamWriter, count: int) -> None:
+    """Passes so many bytes on.
+
+    Raises:
+        ConnectionError: fewer came, or not in time.
+    """
+    try:
+        async with asyncio.timeout(_BODY_S):
+            while count:
+                data = await reader.read(min(count, 65536))
+                if not data:
+                    raise ConnectionError("the body ended early")
+                count -= len(data)
+                writer.write(data)
+                await writer.drain()
+    except TimeoutError:
+        raise ConnectionError("the body came too slowly") from None
 
 
 async def _copy(reader: StreamReader, writer: StreamWriter) -> None:

@@ -96,16 +96,22 @@ class GateRequest:
         """Whether a WebSocket is asked for."""
         return "upgrade" in self.headers
 
-    def reply(self, keys: GateKeys) -> Reply | None:
+    def reply(self, keys: GateKeys, largest_body: int = 0) -> Reply | None:
         """Answer of the gate; None: the request may pass.
 
         Another site's page is turned away by its Origin, and a name that somebody has pointed at
         this machine (DNS rebinding) by its Host.
+
+        Args:
+            keys: what opens the gate.
+            largest_body: bytes that may be sent to the page; 0: it takes none.
         """
         host = self.headers.get("host", "")
-        body = self.headers.get("content-length", "0") != "0" or "transfer-encoding" in self.headers
-        if not host or self.method != "GET" or body:
-            return Reply("400 Bad Request", "This page takes GET only.")
+        if not host:
+            return Reply("400 Bad Request", "This is not understood.")
+        fault = self._check_body(largest_body)
+        if fault is not None:
+            return fault
         origin = self.headers.get("origin")
         if origin is not None and origin.lower().partition("://")[2] != host.lower():
             return Reply("403 Forbidden", "Another site's page may not open this one.")
@@ -116,6 +122,36 @@ class GateRequest:
                 )
             return None
         return self._check_token(keys, keys.token)
+
+    @property
+    def body_bytes(self) -> int:
+        """Length of what follows the head; of a request that may pass."""
+        return int(self.headers.get("content-length", "0"))
+
+    def _check_body(self, largest_body: int) -> Reply | None:
+        """Answer to a method or a body that the page does not take.
+
+        Only a page of the same origin can send JSON: browsers ask before another's may, and are
+        told no.
+        """
+        length = self.headers.get("content-length", "0")
+        if self.method == "GET" and length == "0" and "transfer-encoding" not in self.headers:
+            return None
+        if not largest_body:
+            return Reply("400 Bad Request", "This page takes GET only.")
+        kind = self.headers.get("content-type", "").partition(";")[0].strip().lower()
+        stated = length.isascii() and length.isdigit() and len(length) < 16
+        if (
+            self.method != "POST"
+            or self.upgrade
+            or not stated
+            or "transfer-encoding" in self.headers
+            or kind != "application/json"
+        ):
+            return Reply("400 Bad Request", "This page takes GET, and POST of JSON.")
+        if int(length) > largest_body:
+            return Reply("413 Content Too Large", "This is more than the page takes.")
+        return None
 
     def _check_token(self, keys: GateKeys, token: str) -> Reply | None:
         parts = urlsplit(self.target)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from urllib.parse import quote
 
 import viser
 
@@ -60,15 +59,11 @@ class PageServer:
         except BaseException:
             self.close()
             raise
-        self._token = token
 
     @property
     def url(self) -> str:
         """Address for the browser, the token included."""
-        host = "localhost" if self.gate.host in ("0.0.0.0", "::", "") else self.gate.host
-        query = f"/?token={quote(self._token, safe='')}" if self._token is not None else ""
-        name = f"[{host}]" if ":" in host else host
-        return f"http://{name}:{self.gate.port}{query}"
+        return self.gate.url
 
     @property
     def watched(self) -> bool:

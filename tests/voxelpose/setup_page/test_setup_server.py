@@ -1,0 +1,239 @@
+"""The setup page's server: who may ask, and what it makes of requests that somebody damaged."""
+
+import json
+import socket
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from calib.errors import InputError
+from tests.sources import ring, write_recording
+from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, opened, served, staged
+from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest, parse_request
+from voxelpose.setup_page.setup_server import SetupServer
+
+TOKEN = "open & sesame"
+POSTS = ("/api/silhouettes", "/api/points", "/api/ground", "/api/save", "/api/check/start")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_recording(tmp_path_factory.mktemp("served") / "walk", ring(2, SIZE))
+
+
+@pytest.fixture(scope="module")
+def local(folder):
+    with served(folder) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def guarded(folder):
+    with served(folder, token=TOKEN) as server:
+        yield server
+
+
+def test_other_machines_need_a_token(folder):
+    with pytest.raises(InputError, match="--token"):
+        SetupServer(opened(folder), "0.0.0.0", 0, None)
+
+
+@pytest.mark.parametrize("path", ["/", "/main.js", "/api/state", "/picture/cam_1?moment=0", *POSTS])
+def test_without_the_token_nothing_is_answered(guarded, path):
+    body = {} if path in POSTS else None
+    for headers in ({}, {"Cookie": "voxelpose=1"}):
+        status, content = ask(guarded, path, body, **headers)
+        assert status == 401 and b"token" in content
+    status, _ = ask(guarded, f"{path}{'&' if '?' in path else '?'}token=wrong", body)
+    assert status == 401
+
+
+def test_the_token_opens_the_page(guarded):
+    host = f"http://127.0.0.1:{guarded.port}"
+    assert guarded.url == f"{host}/?token=open%20%26%20sesame"
+    link = socket.create_connection(("127.0.0.1", guarded.port))
+    link.sendall(f"GET /?token=open%20%26%20sesame HTTP/1.1\r\nHost: {host[7:]}\r\n\r\n".encode())
+    cookie = link.recv(4096).decode().partition("Set-Cookie: ")[2].partition(";")[0]
+    link.close()
+    assert ask(guarded, "/", Cookie=cookie)[0] == 200
+    assert ask(guarded, "/api/ground", {}, Cookie=cookie, Origin=host)[0] == 200
+    assert ask(guarded, "/api/ground", {}, Cookie=cookie, Origin="http://evil.example")[0] == 403
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Host": "evil.example:80"}, 403),
+        ({"Content_Type": "text/plain"}, 400),
+        ({"Content_Type": "application/x-www-form-urlencoded"}, 400),
+        ({"Transfer_Encoding": "chunked"}, 400),
+        ({"Content_Length": "-1"}, 400),
+        ({"Content_Length": str(LARGEST_BODY + 1)}, 413),
+        ({"Upgrade": "websocket"}, 400),
+    ],
+)
+def test_foreign_and_odd_requests_write_nothing(local, folder, headers, status):
+    body = {"places": {"unknown": {"cam_1": [[[0, 0], [9, 0], [9, 9]]]}}}
+    assert ask(local, "/api/save", body, **headers)[0] == status
+    assert not (folder / "recording.toml").exists()
+
+
+def test_the_server_behind_the_gate_answers_nobody_else(local):
+    inner = local._socket.getsockname()[1]
+    link = socket.create_connection(("127.0.0.1", inner))
+    link.sendall(b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    assert link.recv(4096).startswith(b"HTTP/1.1 403")
+    link.close()
+
+
+def test_a_connection_carries_one_request(local):
+    link = socket.create_connection(("127.0.0.1", local.port), timeout=5)
+    head = f"GET /api/check HTTP/1.1\r\nHost: 127.0.0.1:{local.port}\r\n\r\n".encode()
+    link.sendall(head + head.replace(b"/api/check", b"/api/state"))
+    answer = b""
+    while piece := link.recv(65536):
+        answer += piece
+    link.close()
+    assert answer.count(b"HTTP/1.1 200") == 1 and b"idle" in answer
+
+
+def test_the_page_loads_nothing_from_elsewhere(local):
+    for path in ("/", "/style.css", "/main.js", "/findings.js"):
+        status, content = ask(local, path)
+        assert status == 200 and isinstance(content, bytes) and b"://" not in content
+    assert ask(local, "/page_requests.py")[0] == ask(local, "/../pyproject.toml")[0] == 404
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/picture/cam_9?moment=0",
+        "/picture/cam_1?moment=99",
+        "/picture/cam_1?moment=-1",
+        "/picture/cam_1?moment=1e9",
+        "/picture/cam_1",
+        "/painted/region/cam_1",
+        "/painted/x/cam_9",
+        "/api/check/picture",
+    ],
+)
+def test_pictures_that_are_not_there_are_said_in_a_line(local, path):
+    status, content = ask(local, path)
+    assert status == 400 and isinstance(content, dict) and len(content["error"]) < 200
+
+
+DAMAGED = [
+    b"",
+    b"{",
+    b"[]",
+    b"null",
+    b"\xff\xfe",
+    b"[" * 100_000,
+    b'{"points": 1}',
+    b'{"nobody": 1}',
+    b'{"places": {"unknown": {"cam_9": []}}}',
+    b'{"places": {"unknown": {"cam_1": [[[0, 0], [1, 1]]]}}}',
+    b'{"places": {"unknown": {"cam_1": [[[0, 0], [1, 1], [NaN, 2]]]}}}',
+    b'{"places": {"unknown": {"cam_1": [[[0, 0], [1, 1], [1e300, 2]]]}}}',
+    b'{"places": {"regions": {"../x": {"painted": true, "polygons": []}}}}',
+    b'{"points": [{"name": "a\\nb"}]}',
+    b'{"points": [{"name": ""}]}',
+    b'{"points": [{"name": " a"}]}',
+    b'{"points": [{"name": "a"}, {"name": "a"}]}',
+    b'{"points": [{"name": "a", "position_m": [1, 2]}]}',
+    b'{"points": [{"name": "a", "position_m": [1, 2, 1e9]}]}',
+    b'{"fit": {"background": "other"}}',
+    b'{"fit": {"tolerance": -1}}',
+    b'{"fit": {"out": "x"}}',
+    b'{"fit": {"up": "sideways"}}',
+    b'{"fit": {"voxel": 1e-9}}',
+    b'{"fit": {"cameras": []}}',
+    b'{"fit": {"tolerance": true}}',
+]
+
+
+@pytest.mark.parametrize("body", DAMAGED, ids=range(len(DAMAGED)))
+def test_damaged_requests_are_refused_in_a_line(local, folder, body, capfd):
+    before = sorted(path.name for path in folder.rglob("*"))
+    status, content = ask(local, "/api/save", body)
+    assert status == 400 and isinstance(content, dict)
+    assert 0 < len(content["error"]) < 400 and "\n" not in content["error"]
+    assert sorted(path.name for path in folder.rglob("*")) == before
+    assert "Traceback" not in capfd.readouterr().err
+
+
+JSON = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.floats()
+    | st.integers()
+    | st.text(max_size=20)
+    | st.sampled_from(["cam_1", "z", "refined"]),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(
+                [
+                    "places",
+                    "points",
+                    "fit",
+                    "regions",
+                    "unknown",
+                    "cam_1",
+                    "name",
+                    "up",
+                    "pixels",
+                    "polygons",
+                    "painted",
+                    "moment",
+                    "height_m",
+                    "position_m",
+                ]
+            ),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=20,
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@given(content=JSON, path=st.sampled_from(POSTS[:3]))
+def test_no_request_is_a_bug(local, content, path):
+    status, answer = ask(local, path, json.dumps(content).encode())
+    assert status in (200, 400), answer
+
+
+def test_bounds_of_numbers_hold():
+    most = {"points": [{"name": "a", "pixels": {"cam_1": [30000, -30000]}}]}
+    assert parse_request(json.dumps(most).encode(), SaveRequest)
+    most["points"][0]["pixels"]["cam_1"][0] = 30000.1
+    with pytest.raises(InputError, match="not understood"):
+        parse_request(json.dumps(most).encode(), SaveRequest)
+
+
+def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
+    from voxelpose.calibration.check import check_recording
+    from voxelpose.recording.folder import Recording
+
+    walk = staged(tmp_path / "walk")
+    expected = check_recording(Recording.open(walk))
+    with served(walk) as server:
+        assert ask(server, "/api/check")[1] == {"state": "idle"}
+        status, content = ask(server, "/api/check/start", {})
+        assert status == 200 and content["state"] == "running"
+        while (content := ask(server, "/api/check")[1])["state"] == "running":
+            assert ask(server, "/api/ground", {})[0] == 200  # meanwhile
+        assert content["state"] == "done" and content["summary"] == expected.agreement.summary
+        assert [line["camera"] for line in content["cameras"]] == ["cam_1", "cam_2", "cam_3"]
+        assert content["notes"] == list(expected.notes)
+        assert ask(server, "/api/check/picture")[1][:4] == b"\x89PNG"
+
+
+def test_a_check_that_is_running_ends_with_the_session(tmp_path):
+    with served(staged(tmp_path / "walk")) as server:
+        assert ask(server, "/api/check/start", {})[1]["state"] == "running"

@@ -1,0 +1,73 @@
+"""voxelpose setup."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from tyro.conf import arg
+
+from voxelpose.cli.arguments import Fps, RecordingFolder, Unit
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Arguments of `voxelpose setup`."""
+
+    help: ClassVar[str] = """Sets a recording up in the browser, before the first fit.
+
+Shows the pictures of all cameras side by side. Draw where the person may be and what furniture
+hides, click points of the scene, see the silhouettes, check the cameras, choose up. Nothing is
+written before Save. The page is served by this machine, and only to this machine unless --host is
+given; Ctrl-C ends it.
+
+  voxelpose setup walk
+  voxelpose setup walk --no-browser --port 9000
+  voxelpose setup walk --host 0.0.0.0 --token "a long word"
+"""
+
+    recording: RecordingFolder
+    host: Annotated[str, arg(metavar="NAME")] = "localhost"
+    """Address at which the page is served; any but this machine's own needs --token."""
+    port: Annotated[int, arg(metavar="N")] = 8080
+    """Port of the page; the next free one if it is taken."""
+    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
+    """Word without which the page is not shown; part of the address that is printed."""
+    browser: bool = True
+    """Open the page; --no-browser only prints its address."""
+    unit: Unit = None
+    fps: Fps = None
+
+    def run(self) -> int:
+        """Serves the page until it is interrupted; returns the exit code."""
+        import webbrowser
+
+        from voxelpose.view.serving.gate import check_access
+
+        check_access(self.host, self.token)
+        from voxelpose.cli.terminal import message
+        from voxelpose.setup_page.setup_server import SetupServer
+        from voxelpose.setup_page.setup_session import open_session
+
+        known = self._fit_settings()
+        unit = self.unit or known.get("unit", (None, ""))[0]
+        fps = self.fps or known.get("fps", (None, ""))[0]
+        session = open_session(self.recording, self._fit_settings, unit, fps)
+        server = SetupServer(session, self.host, self.port, self.token)
+        try:
+            print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)
+            if self.browser:
+                webbrowser.open(server.url)
+            server.wait()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            server.close()
+        return 0
+
+    def _fit_settings(self) -> dict[str, tuple[Any, str]]:
+        """Settings of `fit` for the recording, and the files that they are from."""
+        from voxelpose.cli.folder_settings import folder_settings
+
+        found = folder_settings("fit", self.recording)
+        return {name: (setting.value, str(setting.file)) for name, setting in found.items()}

@@ -1,0 +1,1 @@
+"""The page of `voxelpose setup`: regions, unknown places, points, silhouettes, cameras and up."""

@@ -1,0 +1,134 @@
+"""The check of the cameras, in a thread of its own, with its progress and its findings."""
+
+from __future__ import annotations
+
+import threading
+import traceback
+from typing import Any
+
+from calib.errors import InputError
+from silhouette_core.progress import Reporter
+from voxelpose.calibration.check import Check, check_recording, remedy, verdict_on
+from voxelpose.calibration.check_picture import draw_check
+from voxelpose.recording.folder import Recording
+from voxelpose.view.images.canvas import png
+
+
+class _Ended(BaseException):
+    """The session ends: nobody waits for the findings."""
+
+
+class CheckProgress(Reporter):
+    """Progress that can be asked for from another thread, and ends the work where it is told to."""
+
+    def __init__(self) -> None:
+        """Begins before the first stage."""
+        self.name, self.done, self.total = "beginning", 0, None
+        self.ended = threading.Event()
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        """Begins a stage."""
+        self._look()
+        self.name, self.done, self.total = name, 0, total
+
+    def advance(self, steps: int = 1) -> None:
+        """Counts finished steps."""
+        self._look()
+        self.done += steps
+
+    def note(self, text: str) -> None:
+        """Does nothing: the findings have the notes."""
+
+    def _look(self) -> None:
+        if self.ended.is_set():
+            raise _Ended
+
+
+class CheckJob:
+    """At most one check at a time, whose findings stay until the next."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Starts nothing.
+
+        Args:
+            recording: with a calibration.
+        """
+        self._recording = recording
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._progress = CheckProgress()
+        self._findings: dict[str, Any] = {"state": "idle"}
+        self._picture: bytes | None = None
+
+    def start(self) -> None:
+        """Begins a check, if none is running."""
+        with self._lock:
+            if self._thread is not None and self._thread.is_alive():
+                return
+            self._progress = CheckProgress()
+            self._findings, self._picture = {"state": "running"}, None
+            self._thread = threading.Thread(target=self._run, name="check", daemon=True)
+            self._thread.start()
+
+    def status(self) -> dict[str, Any]:
+        """State: idle, running (stage, done, total), failed (error) or done, with the findings."""
+        if self._findings["state"] != "running":
+            return self._findings
+        progress = self._progress
+        return self._findings | {
+            "stage": progress.name,
+            "done": progress.done,
+            "total": progress.total,
+        }
+
+    @property
+    def picture(self) -> bytes | None:
+        """PNG of the last check; None where there is none."""
+        return self._picture
+
+    def close(self) -> None:
+        """Ends a check that is running."""
+        self._progress.ended.set()
+        if self._thread is not None:
+            self._thread.join(5.0)
+
+    def _run(self) -> None:
+        try:
+            check = check_recording(self._recording, None, self._progress)
+            self._picture = png(draw_check(check))
+            self._findings = check_findings(check)
+        except _Ended:
+            self._findings = {"state": "idle"}
+        except InputError as error:
+            self._findings = {"state": "failed", "error": str(error)}
+        except Exception:
+            self._findings = {
+                "state": "failed",
+                "error": "the check broke off: the terminal shows the reason",
+            }
+            traceback.print_exc()
+
+
+def check_findings(check: Check) -> dict[str, Any]:
+    """What a check found, as `voxelpose calibrate check` prints it."""
+    return {
+        "state": "done",
+        "agrees": check.agreement.agrees,
+        "summary": check.agreement.summary,
+        "cameras": [
+            {
+                "camera": line.camera,
+                "error_px": line.error_px,
+                "others_px": line.others_px,
+                "planes": line.planes,
+                "verdict": verdict_on(check, line.camera),
+            }
+            for line in check.agreement.table
+        ],
+        "repairs": [
+            {"summary": repair.summary, "remedy": remedy(check, repair.camera)}
+            for repair in check.repairs
+        ],
+        "after": None if check.after is None else check.after.summary,
+        "notes": list(check.notes),
+    }

@@ -1,0 +1,149 @@
+"""Points of the scene, clicked in the pictures: points.csv, and how far off they are."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.atomic import write_whole
+from calib.camera import Rig
+from calib.documents import load_text
+from calib.errors import InputError
+from calib.points import triangulate
+from voxelpose.calibration.points_file import read_points
+from voxelpose.setup_page.page_requests import MOST_POINTS, PointClicked
+
+POINTS_FILE = "points.csv"
+_COLUMNS = ("camera", "point", "x_px", "y_px", "x_m", "y_m", "z_m")
+_LARGEST_BYTES = 50_000_000
+
+
+def read_clicked(path: Path) -> list[PointClicked]:
+    """Points of a points.csv; none where there is no file.
+
+    Raises:
+        InputError: it is damaged, or holds more points than the page can show.
+    """
+    if not path.exists():
+        return []
+    points = read_points(path)
+    if len(points.pixels) > MOST_POINTS:
+        raise InputError(f"{path} has {len(points.pixels)} points, the page shows {MOST_POINTS}")
+    return [
+        PointClicked(
+            name,
+            {camera: (float(x), float(y)) for camera, (x, y) in pixels.items()},
+            _triple(points.known_m.get(name)),
+        )
+        for name, pixels in points.pixels.items()
+    ]
+
+
+def check_points(points: Sequence[PointClicked]) -> None:
+    """Checks that no two points have the same name.
+
+    Raises:
+        InputError: two have.
+    """
+    names = [point.name for point in points]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"two points are called {twice[:60]!r}: rename one")
+
+
+def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
+    """Writes points.csv, in which further columns of an earlier one are kept.
+
+    Args:
+        path: the file.
+        points: all points; rows of cameras that are not shown are among their pixels.
+
+    Returns:
+        Names of points that were not written since they are clicked nowhere.
+
+    Raises:
+        InputError: two points have the same name, or the file cannot be written.
+    """
+    check_points(points)
+    others, kept = _further_columns(path)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, (*_COLUMNS, *others), restval="", lineterminator="\n")
+    writer.writeheader()
+    for point in points:
+        for camera, pixel in point.pixels.items():
+            row: dict[str, Any] = kept.get((camera, point.name), {}) | {
+                "camera": camera,
+                "point": point.name,
+                "x_px": f"{pixel[0]:.2f}".rstrip("0").rstrip("."),
+                "y_px": f"{pixel[1]:.2f}".rstrip("0").rstrip("."),
+            }
+            if point.position_m is not None:
+                row |= dict(zip(_COLUMNS[4:], map(repr, point.position_m), strict=True))
+            writer.writerow(row)
+    write_whole(path, text.getvalue())
+    return [point.name for point in points if not point.pixels]
+
+
+def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str, Any]]:
+    """How far each click is from where the calibration puts its point.
+
+    Args:
+        points: measured ones, or clicked in two cameras and more, which are triangulated.
+        rig: the cameras.
+
+    Returns:
+        By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera;
+        `position_m`, world coordinates; `measured`, whether they were typed in.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for point in points:
+        seen = [rig[name] for name in point.pixels if name in rig]
+        pixels = np.array([point.pixels[camera.name] for camera in seen]).reshape(-1, 2)
+        if point.position_m is not None:
+            place = np.array(point.position_m)
+        elif len(seen) > 1 and all(np.isfinite(c.undistort(pixels)).all() for c in seen):
+            place = triangulate(seen, pixels)
+        else:
+            continue
+        expected: dict[str, Any] = {}
+        for camera in rig:
+            (at,), _ = camera.project(place[None])
+            if not np.isfinite(at).all() or np.abs(at).max() > 1e5:
+                continue
+            entry: dict[str, Any] = {"expected": at.tolist()}
+            if camera.name in point.pixels:
+                entry["error_px"] = float(np.linalg.norm(at - point.pixels[camera.name]))
+            expected[camera.name] = entry
+        found[point.name] = {
+            "pixels": expected,
+            "position_m": place.tolist(),
+            "measured": point.position_m is not None,
+        }
+    return found
+
+
+def _triple(position: np.ndarray | None) -> tuple[float, float, float] | None:
+    if position is None:
+        return None
+    x, y, z = position.tolist()
+    return x, y, z
+
+
+def _further_columns(path: Path) -> tuple[list[str], dict[tuple[str, str], dict[str, str]]]:
+    """Names of columns that are none of ours, and their texts by camera and point."""
+    if not path.exists():
+        return [], {}
+    reader = csv.DictReader(io.StringIO(load_text(path, _LARGEST_BYTES)), skipinitialspace=True)
+    others = [name for name in reader.fieldnames or () if name and name not in _COLUMNS]
+    rows = {
+        ((row.get("camera") or "").strip(), (row.get("point") or "").strip()): {
+            name: row.get(name) or "" for name in others
+        }
+        for row in reader
+    }
+    return others, rows

@@ -1,0 +1,193 @@
+"""Regions and unknown places: as the files of a recording have them, as drawn, and saved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+from tomlkit.exceptions import TOMLKitError
+
+from calib.atomic import write_whole
+from calib.documents import load_text, parse_toml
+from calib.errors import InputError
+from voxelpose.recording.folder import Recording, pictures_by_camera
+from voxelpose.recording.unknown_places import RECORDING_FILE, paint_unknown, unknown_polygons
+from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon, check_camera_names
+from voxelpose.setup_page.region_files import (
+    RegionFile,
+    drawn_region,
+    painted_mask,
+    read_regions,
+    write_region,
+)
+
+if TYPE_CHECKING:
+    from silhouette_core.estimator import Frame
+
+_LARGEST_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceFiles:
+    """Regions and unknown places of the files.
+
+    Attributes:
+        sizes: width and height in px of each camera.
+        regions: region files by camera name.
+        painted: (H, W) bool, unknown places that are painted, by camera name.
+        polygons: those of recording.toml in px, by camera name.
+    """
+
+    sizes: dict[str, tuple[int, int]]
+    regions: dict[str, RegionFile]
+    painted: dict[str, NDArray[np.bool_]]
+    polygons: dict[str, list[Polygon]]
+
+    @classmethod
+    def read(cls, recording: Recording) -> PlaceFiles:
+        """Reads the files of a recording.
+
+        Raises:
+            InputError: a file cannot be read, or does not fit its camera.
+        """
+        sizes = {camera.name: camera.size for camera in recording.rig}
+        paths = pictures_by_camera(recording.folder / "unknown", stills=True)
+        listed = unknown_polygons(recording.folder / RECORDING_FILE, recording.camera_names)
+        return cls(
+            sizes,
+            read_regions(recording.folder, sizes),
+            paint_unknown(paths, recording.rig, recording.camera_names),
+            {
+                name: [[(float(x), float(y)) for x, y in polygon] for polygon in polygons]
+                for name, polygons in listed.items()
+                if name in sizes
+            },
+        )
+
+    def region_masks(self, drawn: PlacesDrawn) -> dict[str, NDArray[np.bool_]]:
+        """Where the person may be, (H, W) bool, by camera name, with what is drawn."""
+        masks: dict[str, NDArray[np.bool_] | None] = {
+            name: file.mask for name, file in self.regions.items()
+        }
+        for name, drawing in drawn.regions.items():
+            masks[name] = drawn_region(drawing, self.regions.get(name), self.sizes[name])
+        return {name: mask for name, mask in masks.items() if mask is not None}
+
+    def unknown_masks(self, drawn: PlacesDrawn) -> dict[str, NDArray[np.bool_]]:
+        """Where nothing is known, (H, W) bool, by camera name, with what is drawn."""
+        masks = {}
+        for name, polygons in (self.polygons | dict(drawn.unknown)).items():
+            masks[name] = painted_mask(polygons, self.sizes[name])
+        for name, mask in self.painted.items():
+            masks[name] = masks[name] | mask if name in masks else mask
+        return {name: mask for name, mask in masks.items() if mask.any()}
+
+    def save(self, folder: Path, drawn: PlacesDrawn) -> tuple[list[Path], list[Path]]:
+        """Writes what is drawn; returns the files that were written and removed.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
+        check_camera_names((*drawn.regions, *drawn.unknown), self.sizes)
+        written, removed = [], []
+        for name, drawing in drawn.regions.items():
+            pair = write_region(folder, name, drawing, self.regions.get(name), self.sizes[name])
+            written += [path for path in pair[:1] if path is not None]
+            removed += [path for path in pair[1:] if path is not None]
+        if drawn.unknown:
+            path = folder / RECORDING_FILE
+            if save_unknown(path, drawn.unknown):
+                written.append(path)
+        return written, removed
+
+
+class DrawnSource:
+    """Frames of a recording, with regions and unknown places that need not be saved."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        regions: Mapping[str, NDArray[np.bool_]],
+        unknown: Mapping[str, NDArray[np.bool_]],
+    ) -> None:
+        """Takes the places (H, W) bool by camera name."""
+        self._recording = recording
+        self._regions, self._unknown = regions, unknown
+        self.rig, self.fps = recording.rig, recording.fps
+        self.frame_count = recording.frame_count
+        self.silhouettes_given = recording.silhouettes_given
+
+    def backgrounds(self) -> Mapping[str, Any]:
+        """Frames of the empty view."""
+        return self._recording.backgrounds()
+
+    def regions(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Where the person may be, (H, W) bool, by camera name."""
+        return self._regions
+
+    def unknown(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Where nothing is known, (H, W) bool, by camera name."""
+        return self._unknown
+
+    def at(self, steps: Sequence[int]) -> Iterator[Mapping[str, Frame]]:
+        """Frames of selected time steps."""
+        return self._recording.at(steps)
+
+    def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:
+        """All frames."""
+        return iter(self._recording)
+
+
+def save_unknown(path: Path, polygons: Mapping[str, Sequence[Polygon]]) -> bool:
+    """Writes polygons into recording.toml, whose other contents and comments stay.
+
+    Args:
+        path: the file; made where there is none and something to write.
+        polygons: in px by camera name; a camera without any is taken out.
+
+    Returns:
+        Whether it was written.
+
+    Raises:
+        InputError: the file is no TOML, or cannot be written.
+    """
+    if not path.exists() and not any(polygons.values()):
+        return False
+    document = open_toml(path)
+    table = document.setdefault("unknown", tomlkit.table())
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: unknown is no table: mend it or remove it")
+    for name, listed in polygons.items():
+        if listed:
+            table[name] = [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed]
+        else:
+            table.pop(name, None)
+    write_whole(path, tomlkit.dumps(document) or "\n")
+    return True
+
+
+def open_toml(path: Path) -> tomlkit.TOMLDocument:
+    """A TOML file with its comments and its order; an empty one where there is none.
+
+    Raises:
+        InputError: it is no TOML.
+    """
+    if not path.exists():
+        return tomlkit.document()
+    text = load_text(path, _LARGEST_BYTES)
+    parse_toml(text, path)
+    try:
+        return tomlkit.parse(text)
+    except TOMLKitError as error:
+        raise InputError(f"{path}: no valid TOML: {str(error)[:200]}; mend it") from None
+
+
+def _short(pixel: float) -> int | float:
+    """A coordinate to tenths of a pixel, whole ones without a point."""
+    rounded = round(pixel, 1)
+    return int(rounded) if rounded == int(rounded) else rounded

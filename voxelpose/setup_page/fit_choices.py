@@ -1,0 +1,84 @@
+"""Settings of `fit` in the voxelpose.toml of a recording; its comments and all else stay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import tomlkit
+from msgspec import UNSET
+
+from calib.atomic import write_whole
+from calib.errors import InputError
+from calib.upright import direction_of
+from voxelpose.setup_page.drawn_places import open_toml
+from voxelpose.setup_page.page_requests import FitChosen, check_camera_names
+
+
+def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
+    """Checks what depends on the recording.
+
+    Args:
+        chosen: the settings.
+        names: cameras of the recording.
+
+    Raises:
+        InputError: there is no such camera, or up is no direction.
+    """
+    if chosen.cameras is not UNSET and chosen.cameras is not None:
+        check_camera_names(chosen.cameras, names)
+        if any("," in name for name in chosen.cameras):
+            raise InputError("a camera whose name holds a comma cannot be chosen: rename its files")
+    if chosen.up is not UNSET and chosen.up is not None:
+        up_vector(chosen.up)
+
+
+def up_vector(text: str) -> tuple[float, float, float]:
+    """Direction of up, unit, of an axis or three numbers.
+
+    Raises:
+        InputError: the text is neither.
+    """
+    try:
+        x, y, z = direction_of(text).tolist()
+    except ValueError:
+        raise InputError(
+            f"up = {text[:40]!r} is no direction: give an axis, as in -z, or three numbers, as in"
+            " 0,0.1,-1"
+        ) from None
+    return x, y, z
+
+
+def save_choices(path: Path, chosen: FitChosen, names: Iterable[str]) -> bool:
+    """Writes settings into [fit] of a voxelpose.toml.
+
+    Args:
+        path: the file; made where there is none.
+        chosen: the settings; None takes one out of the file, so that the usual value counts.
+        names: cameras of the recording.
+
+    Returns:
+        Whether there was anything to write.
+
+    Raises:
+        InputError: a value makes no sense, the file is no TOML, or cannot be written.
+    """
+    check_choices(chosen, names)
+    values: dict[str, Any] = msgspec.to_builtins(chosen)  # without what is unset
+    if isinstance(values.get("cameras"), list):
+        values["cameras"] = ",".join(values["cameras"])
+    if not values or (not path.exists() and all(value is None for value in values.values())):
+        return False
+    document = open_toml(path)
+    table = document.setdefault("fit", tomlkit.table())
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: fit must be a section: write [fit]")
+    for name, value in values.items():
+        if value is None:
+            table.pop(name, None)
+        else:
+            table[name] = value
+    write_whole(path, tomlkit.dumps(document) or "\n")
+    return True

@@ -1,0 +1,125 @@
+"""A recording folder as far as it can be opened, also where `fit` would refuse it.
+
+Without a calibration, or with files that do not fit each other, its pictures can be shown and
+drawn on all the same; what needs more says why it is not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calib.camera import Rig
+from calib.errors import InputError, check_name
+from calib.files import read_rig
+from calib.files.notes import read_up
+from voxelpose.recording.folder import (
+    Recording,
+    calibration_path,
+    default_camera,
+    pictures_by_camera,
+)
+from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.subject import read_subject
+
+_RATE = 25.0  # where nothing tells it; nothing here depends on it
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedFolder:
+    """A recording folder that is being set up.
+
+    Attributes:
+        recording: its pictures; cameras that are not calibrated stand anywhere.
+        calibrated: whether the cameras are where the calibration says.
+        fault: why `fit` would refuse the folder; "" where it would not.
+    """
+
+    recording: Recording
+    calibrated: bool
+    fault: str
+
+    @classmethod
+    def open(cls, folder: Path, unit: str | None = None, fps: float | None = None) -> OpenedFolder:
+        """Opens all cameras of which there are pictures.
+
+        Args:
+            folder: the recording folder.
+            unit: unit of the calibration's lengths, where the file does not state it.
+            fps: frames per second, where the files do not state it.
+
+        Raises:
+            InputError: it is no folder, or there are no pictures, or some that cannot be read.
+        """
+        try:
+            return cls(Recording.open(folder, None, None, unit, fps), True, "")
+        except InputError as error:
+            fault = str(error)
+        readers, given = _readers(folder)
+        calibration = calibration_path(folder)
+        rig = _calibrated(calibration, readers, unit)
+        if rig is not None and len(rig) == len(readers):
+            try:  # cameras without pictures are no hindrance
+                found = Recording.open(folder, None, rig.names, unit, fps)
+                return cls(found, found.calibration_path is not None, "")
+            except InputError as error:
+                fault = str(error)
+        cameras = rig or Rig(tuple(default_camera(name, r.size) for name, r in readers.items()))
+        count = min(reader.frame_count for reader in readers.values())
+        rate = fps or next((r.fps for r in readers.values() if r.fps is not None), _RATE)
+        recording = Recording(
+            Path(folder),
+            None if rig is None else calibration,
+            cameras,
+            {name: readers[name] for name in cameras.names},
+            0,
+            count,
+            rate,
+            np.arange(count) / rate,
+            read_subject(Path(folder) / "subject.toml"),
+            given,
+            read_up(calibration) if rig is not None and calibration is not None else None,
+            cameras.names,
+        )
+        return cls(recording, rig is not None, fault)
+
+
+def _readers(folder: Path) -> tuple[Mapping[str, FrameReader], bool]:
+    """Readers of all pictures by camera name, and whether they are silhouettes.
+
+    Raises:
+        InputError: there are none, or some cannot be read.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a recording: give a folder with a video per camera")
+    check_name(folder.resolve())
+    paths = pictures_by_camera(folder)
+    given = not paths
+    paths = paths or pictures_by_camera(folder / "masks")
+    if not paths:
+        raise InputError(
+            f"{folder} holds no video: put one per camera there, or a folder of frames per camera"
+            " (cam_1.mp4, or cam_1/0001.png ...)"
+        )
+    for path in paths.values():
+        check_name(path)
+    return {name: FrameReader.open(path) for name, path in paths.items()}, given
+
+
+def _calibrated(
+    calibration: Path | None, readers: Mapping[str, FrameReader], unit: str | None
+) -> Rig | None:
+    """The filmed cameras as calibrated; None where one is not, or at another size."""
+    if calibration is None:
+        return None
+    sizes = {reader.size for reader in readers.values()}
+    try:
+        rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
+    except InputError:
+        return None
+    if any(name not in rig or rig[name].size != reader.size for name, reader in readers.items()):
+        return None
+    return rig.select([name for name in rig.names if name in readers])

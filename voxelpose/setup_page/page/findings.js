@@ -1,0 +1,152 @@
+// The side panel's parts on silhouettes and settings, the check of the cameras, up and the floor.
+
+import { button, checkbox, make, number, refusal } from "./parts.js";
+
+const USUAL = { background: "refined", tolerance: "0", voxel: "automatic", repair: "auto",
+  stature: "estimated" };
+
+export function silhouettesPanel(app) {
+  const { state } = app.store;
+  const body = [
+    make("p", {}, "Silhouettes of the shown frame, as `fit` makes them with what is drawn and chosen"
+      + " here. A result is as good as its silhouettes: whole, without shadows, nothing beside the person."),
+    checkbox("Show silhouettes", app.silhouettes, (now) => app.toggleSilhouettes(now), { id: "show_silhouettes" }),
+  ];
+  if (app.silhouettes) body.push(make("p", { class: "note", id: "silhouette_state" }, app.silhouetteNote));
+  body.push(make("p", {}, make("b", {}, "Settings of fit")), settingsGrid(app, state));
+  body.push(make("p", { class: "note" }, "Saved as [fit] in voxelpose.toml of this folder."));
+  return body;
+}
+
+function settingsGrid(app, state) {
+  const grid = make("div", { class: "grid" });
+  const row = (name, text, input) => {
+    input.id = `fit_${name}`;
+    grid.append(make("label", { htmlFor: input.id }, text), input);
+    const note = name === "background" && state.refused.background ? state.refused.background : inherited(state, name);
+    if (note) grid.append(make("div", { class: "note" }, note));
+  };
+  row("background", "Method", select(app, "background", ["refined", "paper"], Boolean(state.refused.background)));
+  row("tolerance", "Tolerance, cameras", numeric(app, "tolerance", { min: 0, max: 60, step: 1 }, true));
+  row("repair", "Repair cameras", select(app, "repair", ["auto", "say", "off"], false));
+  row("voxel", "Voxel, m", numeric(app, "voxel", { min: 0.002, max: 0.5, step: "any" }, false));
+  row("stature", "Stature, m", numeric(app, "stature", { min: 0.3, max: 3, step: "any" }, false));
+  if (state.cameras.length > 1) {
+    const chosen = app.store.doc.fit.cameras;
+    const boxes = state.cameras.map(({ name }) => checkbox(name, !chosen || chosen.includes(name), (now) =>
+      app.useCamera(name, now)));
+    grid.append(make("label", {}, "Cameras"), make("div", { class: "boxes" }, ...boxes));
+    const note = inherited(state, "cameras");
+    if (note) grid.append(make("div", { class: "note" }, note));
+  }
+  return grid;
+}
+
+// What a folder above says, where this one says nothing.
+function inherited(state, name) {
+  const setting = state.settings[name];
+  return setting && setting.file !== state.own_settings ? `${setting.value}, from ${setting.file}` : "";
+}
+
+function select(app, name, choices, disabled) {
+  const value = app.store.doc.fit[name];
+  const usual = inherited(app.store.state, name) ? "as in the other file" : `usual (${USUAL[name]})`;
+  const element = make("select", { disabled },
+    make("option", { value: "" }, usual), ...choices.map((each) => make("option", { value: each }, each)));
+  element.value = value ?? "";
+  element.addEventListener("change", () => app.setFit(name, element.value || null));
+  return element;
+}
+
+function numeric(app, name, bounds, whole) {
+  const value = app.store.doc.fit[name];
+  const input = make("input", { type: "number", value: value ?? "", placeholder: USUAL[name], ...bounds });
+  input.addEventListener("change", () => {
+    const good = input.value === "" ? input.validity.valid : input.validity.valid && (!whole || Number.isInteger(+input.value));
+    input.classList.toggle("wrong", !good);
+    if (good) app.setFit(name, input.value === "" ? null : Number(input.value));
+  });
+  return input;
+}
+
+export function checkPanel(app) {
+  const { state } = app.store;
+  const body = [make("p", {}, "Whether the calibration still fits these videos, by the silhouettes of a"
+    + " dozen moments: `voxelpose calibrate check`.")];
+  if (state.refused.check) body.push(refusal(state.refused.check));
+  const { check } = app;
+  const running = check.state === "running";
+  const label = running ? "Checking …" : check.state === "idle" ? "Check the cameras" : "Check again";
+  body.push(make("div", { class: "row" },
+    button(label, () => app.startCheck(), { class: "main", id: "start_check", disabled: running || Boolean(state.refused.check) })));
+  if (app.store.dirtyParts.some((part) => part !== "points") && !state.refused.check) {
+    body.push(make("p", { class: "note" }, "It reads the folder: save first what is to count."));
+  }
+  if (running) {
+    const bar = make("progress", check.total ? { max: check.total, value: check.done } : {});
+    body.push(bar, make("p", { class: "note" }, `${check.stage}${check.total ? `, ${check.done} of ${check.total}` : ""}`));
+  }
+  if (check.state === "failed") body.push(refusal(check.error));
+  if (check.state === "done") body.push(...findings(app, check));
+  return body;
+}
+
+function findings(app, check) {
+  const rows = check.cameras.map((line) => make("tr", {},
+    make("td", {}, line.camera), make("td", {}, number(line.error_px, 1)),
+    make("td", {}, number(line.others_px, 1)), make("td", {}, String(line.planes)),
+    make("td", { class: line.verdict === "agrees" ? "good" : "bad" }, line.verdict)));
+  const body = [
+    make("p", { class: check.agrees ? "good" : "bad", id: "check_summary" }, check.summary),
+    make("table", {}, make("thead", {}, make("tr", {}, ...["camera", "off, px", "others, px", "planes", ""].map(
+      (text) => make("th", {}, text)))), make("tbody", {}, ...rows)),
+  ];
+  for (const repair of check.repairs) {
+    body.push(make("p", {}, make("b", {}, repair.summary), make("br"), repair.remedy));
+  }
+  if (check.after) body.push(make("p", {}, `with that put right: ${check.after}`));
+  if (!check.agrees && !check.repairs.length) {
+    body.push(make("p", {}, "Calibrate again; if the videos were not started together, first"
+      + " `voxelpose calibrate sync`."));
+  }
+  for (const note of check.notes) body.push(make("p", { class: "note" }, note));
+  body.push(make("img", { class: "shot", src: `/api/check/picture?${app.checkNumber}`, alt: "Every camera with the outlines that the others predict", onclick: (event) => app.enlargePicture(event.target.src) }));
+  return body;
+}
+
+export function floorPanel(app) {
+  const { state, doc } = app.store;
+  const body = [make("p", {}, "The grid must lie on the floor and the yellow pole, 1.8 m, must stand"
+    + " upright on it. Red, green and blue are the axes x, y and z of the calibration's world.")];
+  if (state.refused.floor) return [...body, refusal(state.refused.floor)];
+  const { found, source, choices } = state.up;
+  const other = inherited(state, "up");
+  body.push(checkbox("Show floor and axes", app.ground, (now) => app.toggleGround(now), { id: "show_ground" }));
+  const options = [{ name: "", text: other ? `as in the other file (${other})` : `as found: ${found}` },
+    ...choices.map(({ name, worth }) => ({ name, text: `${name}  ·  cameras ${Math.round(100 * worth)} %` }))];
+  const own = doc.fit.up;
+  if (own !== null && !options.some(({ name }) => name === own)) options.push({ name: own, text: own });
+  const element = make("select", { id: "up" }, ...options.map(({ name, text }) => make("option", { value: name }, text)));
+  element.value = own ?? "";
+  element.addEventListener("change", () => app.setFit("up", element.value || null));
+  const free = make("input", { type: "text", id: "up_numbers", placeholder: "or three numbers: 0,0.1,-1" });
+  free.addEventListener("change", () => {
+    const good = free.value.split(",").length === 3 && free.value.split(",").every((text) => text.trim() && Number.isFinite(+text));
+    free.classList.toggle("wrong", !good);
+    if (good) app.setFit("up", free.value.replaceAll(" ", ""));
+  });
+  body.push(make("div", { class: "grid" }, make("label", { htmlFor: "up" }, "Up is"), element,
+    make("span"), free));
+  body.push(make("p", { class: "note" }, `${found} is found from ${source}. The share tells how well a direction explains how the`
+    + " cameras stand. What is chosen is saved as up under [fit] in voxelpose.toml; the calibration is not changed."));
+  const height = make("input", { type: "range", min: -2, max: 2, step: 0.01, value: app.height, id: "height" });
+  const text = make("output", {}, `${number(app.height, 2)} m`);
+  height.addEventListener("input", () => {
+    text.textContent = `${number(+height.value, 2)} m`;
+    app.setHeight(+height.value);
+  });
+  body.push(make("div", { class: "row" }, make("label", { htmlFor: "height" }, "Height"), height, text));
+  body.push(make("p", { class: "note" }, "Height of the grid in the calibration's world, to look at only: `fit`"
+    + " finds the floor from the feet."));
+  return body;
+}

@@ -1,0 +1,383 @@
+// The page: cameras in the middle, steps at the side, time below.
+
+import { arrange } from "./arrange.js";
+import { getJson, onConnection, postJson } from "./api.js";
+import { CameraView } from "./camera_view.js";
+import { checkPanel, floorPanel, silhouettesPanel } from "./findings.js";
+import { Loupe } from "./loupe.js";
+import { Overlays } from "./overlays.js";
+import { placesPanel, pointsPanel } from "./panels.js";
+import { make } from "./parts.js";
+import { pointActions } from "./point_actions.js";
+import { Pointer, polygonsOf } from "./pointer.js";
+import { Store } from "./store.js";
+
+const by = (id) => document.getElementById(id);
+const STEPS = [
+  ["region", "Region of interest", "#50c878", (app) => placesPanel(app, "region")],
+  ["unknown", "Unknown places", "#ff9628", (app) => placesPanel(app, "unknown")],
+  ["points", "Scene points", "#ffd23f", pointsPanel],
+  ["silhouettes", "Silhouettes and settings", "#40c8ff", silhouettesPanel],
+  ["check", "Check the cameras", "#b99cff", checkPanel],
+  ["floor", "Up and the floor", "#f2f4f6", floorPanel],
+];
+
+class App {
+  constructor(state) {
+    this.store = new Store(state);
+    this.views = new Map();
+    this.tool = "region";
+    this.large = this.chosen = this.draft = null;
+    this.point = state.points[0]?.name ?? null;
+    this.typed = {};
+    this.errors = {};
+    this.silhouettes = this.ground = false;
+    this.silhouetteNote = "";
+    this.height = 0;
+    this.check = { state: "idle" };
+    this.checkNumber = 0;
+    this.moment = Math.floor(state.moments / 2);
+    this.loupe = new Loupe(by("loupe"));
+    this.pointer = new Pointer(this);
+    this.overlays = new Overlays(this);
+    this.build();
+    this.store.addEventListener("change", () => this.changed());
+    this.changed();
+    this.overlays.loadMoment();
+  }
+
+  build() {
+    const { state } = this.store;
+    by("recording").textContent = state.name;
+    by("recording").title = state.folder;
+    document.title = `${state.name} – voxelpose setup`;
+    for (const camera of state.cameras) {
+      const view = new CameraView(camera);
+      view.scene = (name) => this.scene(name);
+      view.element.addEventListener("whole", () => view.reset());
+      view.element.addEventListener("all", () => this.enlarge(null));
+      this.pointer.attach(view);
+      this.views.set(camera.name, view);
+      by("tiles").append(view.element);
+    }
+    Object.assign(by("moment"), { max: state.moments - 1, value: this.moment });
+    by("empty_label").hidden = !state.cameras.some((camera) => camera.empty);
+    by("moment").addEventListener("input", () => this.seek(+by("moment").value));
+    by("back").addEventListener("click", () => this.seek(this.moment - 1));
+    by("forward").addEventListener("click", () => this.seek(this.moment + 1));
+    by("empty").addEventListener("change", () => this.overlays.loadMoment());
+    by("undo").addEventListener("click", () => this.undo());
+    by("redo").addEventListener("click", () => this.redo());
+    by("save").addEventListener("click", () => this.save());
+    this.watchPanel();
+    document.addEventListener("keydown", (event) => this.key(event));
+    addEventListener("resize", () => this.arrange());
+    addEventListener("beforeunload", (event) => {
+      if (!this.store.dirty && !this.draft) return;
+      event.preventDefault();
+      event.returnValue = true; // for browsers that ask only then
+    });
+    onConnection((reachable) => {
+      by("banner").hidden = reachable;
+      by("banner").textContent = "The program has ended or cannot be reached. What you drew is still"
+        + " here: start `voxelpose setup` again at the same port, and save.";
+    });
+    by("fault").hidden = !state.fault;
+    by("fault").replaceChildren(make("span", {}, `\`fit\` would refuse this folder: ${state.fault}`));
+    this.arrange();
+  }
+
+  notice(text) {
+    by("banner").hidden = false;
+    by("banner").textContent = text;
+  }
+
+  cameraState(name) {
+    return this.store.state.cameras.find((camera) => camera.name === name);
+  }
+
+  scene(name) {
+    const { doc } = this.store;
+    return {
+      tool: this.tool,
+      region: doc.regions[name],
+      unknown: doc.unknown[name],
+      points: doc.points,
+      errors: this.errors,
+      point: this.point,
+      chosen: name === this.large ? this.chosen : null,
+      draft: this.draft?.camera === name ? this.draft : null,
+      silhouettes: this.silhouettes && !by("empty").checked,
+      ground: this.ground,
+    };
+  }
+
+  // After a change of the document.
+  changed() {
+    const { store } = this;
+    if (this.chosen && this.large) {
+      const polygon = polygonsOf(store.doc, this.chosen.kind, this.large)[this.chosen.index];
+      if (!polygon) this.chosen = null;
+    }
+    by("undo").disabled = !store.past.length;
+    by("redo").disabled = !store.future.length;
+    by("save").disabled = !store.dirty;
+    if (store.dirty) this.status(`not saved: ${store.dirtyParts.join(", ")}`);
+    else if (!by("saving").classList.contains("done")) this.status("");
+    this.overlays.update();
+    this.show();
+  }
+
+  status(text, done = false) {
+    by("saving").textContent = by("saving").title = text;
+    by("saving").classList.toggle("done", done);
+  }
+
+  show() {
+    for (const view of this.views.values()) view.draw();
+    this.hint();
+    this.renderSoon();
+  }
+
+  // Draws the side panel when nothing in it is pressed or being typed, which would be lost.
+  renderSoon() {
+    clearTimeout(this.rendering);
+    this.rendering = setTimeout(() => {
+      if (!this.pressed && !this.typing) this.render();
+    });
+  }
+
+  watchPanel() {
+    const tools = by("tools");
+    const release = () => {
+      this.pressed = false;
+      this.renderSoon();
+    };
+    tools.addEventListener("pointerdown", () => (this.pressed = true));
+    addEventListener("pointerup", release);
+    addEventListener("pointercancel", release);
+    tools.addEventListener("input", (event) => {
+      if (event.target.matches("[type=text], [type=number]")) this.typing = true;
+    });
+    for (const end of ["change", "focusout"]) {
+      tools.addEventListener(end, () => {
+        if (this.replacing) return; // a field that is replaced loses the focus, and gets it back
+        this.typing = false;
+        this.renderSoon();
+      }, true);
+    }
+  }
+
+  render() {
+    const tools = by("tools");
+    const { id: focus, selectionStart, selectionEnd } = document.activeElement ?? {};
+    const { scrollTop } = tools;
+    this.replacing = true;
+    tools.replaceChildren(...STEPS.map(([tool, title, colour, panel]) => {
+      const open = tool === this.tool;
+      const dot = make("i");
+      dot.style.background = colour;
+      const step = make("section", { class: `step${open ? " open" : ""}` },
+        make("button", { onclick: () => this.use(tool), "aria-expanded": open, "data-tool": tool },
+          dot, make("b", {}, title), make("small", {}, this.badge(tool))));
+      if (open) step.append(make("div", { class: "body" }, ...panel(this)));
+      return step;
+    }));
+    tools.scrollTop = scrollTop;
+    const wanted = this.wanted ?? focus;
+    const field = wanted ? tools.querySelector(`#${CSS.escape(wanted)}`) : null;
+    field?.focus();
+    if (this.wanted) field?.select();
+    else if (field?.type === "text") field.setSelectionRange(selectionStart, selectionEnd);
+    this.wanted = null;
+    this.replacing = false;
+  }
+
+  badge(tool) {
+    const { doc, state } = this.store;
+    if (tool === "region" || tool === "unknown") {
+      const painted = (camera) => (tool === "region" ? camera.painted_region && doc.regions[camera.name].painted : camera.painted_unknown);
+      const count = state.cameras.filter((camera) => polygonsOf(doc, tool, camera.name).length || painted(camera)).length;
+      return count ? `${count} of ${state.cameras.length} cameras` : "";
+    }
+    if (tool === "points") return doc.points.length ? String(doc.points.length) : "";
+    if (tool === "silhouettes") return this.silhouettes ? "shown" : "";
+    if (tool === "check") {
+      if (state.refused.check) return "not here";
+      return this.check.state === "done" ? (this.check.agrees ? "agree" : "look here") : "";
+    }
+    if (state.refused.floor) return "not here";
+    return this.ground ? "shown" : doc.fit.up ?? "";
+  }
+
+  hint() {
+    const many = this.views.size > 1;
+    let text = many ? "Click a camera to enlarge it." : "Click the picture to work on it.";
+    if (this.large) {
+      const does = {
+        region: "Click corners of the region.", unknown: "Click corners of what is hidden.",
+        points: this.point ? `Click where ${this.point} is.` : "Click a place: it becomes a new point.",
+      }[this.tool] || "";
+      const closing = "Click the first corner, or press Enter, to close; Backspace takes one back.";
+      text = `${this.draft ? closing : does} Wheel zooms, dragging moves the picture, Esc goes back.`;
+    }
+    by("hint").textContent = text.trim();
+  }
+
+  use(tool) {
+    this.tool = tool;
+    this.draft = this.chosen = null;
+    this.loupe.hide();
+    if (tool === "floor" && !this.ground && !this.store.state.refused.floor) this.toggleGround(true);
+    if (tool === "silhouettes" && !this.silhouettes) this.toggleSilhouettes(true);
+    this.show();
+  }
+
+  enlarge(name) {
+    if (name !== this.large) this.draft = this.chosen = null;
+    this.large = name;
+    this.loupe.hide();
+    this.arrange();
+    this.show();
+  }
+
+  arrange() {
+    arrange(by("tiles"), this.views, this.large);
+  }
+
+  seek(moment) {
+    this.moment = Math.min(Math.max(moment, 0), this.store.state.moments - 1);
+    by("moment").value = this.moment;
+    this.overlays.loadMoment();
+  }
+
+  key(event) {
+    const command = event.ctrlKey || event.metaKey;
+    const typing = event.target.matches("input:not([type=range], [type=checkbox]), select");
+    const key = event.key.toLowerCase();
+    if (command && key === "s") {
+      document.activeElement?.blur(); // what is being typed counts
+      this.save();
+    } else if (typing || by("picture").open) {
+      return;
+    } else if (command && key === "z") {
+      if (event.shiftKey) this.redo();
+      else this.undo();
+    } else if (command && key === "y") {
+      this.redo();
+    } else if (command || event.altKey || (event.target.matches("input") && event.key.startsWith("Arrow"))) {
+      return;
+    } else if (event.key === "Enter" && event.target.matches("button") && !this.draft) {
+      return;
+    } else if (!this.large || !this.pointer.key(this.views.get(this.large), event)) {
+      return;
+    }
+    event.preventDefault();
+  }
+
+  undo() {
+    if (this.draft) {
+      this.draft.corners.pop();
+      if (!this.draft.corners.length) this.draft = null;
+      this.show();
+    } else {
+      this.typed = {};
+      this.store.undo();
+    }
+  }
+
+  redo() {
+    this.typed = {};
+    this.store.redo();
+  }
+
+  choose(chosen) {
+    this.chosen = chosen;
+    this.show();
+  }
+
+  removePolygon(kind, camera, index) {
+    this.chosen = null;
+    this.store.change(`remove ${Math.random()}`, (doc) => polygonsOf(doc, kind, camera).splice(index, 1));
+  }
+
+  setFit(name, value) {
+    this.store.change(`fit ${name}`, (doc) => (doc.fit[name] = value));
+  }
+
+  useCamera(name, used) {
+    const all = this.store.state.cameras.map((camera) => camera.name);
+    const now = this.store.doc.fit.cameras ?? all;
+    const chosen = all.filter((each) => (each === name ? used : now.includes(each)));
+    if (chosen.length) this.setFit("cameras", chosen.length === all.length ? null : chosen);
+    this.show();
+  }
+
+  toggleSilhouettes(now) {
+    this.silhouettes = now;
+    this.overlays.update();
+    this.show();
+  }
+
+  toggleGround(now) {
+    this.ground = now;
+    this.overlays.update();
+    this.show();
+  }
+
+  setHeight(height) {
+    this.height = height;
+    this.overlays.update();
+  }
+
+  enlargePicture(source) {
+    by("picture").querySelector("img").src = source;
+    by("picture").showModal();
+  }
+
+  async startCheck() {
+    try {
+      this.check = await postJson("/api/check/start", {});
+      this.checkNumber++;
+      while (this.check.state === "running") {
+        this.show();
+        await new Promise((done) => setTimeout(done, 300));
+        this.check = await getJson("/api/check");
+      }
+    } catch (error) {
+      this.check = { state: "failed", error: error.message };
+    }
+    this.show();
+  }
+
+  async save() {
+    if (!this.store.dirty || this.isSaving) return;
+    this.isSaving = true;
+    const sent = structuredClone(this.store.doc);
+    this.status("saving …");
+    try {
+      const { written, removed, left_out, state } = await postJson("/api/save", this.store.changes());
+      const words = [];
+      if (written.length) words.push(`written: ${written.join(", ")}`);
+      if (removed.length) words.push(`removed: ${removed.join(", ")}`);
+      if (left_out.length) words.push(`not yet clicked, so not saved: ${left_out.join(", ")}`);
+      this.overlays.forgetPainted();
+      this.store.adopt(state, sent);
+      this.status(words.join("; ") || "nothing to write", !left_out.length);
+    } catch (error) {
+      this.status(`not saved: ${error.message}`);
+      this.notice(`Not saved: ${error.message}`);
+    } finally {
+      this.isSaving = false;
+    }
+  }
+}
+
+Object.assign(App.prototype, pointActions);
+
+try {
+  window.app = new App(await getJson("/api/state"));
+} catch (error) {
+  by("banner").hidden = false;
+  by("banner").textContent = error.message;
+}

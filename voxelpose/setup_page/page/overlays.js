@@ -1,0 +1,158 @@
+// What is fetched for the cameras: pictures of a moment, silhouettes, painted places, the floor.
+
+import { loadImage, postJson } from "./api.js";
+
+const by = (id) => document.getElementById(id);
+const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
+
+// Runs one task after a pause, and only the last one that is asked for; its `current()` tells
+// whether another was asked for meanwhile.
+function latest(pause, task, failed) {
+  let number = 0;
+  return async () => {
+    const mine = ++number;
+    const current = () => mine === number;
+    await later(pause);
+    if (!current()) return;
+    try {
+      await task(current);
+    } catch (error) {
+      if (current()) failed(error);
+    }
+  };
+}
+
+export class Overlays {
+  constructor(app) {
+    this.app = app;
+    this.keys = {};
+    const quiet = () => {};
+    this.loadPictures = latest(60, (current) => this.pictures(current), (error) => this.timeText(error.message));
+    this.loadSilhouettes = latest(250, (current) => this.silhouettes(current), (error) => this.silhouetteText(error.message));
+    this.loadGround = latest(30, (current) => this.ground(current), (error) => app.notice(error.message));
+    this.loadErrors = latest(200, (current) => this.errors(current), quiet);
+    this.forgetPainted();
+  }
+
+  // Fetches again what depends on something that has changed.
+  update() {
+    const { app } = this;
+    const { doc, state } = app.store;
+    const settings = doc.fit.background ?? state.settings.background?.value ?? "refined";
+    const wanted = app.silhouettes
+      ? JSON.stringify([this.app.moment, settings, doc.regions, doc.unknown]) : null;
+    if (this.changed("silhouettes", wanted)) {
+      if (wanted) this.silhouetteText("Making silhouettes …");
+      this.loadSilhouettes();
+    }
+    const up = JSON.stringify([app.ground, doc.fit.up, app.height]);
+    if (this.changed("ground", up) && app.ground) this.loadGround();
+    if (this.changed("errors", JSON.stringify(doc.points)) && !state.refused.points) this.loadErrors();
+  }
+
+  changed(name, key) {
+    const before = this.keys[name];
+    this.keys[name] = key;
+    return before !== key;
+  }
+
+  loadMoment() {
+    const { app } = this;
+    const { times_s, first } = app.store.state;
+    const time = times_s ? `  ·  ${times_s[app.moment].toFixed(2)} s` : "";
+    this.timeText(by("empty").checked ? "empty view" : `frame ${first + app.moment}${time}`);
+    by("loading").hidden = false;
+    this.loadPictures();
+    this.update();
+  }
+
+  timeText(text) {
+    by("moment_text").textContent = text;
+  }
+
+  async pictures(current) {
+    const { app } = this;
+    const empty = by("empty").checked;
+    try {
+      await Promise.all([...app.views.values()].map(async (view) => {
+        const there = !empty || app.cameraState(view.name).empty;
+        const query = empty ? "" : `?moment=${app.moment}`;
+        const image = there ? await loadImage(`/picture/${encodeURIComponent(view.name)}${query}`) : null;
+        if (!current()) return;
+        view.image = image;
+        view.draw();
+      }));
+    } finally {
+      if (current()) by("loading").hidden = true;
+    }
+  }
+
+  async forgetPainted() {
+    for (const { name, painted_region, painted_unknown } of this.app.store.state.cameras) {
+      const view = this.app.views.get(name);
+      const load = (kind) => loadImage(`/painted/${kind}/${encodeURIComponent(name)}?${Math.random()}`);
+      queueMicrotask(async () => {
+        const target = view ?? this.app.views.get(name);
+        target.painted = painted_region ? await load("region") : null;
+        target.hidden = painted_unknown ? await load("unknown") : null;
+        target.draw();
+      });
+    }
+  }
+
+  silhouetteText(text) {
+    this.app.silhouetteNote = text;
+    const note = by("silhouette_state");
+    if (note) note.textContent = text;
+  }
+
+  async silhouettes(current) {
+    const { app } = this;
+    if (!app.silhouettes) return;
+    const { doc, state } = app.store;
+    const request = {
+      moment: app.moment,
+      background: doc.fit.background ?? state.settings.background?.value ?? "refined",
+      places: { regions: doc.regions, unknown: doc.unknown },
+    };
+    let answer = await postJson("/api/silhouettes", request);
+    while (!answer.ready) {
+      this.silhouetteText("Learning the backgrounds, a few seconds …");
+      await later(400);
+      if (!current()) return;
+      answer = await postJson("/api/silhouettes", request);
+    }
+    await Promise.all(Object.entries(answer.cameras).map(async ([name, { png }]) => {
+      const image = await loadImage(`data:image/png;base64,${png}`);
+      if (!current()) return;
+      const view = app.views.get(name);
+      view.silhouette = image;
+      view.draw();
+    }));
+    if (!current()) return;
+    const shares = Object.entries(answer.cameras).map(([name, { share }]) => `${name} ${(100 * share).toFixed(1)} %`);
+    const guessed = answer.guessed.length
+      ? ` No empty view of ${answer.guessed.join(", ")}: the background is estimated from the frames.` : "";
+    this.silhouetteText(`Share of the picture: ${shares.join(", ")}.${guessed}`);
+  }
+
+  async ground(current) {
+    const { app } = this;
+    const { doc, state } = app.store;
+    const up = doc.fit.up ?? state.settings.up?.value ?? null;
+    const answer = await postJson("/api/ground", { up, height_m: app.height });
+    if (!current()) return;
+    for (const view of app.views.values()) {
+      view.ground = answer.cameras[view.name] || [];
+      view.draw();
+    }
+  }
+
+  async errors(current) {
+    const { app } = this;
+    const found = await postJson("/api/points", { points: app.store.doc.points });
+    if (!current()) return;
+    app.errors = found;
+    app.show();
+  }
+}

@@ -1,0 +1,175 @@
+"""What the page may send: every number bounded, every text short, nothing else let through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Literal, TypeVar
+
+import msgspec
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+from calib.errors import InputError
+
+LARGEST_BODY = 4_000_000
+"""Bytes of a request: ten thousands of corners."""
+MOST_POINTS = 2000
+
+Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
+Metre = Annotated[float, Meta(ge=-10_000, le=10_000)]
+Corner = tuple[Pixel, Pixel]
+Polygon = Annotated[list[Corner], Meta(min_length=3, max_length=1000)]
+Polygons = Annotated[list[Polygon], Meta(max_length=200)]
+Name = Annotated[str, Meta(min_length=1, max_length=200)]
+# Of a point, as a line of a table: no line breaks, no quotes, nothing before or after.
+PointName = Annotated[
+    str,
+    Meta(
+        min_length=1,
+        max_length=60,
+        pattern=r"^[^\s\x00-\x1f\x7f\",]"
+        r"([^\x00-\x1f\x7f\",]*[^\s\x00-\x1f\x7f\",])?$",
+    ),
+]
+
+
+class RegionDrawing(Struct, forbid_unknown_fields=True):
+    """Where the person may be in one camera.
+
+    Attributes:
+        painted: whether what the file holds beside polygons is kept.
+        polygons: in px, inside which the person may be.
+    """
+
+    painted: bool
+    polygons: Polygons
+
+
+class PlacesDrawn(Struct, forbid_unknown_fields=True):
+    """Regions and unknown places, by camera name; cameras that are not named stay as in the files.
+
+    Attributes:
+        regions: where the person may be.
+        unknown: polygons in px where nothing is known.
+    """
+
+    regions: dict[Name, RegionDrawing] = {}
+    unknown: dict[Name, Polygons] = {}
+
+
+class PointClicked(Struct, forbid_unknown_fields=True):
+    """A point of the scene.
+
+    Attributes:
+        name: its name.
+        pixels: px, by camera name, where it was clicked.
+        position_m: world coordinates in metres, where measured.
+    """
+
+    name: PointName
+    pixels: dict[Name, Corner] = {}
+    position_m: tuple[Metre, Metre, Metre] | None = None
+
+
+Points = Annotated[list[PointClicked], Meta(max_length=MOST_POINTS)]
+Up = Annotated[str, Meta(min_length=1, max_length=80)]
+
+
+class FitChosen(Struct, forbid_unknown_fields=True):
+    """Settings of `fit`; None: the usual value, absent: as it is.
+
+    Attributes:
+        background: method of the silhouettes.
+        tolerance: cameras that may see background where the body is.
+        voxel: edge of a voxel, metres.
+        repair: what is done about cameras that do not agree.
+        stature: height of the person, metres.
+        cameras: names of those in use.
+        up: direction of up, an axis or three numbers.
+    """
+
+    background: Literal["refined", "paper"] | UnsetType | None = UNSET
+    tolerance: Annotated[int, Meta(ge=0, le=60)] | UnsetType | None = UNSET
+    voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | UnsetType | None = UNSET
+    repair: Literal["auto", "say", "off"] | UnsetType | None = UNSET
+    stature: Annotated[float, Meta(ge=0.3, le=3.0)] | UnsetType | None = UNSET
+    cameras: Annotated[list[Name], Meta(min_length=1, max_length=200)] | UnsetType | None = UNSET
+    up: Up | UnsetType | None = UNSET
+
+
+class SilhouetteRequest(Struct, forbid_unknown_fields=True):
+    """Silhouettes of a moment, with what is drawn but not saved.
+
+    Attributes:
+        moment: time step, from 0.
+        background: method.
+        places: what is drawn.
+    """
+
+    moment: Annotated[int, Meta(ge=0, le=10_000_000)]
+    background: Literal["refined", "paper"] = "refined"
+    places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
+
+
+class PointsRequest(Struct, forbid_unknown_fields=True):
+    """Points of which the errors are asked for."""
+
+    points: Points
+
+
+class GroundRequest(Struct, forbid_unknown_fields=True):
+    """A floor to be drawn.
+
+    Attributes:
+        up: direction of up; None: as it is found.
+        height_m: height of the floor along it.
+    """
+
+    up: Up | None = None
+    height_m: Metre = 0.0
+
+
+class SaveRequest(Struct, forbid_unknown_fields=True):
+    """What is to be written; what is absent stays as it is.
+
+    Attributes:
+        places: regions and unknown places.
+        points: all points of the scene.
+        fit: settings.
+    """
+
+    places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
+    points: Points | UnsetType = UNSET
+    fit: FitChosen = msgspec.field(default_factory=FitChosen)
+
+
+Asked = TypeVar("Asked")
+
+
+def parse_request(body: bytes, kind: type[Asked]) -> Asked:
+    """A request of the page.
+
+    Args:
+        body: JSON.
+        kind: one of the classes above.
+
+    Raises:
+        InputError: it is none, or a value is out of bounds.
+    """
+    try:
+        return msgspec.json.decode(body, type=kind)
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+        raise InputError(f"the page sent what is not understood: {str(error)[:200]}") from None
+
+
+def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
+    """Checks that there are such cameras.
+
+    Raises:
+        InputError: there is one that the recording does not have.
+    """
+    known = list(names)
+    for name in named:
+        if name not in known:
+            raise InputError(
+                f"there is no camera {name[:40]!r}: the recording has {', '.join(known)}"
+            )

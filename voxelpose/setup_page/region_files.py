@@ -1,0 +1,158 @@
+"""regions/CAMERA.png with the polygons it was drawn from, so that their corners can be moved later.
+
+The picture alone decides: polygons count only where they paint exactly what it shows.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, PngImagePlugin
+
+from calib.atomic import unwritable, write_whole
+from calib.errors import InputError
+from voxelpose.recording.folder import pictures_by_camera
+from voxelpose.recording.frame_reader import FrameReader, size_text
+from voxelpose.setup_page.page_requests import Polygon, Polygons, RegionDrawing
+
+_KEY = "voxelpose polygons"
+
+
+@dataclass(frozen=True, eq=False)
+class RegionFile:
+    """The region of a camera as its file has it.
+
+    Attributes:
+        path: the file.
+        mask: (H, W) bool, where the person may be.
+        polygons: what it was drawn from, px; empty where it was painted.
+    """
+
+    path: Path
+    mask: NDArray[np.bool_]
+    polygons: list[Polygon]
+
+    @property
+    def painted(self) -> bool:
+        """Whether the file is no drawing of polygons alone."""
+        return not self.polygons
+
+
+def painted_mask(polygons: Sequence[Polygon], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Pixels (H, W) bool within any of the polygons, as the reader of recording.toml paints them.
+
+    Args:
+        polygons: corners in px.
+        size: width and height in px.
+    """
+    image = np.zeros(size[::-1], np.uint8)
+    for polygon in polygons:
+        cv2.fillPoly(image, [np.rint(np.array(polygon)).astype(np.int32)], 1)
+    return image.view(np.bool_)
+
+
+def read_regions(folder: Path, sizes: dict[str, tuple[int, int]]) -> dict[str, RegionFile]:
+    """The region files of a recording, by camera name.
+
+    Args:
+        folder: the recording.
+        sizes: width and height in px of each camera.
+
+    Raises:
+        InputError: a file cannot be read or differs in size from its camera.
+    """
+    files = {}
+    for name, path in pictures_by_camera(folder / "regions", stills=True).items():
+        if name not in sizes:
+            continue
+        image = next(iter(FrameReader.open(path)))
+        if image.shape[1::-1] != sizes[name]:
+            raise InputError(
+                f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
+                f" {size_text(sizes[name])}: remove it, and draw the region again"
+            )
+        mask = image.max(axis=2) > 127
+        polygons = _stored_polygons(path)
+        if not np.array_equal(painted_mask(polygons, sizes[name]), mask):
+            polygons = []
+        files[name] = RegionFile(path, mask, polygons)
+    return files
+
+
+def drawn_region(
+    drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
+) -> NDArray[np.bool_] | None:
+    """Where the person may be, (H, W) bool, by a drawing; None: everywhere.
+
+    Args:
+        drawing: of one camera.
+        file: its present file.
+        size: width and height in px.
+    """
+    mask = painted_mask(drawing.polygons, size) if drawing.polygons else None
+    if drawing.painted and file is not None and file.painted:
+        mask = file.mask if mask is None else mask | file.mask
+    return mask
+
+
+def write_region(
+    folder: Path, name: str, drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
+) -> tuple[Path | None, Path | None]:
+    """Writes the region of a camera; returns the files that were written and removed.
+
+    Args:
+        folder: the recording.
+        name: of the camera.
+        drawing: its region.
+        file: its present file.
+        size: width and height in px.
+
+    Raises:
+        InputError: the region leaves nothing, or the system refuses.
+    """
+    if file is not None and file.path.is_dir():
+        raise InputError(f"{file.path} is a folder: replace it by {name}.png, then draw")
+    mask = drawn_region(drawing, file, size)
+    if mask is not None and not mask.any():
+        raise InputError(f"the region of {name} is outside of its picture: draw it within")
+    path = folder / "regions" / f"{name}.png"
+    if mask is not None:
+        try:
+            path.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            raise unwritable(path, error) from error
+        write_whole(path, _png(mask, drawing.polygons))
+    if file is None or (mask is not None and file.path == path):
+        return path if mask is not None else None, None
+    try:
+        file.path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{file.path} cannot be removed: {error.strerror or error}") from error
+    return path if mask is not None else None, file.path
+
+
+def _png(mask: NDArray[np.bool_], polygons: list[Polygon]) -> bytes:
+    notes = PngImagePlugin.PngInfo()
+    notes.add_text(_KEY, msgspec.json.encode(polygons).decode())
+    file = io.BytesIO()
+    Image.fromarray(mask.view(np.uint8) * np.uint8(255)).save(file, "PNG", pnginfo=notes)
+    return file.getvalue()
+
+
+def _stored_polygons(path: Path) -> list[Polygon]:
+    """Polygons in the notes of a PNG; none where they are not there or not understood."""
+    if path.suffix.lower() != ".png" or not path.is_file():
+        return []
+    try:
+        with Image.open(path) as image:
+            text = getattr(image, "text", {}).get(_KEY, "")
+        return msgspec.json.decode(text, type=Polygons)
+    except (OSError, ValueError, SyntaxError, msgspec.DecodeError):
+        return []

@@ -1,0 +1,297 @@
+"""What the page shows and saves: one recording folder that is being set up."""
+
+from __future__ import annotations
+
+import base64
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec import UNSET
+
+from calib.errors import InputError
+from calib.upright import UprightFrame, axis_name
+from voxelpose.recording.settings_files import SETTINGS_FILE
+from voxelpose.setup_page.check_job import CheckJob
+from voxelpose.setup_page.clicked_points import (
+    POINTS_FILE,
+    check_points,
+    point_errors,
+    read_clicked,
+    save_clicked,
+)
+from voxelpose.setup_page.drawn_places import DrawnSource, PlaceFiles
+from voxelpose.setup_page.fit_choices import check_choices, save_choices, up_vector
+from voxelpose.setup_page.ground import ground_lines, up_choices
+from voxelpose.setup_page.opened_folder import OpenedFolder
+from voxelpose.setup_page.page_requests import (
+    GroundRequest,
+    PlacesDrawn,
+    PointsRequest,
+    SaveRequest,
+    SilhouetteRequest,
+    check_camera_names,
+)
+from voxelpose.setup_page.previews import MomentFrames, SilhouettePreview, jpeg, overlay_png
+
+SettingValues = Mapping[str, tuple[Any, str]]
+"""Settings of `fit` by name: value, and the file that it is from."""
+
+_SILHOUETTE = (64, 200, 255)
+_REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)
+_SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
+
+
+class SetupSession:
+    """A recording folder behind the page.
+
+    Attributes:
+        folder: the folder.
+    """
+
+    def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
+        """Reads what the folder holds besides pictures.
+
+        Args:
+            opened: the recording.
+            settings: reads the settings of `fit` for the folder.
+
+        Raises:
+            InputError: a file of the folder is damaged.
+        """
+        self._opened, self._settings = opened, settings
+        self._recording = opened.recording
+        self.folder = self._recording.folder
+        self._places = PlaceFiles.read(self._recording)
+        self._moments = MomentFrames(self._recording)
+        self._previews = SilhouettePreview(self._recording)
+        self._check = CheckJob(self._recording)
+        self._saving = threading.Lock()
+        read_clicked(self.folder / POINTS_FILE)
+
+    def close(self) -> None:
+        """Ends what is running."""
+        self._check.close()
+
+    def state(self) -> dict[str, Any]:
+        """All that the page shows at first, and after saving.
+
+        Raises:
+            InputError: a file was damaged meanwhile.
+        """
+        recording = self._recording
+        with self._saving:
+            places = self._places
+        empty = self._moments.empty()
+        return {
+            "folder": str(self.folder),
+            "name": self.folder.resolve().name,
+            "moments": recording.frame_count,
+            "first": recording.first,
+            "times_s": None if recording.frame_count > 20_000 else recording.times_s.tolist(),
+            "masks_only": recording.silhouettes_given,
+            "cameras": [
+                {
+                    "name": camera.name,
+                    "size": list(camera.size),
+                    "empty": camera.name in empty,
+                    "painted_region": camera.name in places.regions
+                    and places.regions[camera.name].painted,
+                    "painted_unknown": camera.name in places.painted,
+                }
+                for camera in recording.rig
+            ],
+            "regions": {name: file.polygons for name, file in places.regions.items()},
+            "unknown": places.polygons,
+            "points": read_clicked(self.folder / POINTS_FILE),
+            "settings": {
+                name: {"value": value, "file": file}
+                for name, (value, file) in self._settings().items()
+                if name in _SHOWN
+            },
+            "own_settings": str((self.folder / SETTINGS_FILE).resolve()),
+            "refused": self._refusals(),
+            "fault": self._opened.fault,
+            "up": self._up() if self._opened.calibrated else None,
+        }
+
+    def picture(self, camera: str, moment: int | None) -> bytes:
+        """A frame as JPEG; of the empty view where no moment is given.
+
+        Raises:
+            InputError: there is none.
+        """
+        frames = self._moments.empty() if moment is None else self._moments.frames(moment)
+        check_camera_names([camera], self._recording.rig.names)
+        if camera not in frames:
+            raise InputError(f"there is no picture of the empty view of {camera}")
+        return jpeg(frames[camera])
+
+    def painted(self, camera: str, kind: str) -> bytes:
+        """What is painted in regions/ or unknown/, as PNG to be laid over the picture.
+
+        Raises:
+            InputError: nothing is.
+        """
+        file, mask = self._places.regions.get(camera), self._places.painted.get(camera)
+        if kind == "region" and file is not None:
+            return overlay_png(file.mask, _REGION, 0, True)
+        if kind == "unknown" and mask is not None:
+            return overlay_png(mask, _UNKNOWN, 110, True)
+        raise InputError("nothing is painted there")
+
+    def silhouettes(self, asked: SilhouetteRequest) -> dict[str, Any]:
+        """Silhouettes of a moment: `ready` with a PNG by camera, or not yet.
+
+        Raises:
+            InputError: there is no such moment or camera, or files cannot be read.
+        """
+        self._check_places(asked.places)
+        frames = self._moments.frames(asked.moment)
+        unknown = self._places.unknown_masks(asked.places)
+        source = DrawnSource(self._recording, self._places.region_masks(asked.places), unknown)
+        masks = self._previews.masks(asked.background, frames, source)
+        if masks is None:
+            return {"ready": False}
+        return {
+            "ready": True,
+            "guessed": list(self._previews.guessed(asked.background)),
+            "cameras": {
+                name: {
+                    "png": base64.b64encode(overlay_png(mask, _SILHOUETTE, 120, True)).decode(),
+                    "share": float(np.mean(mask)),
+                }
+                for name, mask in masks.items()
+            },
+        }
+
+    def errors(self, asked: PointsRequest) -> dict[str, Any]:
+        """How far the clicks are from where the calibration puts the points.
+
+        Raises:
+            InputError: there is no calibration, or two points have the same name.
+        """
+        self._need("points")
+        check_points(asked.points)
+        return point_errors(asked.points, self._recording.rig)
+
+    def ground(self, asked: GroundRequest) -> dict[str, Any]:
+        """Lines of the floor by camera.
+
+        Raises:
+            InputError: there is no calibration, or up is no direction.
+        """
+        self._need("floor")
+        up = None if asked.up is None else up_vector(asked.up)
+        frame = self._recording.upright_frame(up)
+        frame = UprightFrame(frame.rotation, asked.height_m)
+        return {
+            "up": axis_name(frame.up),
+            "cameras": ground_lines(self._recording.rig, frame),
+        }
+
+    def start_check(self) -> dict[str, Any]:
+        """Begins the check of the cameras.
+
+        Raises:
+            InputError: it is not possible.
+        """
+        self._need("check")
+        self._check.start()
+        return self._check.status()
+
+    def check_status(self) -> dict[str, Any]:
+        """State of the check; see `CheckJob.status`."""
+        return self._check.status()
+
+    def check_picture(self) -> bytes:
+        """PNG of the last check.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self._check.picture is None:
+            raise InputError("the cameras have not been checked")
+        return self._check.picture
+
+    def save(self, asked: SaveRequest) -> dict[str, Any]:
+        """Writes what is asked for; returns the files, what is left out, and the new state.
+
+        Everything is checked before anything is written.
+
+        Raises:
+            InputError: a value makes no sense, or a file cannot be written.
+        """
+        names, folder = self._recording.rig.names, self.folder
+        self._check_places(asked.places)
+        check_choices(asked.fit, names)
+        if asked.points is not UNSET:
+            check_points(asked.points)
+        left_out: list[str] = []
+        with self._saving:
+            written, removed = self._places.save(folder, asked.places)
+            if asked.points is not UNSET and (asked.points or (folder / POINTS_FILE).exists()):
+                left_out = save_clicked(folder / POINTS_FILE, asked.points)
+                written.append(folder / POINTS_FILE)
+            if save_choices(folder / SETTINGS_FILE, asked.fit, names):
+                written.append(folder / SETTINGS_FILE)
+            self._places = PlaceFiles.read(self._recording)
+        return {
+            "written": [str(path.relative_to(folder)) for path in written],
+            "removed": [str(path.relative_to(folder)) for path in removed],
+            "left_out": left_out,
+            "state": self.state(),
+        }
+
+    def _check_places(self, places: PlacesDrawn) -> None:
+        check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)
+
+    def _need(self, part: str) -> None:
+        refusal = self._refusals().get(part)
+        if refusal is not None:
+            raise InputError(refusal)
+
+    def _refusals(self) -> dict[str, str]:
+        """What this folder cannot have, and why."""
+        refused = {}
+        if not self._opened.calibrated:
+            reason = self._opened.fault or "there is no calibration"
+            refused["points"] = refused["floor"] = refused["check"] = reason
+        elif self._opened.fault:
+            refused["check"] = self._opened.fault
+        elif len(self._recording.rig) < 2:
+            refused["check"] = "one camera cannot disagree with another: this needs two or more"
+        if self._recording.silhouettes_given:
+            refused["background"] = "masks/ holds silhouettes: they are used as they are"
+        return refused
+
+    def _up(self) -> dict[str, Any]:
+        """Up without a setting, where it is from, and what else it may be."""
+        stated = self._recording.up is not None
+        return {
+            "found": axis_name(self._recording.upright_frame().up),
+            "source": "the calibration's [metadata]" if stated else "how the cameras stand",
+            "choices": up_choices(self._recording.rig),
+        }
+
+
+def open_session(
+    folder: Path,
+    settings: Callable[[], SettingValues],
+    unit: str | None = None,
+    fps: float | None = None,
+) -> SetupSession:
+    """Opens a recording folder for the page.
+
+    Args:
+        folder: the recording folder.
+        settings: see `SetupSession`.
+        unit: as `OpenedFolder.open`.
+        fps: likewise.
+
+    Raises:
+        InputError: it holds no pictures, or a file is damaged.
+    """
+    return SetupSession(OpenedFolder.open(folder, unit, fps), settings)
