@@ -158,20 +158,38 @@ def save_unknown(path: Path, polygons: Mapping[str, Sequence[Polygon]]) -> bool:
     """
     if not path.exists() and not any(polygons.values()):
         return False
-    document = open_toml(path)
-    table = document.setdefault("unknown", tomlkit.table())
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: unknown is no table: mend it or remove it")
-    for name, listed in polygons.items():
-        if listed:
-            table[name] = [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed]
-        else:
-            table.pop(name, None)
-    write_whole(path, tomlkit.dumps(document) or "\n")
+    corners = {
+        name: [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed] or None
+        for name, listed in polygons.items()
+    }
+    change_section(path, "unknown", corners)
     return True
 
 
-def open_toml(path: Path) -> tomlkit.TOMLDocument:
+def change_section(path: Path, section: str, values: Mapping[str, Any]) -> None:
+    """Changes a section of a TOML file; its comments, and all else in it, stay.
+
+    Args:
+        path: the file; made where there is none.
+        section: its name.
+        values: by key; None takes one out.
+
+    Raises:
+        InputError: the file is no TOML, the section is none, or the file cannot be written.
+    """
+    document = _open_toml(path)
+    table = document.setdefault(section, tomlkit.table())
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: {section} is no table: mend it or remove it")
+    for name, value in values.items():
+        if value is None:
+            table.pop(name, None)
+        else:
+            table[name] = value
+    write_whole(path, tomlkit.dumps(document) or "\n")
+
+
+def _open_toml(path: Path) -> tomlkit.TOMLDocument:
     """A TOML file with its comments and its order; an empty one where there is none.
 
     Raises:

@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import tomlkit
 from msgspec import UNSET
 
-from calib.atomic import write_whole
 from calib.errors import InputError
 from calib.upright import direction_of
-from voxelpose.setup_page.drawn_places import open_toml
+from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.page_requests import FitChosen, check_camera_names
 
 
@@ -71,14 +69,5 @@ def save_choices(path: Path, chosen: FitChosen, names: Iterable[str]) -> bool:
         values["cameras"] = ",".join(values["cameras"])
     if not values or (not path.exists() and all(value is None for value in values.values())):
         return False
-    document = open_toml(path)
-    table = document.setdefault("fit", tomlkit.table())
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: fit must be a section: write [fit]")
-    for name, value in values.items():
-        if value is None:
-            table.pop(name, None)
-        else:
-            table[name] = value
-    write_whole(path, tomlkit.dumps(document) or "\n")
+    change_section(path, "fit", values)
     return True
