@@ -20,6 +20,7 @@ from silhouette_core.image.difference import (
 from silhouette_core.image.empty_scene import EmptyScene
 from silhouette_core.image.foreground import SoftSilhouette, refined_mask, refined_soft_silhouette
 from silhouette_core.image.kernels import background as kernels
+from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
 
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
@@ -227,6 +228,24 @@ class BackgroundModel:
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
         return refined_soft_silhouette(frame, self._background, self.settings.refined, region)
+
+    def coloured_silhouette(
+        self, frame: np.ndarray, density: ColourDensity, region: np.ndarray | None = None
+    ) -> ColouredSilhouette:
+        """Where a frame has a person's colours, see `find_colours`.
+
+        Args:
+            frame: (H, W, 3) uint8, BGR.
+            density: of the person's colours.
+            region: region of interest, (H, W) bool; None means the whole image.
+
+        Raises:
+            ValueError: the frame has another size than the model.
+            TypeError: the frame is not uint8.
+        """
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        frame = np.ascontiguousarray(frame)
+        return find_colours(frame, self._background, self.settings.refined, density, region)
 
     def silhouette_near(
         self,

@@ -19,6 +19,7 @@ from silhouette_core.image.background import BackgroundModel, BackgroundSettings
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.difference import Exposure
 from silhouette_core.image.foreground import SoftSilhouette
+from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -61,7 +62,7 @@ class Silhouettes:
             InputError: A background cannot be read, or differs in size from its camera's image.
         """
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
-        self._given = source.silhouettes_given
+        self._given, self._refined = source.silhouettes_given, method == "refined"
         self._size_px = long_side_px
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
@@ -154,6 +155,25 @@ class Silhouettes:
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
+
+    @property
+    def colours_tell(self) -> bool:
+        """Whether `of_colours` finds anything: where the refined method is used on pictures."""
+        return not self._given and self._refined
+
+    def of_colours(
+        self, frames: Mapping[str, Frame], density: ColourDensity
+    ) -> dict[str, ColouredSilhouette]:
+        """Where frames (H, W, 3) uint8, BGR, have a person's colours, by camera name."""
+
+        def coloured(name: str) -> ColouredSilhouette:
+            frame = self._scaled(name, frames[name])
+            found = self._models[name].coloured_silhouette(frame, density, self._regions.get(name))
+            return ColouredSilhouette(
+                self._known(name, found.likely), self._known(name, found.alike)
+            )
+
+        return dict(zip(frames, side_by_side(coloured, list(frames)), strict=True))
 
     def _known(self, name: str, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mask without what is unknown, where holes may have been filled."""

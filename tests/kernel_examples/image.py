@@ -107,6 +107,21 @@ def look_up(rng):
     return Example((frame(rng), table, 4, np.empty(SIZE, np.float32)))
 
 
+def log_odds(rng):
+    """A third of the pixels are the background's, a third are in a shadow."""
+    mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
+    noise = rng.uniform(1, 4, SIZE).astype(np.float32)
+    length = np.linalg.norm(mean, axis=0)
+    scales = np.stack([1 / length**2, 1 / noise, length / noise]).astype(np.float32)
+    light = np.choose(rng.integers(3, size=SIZE), [np.ones(SIZE), rng.uniform(0.3, 1, SIZE), 2.0])
+    seen = mean * light + rng.normal(0, 2, mean.shape)
+    planes = np.clip(np.rint(seen), 0, 255).astype(np.uint8)
+    table = rng.uniform(-18, -8, (32, 32, 32)).astype(np.float32)
+    gain = rng.uniform(0.98, 1.02, 3).astype(np.float32)
+    limits = np.float32(1.5), np.float32(0.4), table, 3, np.float32(5)
+    return Example((planes, mean, scales, gain, *limits, np.empty(SIZE, np.float32)), 1e-3)
+
+
 def sharpen(rng):
     mask = blob(rng)
     around = (cv2.dilate(mask.view(np.uint8), None) > 0) & ~(

@@ -3,7 +3,8 @@
 What one camera misses leaves the visual hull, and then the other cameras show something that the
 hull does not explain. The missing part is looked for among the pixels of a soft silhouette that may
 belong to it: on the rays of what is unexplained, where all cameras allow it. Where all but one
-in four cameras are sure, what may be a shadow in those may belong to it, too.
+in four cameras are sure, what may be a shadow in those may belong to it, too, and so may what has
+the person's colours, once these are known.
 
 What all cameras miss is found where all of them show a piece whose pixels differ from the
 background nearly everywhere, if only by a little. A difference of brightness counts where it cannot
@@ -63,32 +64,53 @@ class SilhouetteCompletion:
         self._radius = [window_radius(camera.size) for camera in views.rig]
         self._floor = FloorShadows(views.rig, floor_m, views.unknown)
 
-    def complete(self, masks: Masks, tint: Masks, brightness: Masks) -> Masks:
+    def complete(
+        self, masks: Masks, tint: Masks, brightness: Masks, alike: Masks | None = None
+    ) -> Masks:
         """Silhouettes (h, w) bool of one frame with what was found to be missing, one per camera.
 
         Args:
             masks: the silhouettes.
             tint: where the colour's direction differs from the background's, (h, w) bool.
             brightness: where the brightness differs, (h, w) bool.
+            alike: where a pixel has a colour of the person's, (h, w) bool; None: not known.
         """
-        masks = self._seen_by_some(masks, tint, brightness)
+        shaded = brightness
+        if alike is not None:
+            shaded = [one | other for one, other in zip(brightness, alike, strict=True)]
+        masks = self._seen_by_some(masks, tint, shaded)
         return self._views.without_unknown(self._missed_by_all(masks, tint, brightness))
 
-    def _seen_by_some(self, masks: Masks, tint: Masks, brightness: Masks) -> Masks:
+    def unexplained(self, masks: Masks) -> float:
+        """Share of the silhouettes' pixels that their hull does not explain, a mean of the cameras:
+        other cameras miss what these show.
+        """
+        hull = carve(self.rig, masks, self._grid, self._rule, self._views.unknown)
+        return float(
+            np.mean(
+                [
+                    np.count_nonzero(self._unexplained(mask, hull, c))
+                    / max(np.count_nonzero(mask), 1)
+                    for c, mask in enumerate(masks)
+                ]
+            )
+        )
+
+    def _seen_by_some(self, masks: Masks, tint: Masks, shaded: Masks) -> Masks:
         unknown = self._views.unknown
         hull = carve(self.rig, masks, self._grid, self._rule, unknown)
         unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
         if not any(pixels.any() for pixels in unexplained):
             return masks
         possible = [self._without_holes(masks[c] | tint[c], c) for c in range(len(masks))]
-        shaded = [
-            self._without_holes(masks[c] | tint[c] | brightness[c], c) for c in range(len(masks))
+        anything = [
+            self._without_holes(masks[c] | tint[c] | shaded[c], c) for c in range(len(masks))
         ]
         hidden = carve(self.rig, unexplained, self._grid, self._seen_by_one, unknown) & ~hull
         allowed = self._carved(possible) & hidden
         agreed = carve(self.rig, masks, self._grid, self._majority, unknown) & hidden
         completed = []
-        for c, (mask, more, most) in enumerate(zip(masks, possible, shaded, strict=True)):
+        for c, (mask, more, most) in enumerate(zip(masks, possible, anything, strict=True)):
             added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
             completed.append(mask | _opened(added & ~mask))
         return completed

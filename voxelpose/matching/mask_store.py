@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+
 import numpy as np
 
 from silhouette_core.scratch_file import ScratchFile
@@ -65,3 +68,16 @@ class MaskStore:
     def _put(self, camera: int, t: int, bits: bytes) -> None:
         height, row = self._shapes[camera]
         self._files[camera].write_at(t * height * row, bits)
+
+
+@contextmanager
+def mask_stores(number: int, sizes: list[tuple[int, int]], count: int) -> Iterator[list[MaskStore]]:
+    """Several stores for a `with` block.
+
+    Args:
+        number: how many.
+        sizes: (width, height) of each camera's silhouettes.
+        count: number of frames.
+    """
+    with ExitStack() as kept:
+        yield [kept.enter_context(closing(MaskStore(sizes, count))) for _ in range(number)]

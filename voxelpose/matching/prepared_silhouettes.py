@@ -5,7 +5,7 @@ world upright, what was missed completed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,9 +22,10 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.matching.camera_repair import RepairedCameras, repair_cameras
+from voxelpose.matching.colour_completion import ColourFinder
 from voxelpose.matching.completion import SilhouetteCompletion
 from voxelpose.matching.floor_shadows import floor_under
-from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.mask_store import MaskStore, mask_stores
 from voxelpose.matching.matcher import MatchSettings
 from voxelpose.matching.observe import HullObserver, body_rule
 from voxelpose.matching.up_search import UpSearch, choose_upright
@@ -36,6 +37,8 @@ _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
 _FLOOR_FRAMES = 12
 _RECHECKS = 3
+_COLOUR_ROUNDS = 3
+_UNEXPLAINED = 0.01  # share of the silhouettes' pixels, from which on colours are asked
 
 
 @dataclass(frozen=True)
@@ -118,10 +121,7 @@ def prepare_silhouettes(
     """
     lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
     sizes = [lens.pinhole.size for lens in lenses]
-    with ExitStack() as kept:
-        stores = [
-            kept.enter_context(closing(MaskStore(sizes, source.frame_count))) for _ in range(3)
-        ]
+    with mask_stores(3, sizes, source.frame_count) as stores:
         reporter.stage("background")
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
         silhouettes.note(reporter)
@@ -148,6 +148,9 @@ def prepare_silhouettes(
                 break
             checked = checked.then(again)
             added = 1 - (1 - added) * (1 - work.complete(upright.rig(checked.rig)))
+        finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, reporter)
+        again = work.complete_by_colours(finder, upright.rig(checked.rig))
+        added = 1 - (1 - added) * (1 - again)
         for words in checked.words:
             reporter.note(words)
         facts: dict[str, object] = {
@@ -155,6 +158,7 @@ def prepare_silhouettes(
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
             "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
+            "found_by_colours": dict(zip(source.rig.names, again.round(4).tolist(), strict=True)),
         }
         observer = work.observer(upright.rig(checked.rig))
         yield PreparedSilhouettes(
@@ -211,20 +215,25 @@ class _Preparation:
                 silhouettes.advance(rig.names.index(name), late)
         return checked
 
-    def complete(self, rig: Rig) -> FloatArray:
+    def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> FloatArray:
         """Completes the silhouettes of all frames; (C,) share of each camera's pixels that was
         added.
+
+        Args:
+            rig: the cameras.
+            coloured: from `ColourFinder.find`.
         """
-        (store, *differences), observer = self.stores, self.observer(rig)
+        store, completion = self.stores[0], self._completion(rig)
         self.reporter.stage("completion", len(store))
-        moments = even_moments(len(store), _FLOOR_FRAMES)
-        floor_m = floor_under(observer, [store[int(t)] for t in moments])
-        completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
         before, after = (np.zeros(len(rig)) for _ in range(2))
 
         def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-            masks = store[t]
-            return masks, completion.complete(masks, *(found[t] for found in differences))
+            masks, (tint, brightness) = store[t], (found[t] for found in self.stores[1:])
+            if not coloured:
+                return masks, completion.complete(masks, tint, brightness)
+            likely, alike = (found[t] for found in coloured)
+            tint = [one | other for one, other in zip(tint, likely, strict=True)]
+            return masks, completion.complete(masks, tint, brightness, alike)
 
         for first in range(0, len(store), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(store)))
@@ -236,6 +245,31 @@ class _Preparation:
                 store.put(t, new)
                 self.reporter.advance()
         return 1 - before / np.maximum(after, 1)
+
+    def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> FloatArray:
+        """Completes with the person's colours what still lacks; the share (C,) as `complete`."""
+        missing, store = np.ones(len(rig)), self.stores[0]
+        for _ in range(_COLOUR_ROUNDS if finder.useful else 0):
+            completion, moments = self._completion(rig), even_moments(len(store), _FLOOR_FRAMES)
+            if np.mean([completion.unexplained(store[int(t)]) for t in moments]) < _UNEXPLAINED:
+                break
+            with self.clock("colours"):
+                if (density := finder.learn(store)) is None:
+                    break
+                with finder.find(density) as coloured:
+                    missing *= 1 - self.complete(rig, coloured)
+        if (missing < 1).any():
+            self.reporter.note(
+                "clothes resemble the background: what was missing was looked for by the colours of"
+                " the person"
+            )
+        return 1 - missing
+
+    def _completion(self, rig: Rig) -> SilhouetteCompletion:
+        store, observer = self.stores[0], self.observer(rig)
+        moments = even_moments(len(store), _FLOOR_FRAMES)
+        floor_m = floor_under(observer, [store[int(t)] for t in moments])
+        return SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
 
     def observer(self, rig: Rig) -> HullObserver:
         """Observer of hulls by some cameras."""

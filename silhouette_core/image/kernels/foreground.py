@@ -8,6 +8,12 @@ import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
 
+# How often a pixel of the background is lit as it was, in a shadow, or of any colour, over the
+# constants of the densities: of three Gaussians, of two, and of 256 values of each channel.
+_LIT = np.float32(0.85 * (2 * np.pi) ** -1.5)
+_SHADED = np.float32(0.15 / (2 * np.pi))
+_OTHERWISE = np.float32(1e-3 / 256**3)
+
 
 @kernel
 def _split(colour_0, colour_1, colour_2, mean, scales, row, column):
@@ -208,6 +214,52 @@ def look_up(frame, table, shift, out):
                 frame[row, column, 1] >> shift,
                 frame[row, column, 2] >> shift,
             ]
+
+
+@parallel_kernel
+def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out):
+    """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), within most.
+
+    The table (n, n, n) holds the first logarithm. The background is seen as it was, in a shadow of
+    at least the ratio darkest, or otherwise, each with Gaussian noise `noise` times the model's.
+    Frame and mean are (3, H, W), see `_split`.
+    """
+    _, height, width = frame.shape
+    for row in prange(height):
+        for column in range(width):
+            residual_0, residual_1, residual_2, ratio = _split(
+                np.float32(frame[0, row, column]) * gain[0],
+                np.float32(frame[1, row, column]) * gain[1],
+                np.float32(frame[2, row, column]) * gain[2],
+                mean,
+                scales,
+                row,
+                column,
+            )
+            deviation = noise / scales[1, row, column]
+            square = (
+                residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
+            ) / (noise * noise)
+            along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
+            background = _OTHERWISE
+            background += (
+                _LIT
+                * np.exp(np.float32(-0.5) * (square + along * along))
+                / (deviation * deviation * deviation)
+            )
+            if darkest < ratio < np.float32(1.0):
+                length = scales[2, row, column] / scales[1, row, column]
+                background += (
+                    _SHADED
+                    * np.exp(np.float32(-0.5) * square)
+                    / (deviation * deviation * (np.float32(1.0) - darkest) * length)
+                )
+            person = table[
+                frame[0, row, column] >> shift,
+                frame[1, row, column] >> shift,
+                frame[2, row, column] >> shift,
+            ]
+            out[row, column] = max(-most, min(most, person - np.log(background)))
 
 
 @parallel_kernel

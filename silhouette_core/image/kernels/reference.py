@@ -137,6 +137,24 @@ def look_up(frame, table, shift, out):
     out[:] = table[tuple(np.moveaxis(frame >> shift, 2, 0))]
 
 
+def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out):
+    """Person's density over that of the background: lit, shaded, or any colour."""
+    colour, mean = (image.transpose(1, 2, 0).astype(float) for image in (frame, mean))
+    sigma = noise / scales[1]
+    length = np.linalg.norm(mean, axis=2)
+    unit = mean / length[..., None]
+    seen = colour * gain
+    along = (seen * unit).sum(axis=2)
+    off = seen - along[..., None] * unit
+    across = np.exp(-0.5 * (off**2).sum(axis=2) / sigma**2) / (2 * np.pi * sigma**2)
+    lit = across * np.exp(-0.5 * ((along - length) / sigma) ** 2) / (np.sqrt(2 * np.pi) * sigma)
+    ratio = along / length
+    shaded = across * ((darkest < ratio) & (ratio < 1)) / ((1 - darkest) * length)
+    background = 0.85 * lit + 0.15 * shaded + 1e-3 / 256**3
+    person = table[tuple(frame >> shift)]
+    out[:] = np.clip(person - np.log(background), -most, most)
+
+
 def sharpen(
     planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):

@@ -157,3 +157,21 @@ def test_what_may_be_a_shadow_in_one_camera_is_outvoted(count):
     completion = SilhouetteCompletion(seen_by, VOLUME, CarveRule(least_agreeing=3))
     result = completion.complete(masks, masks, truth)
     assert overlap(result[0], truth[0]) > 0.9 > 0.8 > overlap(masks[0], truth[0])
+
+
+def test_what_has_the_persons_colours_is_outvoted(scene):
+    """A wall of the shirt's colour behind it in one camera: nothing differs there."""
+    completion, truth = scene
+    masks = [without_clothes(truth[0]), *truth[1:]]
+    same = completion.complete(masks, masks, masks)
+    result = completion.complete(masks, masks, masks, [np.ones_like(truth[0]), *masks[1:]])
+    assert overlap(same[0], truth[0]) < 0.85 and overlap(result[0], truth[0]) > 0.87
+    for mask, whole in zip(result[1:], truth[1:], strict=True):
+        assert overlap(mask, whole) > 0.999
+
+
+def test_what_some_cameras_miss_is_unexplained(scene):
+    completion, truth = scene
+    assert completion.unexplained(truth) < 0.005
+    masks = [without_clothes(truth[0]), *truth[1:]]
+    assert completion.unexplained(masks) > 0.1

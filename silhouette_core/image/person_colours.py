@@ -1,0 +1,126 @@
+"""Colours of a person, learned from silhouettes, against those of the background behind each pixel.
+
+Background subtraction asks whether a pixel differs from the background; where clothes resemble the
+wall, or a shadow on it, that says little. What the person looks like is known by then, from the
+pictures of other cameras and other moments, and tells more. Source: own; colour histograms after
+Jones and Rehg, Statistical color models with application to skin detection (2002).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from silhouette_core.image.cleanup import clean
+from silhouette_core.image.difference import Background, FrameView, RefinedSettings, radius_of
+from silhouette_core.image.difference import measure_exposure as exposure_of
+from silhouette_core.image.kernels import foreground as kernels
+
+_SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
+_SMOOTHING = 0.8  # bins
+_ANY = 0.01  # of the person's pixels have any colour
+_OFTEN = 0.95  # of the person's pixels have a colour that counts as the person's
+_EDGE_PX = 5  # side of the window within which pixels near the edge are left out
+_MOST = np.float32(5.0)  # of the logarithm of a pixel's odds
+_SMALLEST, _HOLE = 2e-4, 3e-4  # of the image: smaller pieces are noise, smaller holes none
+
+
+@dataclass(frozen=True, eq=False)
+class ColourDensity:
+    """Density of a person's colours.
+
+    Attributes:
+        log_density: (32, 32, 32) float32, logarithm of the density over colours, each of 256.
+        least: density above which 95 % of the person's pixels lie.
+    """
+
+    log_density: NDArray[np.float32]
+    least: float
+
+
+@dataclass(frozen=True, eq=False)
+class ColouredSilhouette:
+    """Where a frame shows the colours of a person.
+
+    Attributes:
+        likely: (H, W) bool, where those explain it better than the background does.
+        alike: (H, W) bool, wherever it has such a colour, which the background may have as well.
+    """
+
+    likely: NDArray[np.bool_]
+    alike: NDArray[np.bool_]
+
+
+class PersonColours:
+    """Histogram of the colours of a person in the pictures of all cameras."""
+
+    def __init__(self) -> None:
+        """Starts without any picture."""
+        self._counts = np.zeros((_BINS, _BINS, _BINS), np.float32)
+
+    def add(self, picture: NDArray[np.uint8], mask: NDArray[np.bool_]) -> None:
+        """Adds the pixels of a picture (h, w, 3) uint8, BGR, within a silhouette (h, w) bool but
+        for those at its edge.
+        """
+        window = np.ones((_EDGE_PX, _EDGE_PX), np.uint8)
+        inside = np.asarray(cv2.erode(mask.view(np.uint8), window), np.uint8).view(np.bool_)
+        kernels.count_colours(np.ascontiguousarray(picture), inside, _SHIFT, self._counts)
+
+    def density(self) -> ColourDensity | None:
+        """Density of the colours so far; None before any pixel."""
+        counts = self._counts.astype(np.float64)
+        total = counts.sum()
+        if not total:
+            return None
+        even = 1 / 256**3
+        smooth = gaussian_filter(counts / total, _SMOOTHING) * _BINS**3 * even
+        density = (1 - _ANY) * smooth + _ANY * even
+        order = np.argsort(-density, axis=None, kind="stable")
+        share = np.cumsum(counts.ravel()[order]) / total
+        last = order[min(int(np.searchsorted(share, _OFTEN)), len(order) - 1)]
+        return ColourDensity(np.log(density).astype(np.float32), float(density.ravel()[last]))
+
+
+def find_colours(
+    frame: NDArray[np.uint8],
+    background: Background,
+    settings: RefinedSettings,
+    density: ColourDensity,
+    region: NDArray[np.bool_] | None = None,
+) -> ColouredSilhouette:
+    r"""Where a frame (H, W, 3) uint8, BGR, has a person's colours.
+
+    .. math:: \frac{1}{|W|} \sum_{x \in W} \log \frac{p(c_x | \text{person})}
+        {p(c_x | \text{background of } x)} > 0
+
+    over the window :math:`W` around a pixel; the background may be lit as in the empty scene, or
+    lie in a shadow.
+
+    Args:
+        frame: the whole frame.
+        background: of the empty scene.
+        settings: thresholds; the darkest shadow.
+        density: of the person's colours.
+        region: (H, W) bool, where the person may be; None: everywhere.
+    """
+    exposure, radius = exposure_of(frame, background, settings), radius_of(background)
+    view = FrameView.of(frame, background, exposure.gain, radius, settings)
+    odds = np.empty(frame.shape[:2], np.float32)
+    limits = np.float32(exposure.noise), np.float32(settings.shadow)
+    kernels.log_odds(*view.arrays, *limits, density.log_density, _SHIFT, _MOST, odds)
+    seen = np.empty(frame.shape[:2], np.float32)
+    kernels.look_up(np.ascontiguousarray(frame), density.log_density, _SHIFT, seen)
+    window = (2 * radius + 1, 2 * radius + 1)
+    owned = (seen >= np.log(density.least)).astype(np.float32)
+    likely, alike = cv2.blur(odds, window) > 0, cv2.blur(owned, window) > 0.5
+    pieces = clean(
+        likely,
+        min_area_px=round(_SMALLEST * odds.size),
+        max_hole_px=round(_HOLE * odds.size),
+        region=region,
+    )
+    return ColouredSilhouette(pieces, alike if region is None else alike & region)
