@@ -37,8 +37,9 @@ _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
 _FLOOR_FRAMES = 12
 _RECHECKS = 3
-_COLOUR_ROUNDS = 3
-_UNEXPLAINED = 0.01  # share of the silhouettes' pixels, from which on colours are asked
+# Share of the silhouettes' pixels that nothing explains, from which on colours are asked, and asked
+# again: a turned camera leaves less.
+_UNEXPLAINED = 0.03, 0.01, 0.01
 
 
 @dataclass(frozen=True)
@@ -141,16 +142,13 @@ def prepare_silhouettes(
         search = UpSearch(checked.rig, settings, preparation.matching, preparation.person)
         upright = choose_upright(search, stores[0], work.observer, reporter)
         added = work.complete(upright.rig(checked.rig))
-        for _ in range(_RECHECKS if checked.in_doubt else 0):
-            # Gaps of the silhouettes may have hidden which camera it is, or by how much.
-            again = work.check_cameras(checked.rig, times_s)
-            if not again.repaired:
-                break
-            checked = checked.then(again)
-            added = 1 - (1 - added) * (1 - work.complete(upright.rig(checked.rig)))
+        checked, more = work.check_again(checked, upright, times_s)
         finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, reporter)
-        again = work.complete_by_colours(finder, upright.rig(checked.rig))
-        added = 1 - (1 - added) * (1 - again)
+        coloured = work.complete_by_colours(finder, upright.rig(checked.rig))
+        last = np.zeros(len(lenses))
+        if coloured.any():
+            checked, last = work.check_again(checked, upright, times_s)
+        added = 1 - (1 - added) * (1 - more) * (1 - coloured) * (1 - last)
         for words in checked.words:
             reporter.note(words)
         facts: dict[str, object] = {
@@ -158,7 +156,9 @@ def prepare_silhouettes(
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
             "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
-            "found_by_colours": dict(zip(source.rig.names, again.round(4).tolist(), strict=True)),
+            "found_by_colours": dict(
+                zip(source.rig.names, coloured.round(4).tolist(), strict=True)
+            ),
         }
         observer = work.observer(upright.rig(checked.rig))
         yield PreparedSilhouettes(
@@ -215,6 +215,22 @@ class _Preparation:
                 silhouettes.advance(rig.names.index(name), late)
         return checked
 
+    def check_again(
+        self, checked: RepairedCameras, upright: UprightFrame, times_s: FloatArray
+    ) -> tuple[RepairedCameras, FloatArray]:
+        """Checks cameras that are in doubt again: gaps of the silhouettes may have hidden which it
+        is, or by how much. Returns them, and the share (C,) that was completed anew.
+        """
+        missing = np.ones(len(checked.rig))
+        for _ in range(_RECHECKS):
+            if not checked.in_doubt:
+                break
+            checked = checked.then(self.check_cameras(checked.rig, times_s))
+            if not checked.repaired:
+                break
+            missing *= 1 - self.complete(upright.rig(checked.rig))
+        return checked, 1 - missing
+
     def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> FloatArray:
         """Completes the silhouettes of all frames; (C,) share of each camera's pixels that was
         added.
@@ -249,9 +265,9 @@ class _Preparation:
     def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> FloatArray:
         """Completes with the person's colours what still lacks; the share (C,) as `complete`."""
         missing, store = np.ones(len(rig)), self.stores[0]
-        for _ in range(_COLOUR_ROUNDS if finder.useful else 0):
+        for least in _UNEXPLAINED if finder.useful else ():
             completion, moments = self._completion(rig), even_moments(len(store), _FLOOR_FRAMES)
-            if np.mean([completion.unexplained(store[int(t)]) for t in moments]) < _UNEXPLAINED:
+            if np.mean([completion.unexplained(store[int(t)]) for t in moments]) < least:
                 break
             with self.clock("colours"):
                 if (density := finder.learn(store)) is None:
