@@ -40,6 +40,7 @@ _RECHECKS = 3
 # Share of the silhouettes' pixels that nothing explains, from which on colours are asked, and asked
 # again: a turned camera leaves less.
 _UNEXPLAINED = 0.03, 0.01, 0.01
+_LEFT = 0.7  # largest share of that which may be left, or what was added is taken back
 
 
 @dataclass(frozen=True)
@@ -265,21 +266,31 @@ class _Preparation:
     def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> FloatArray:
         """Completes with the person's colours what still lacks; the share (C,) as `complete`."""
         missing, store = np.ones(len(rig)), self.stores[0]
-        for least in _UNEXPLAINED if finder.useful else ():
-            completion, moments = self._completion(rig), even_moments(len(store), _FLOOR_FRAMES)
-            if np.mean([completion.unexplained(store[int(t)]) for t in moments]) < least:
+        sizes = [camera.size for camera in rig]
+        unexplained = self._unexplained(rig) if finder.useful else 0.0
+        for least in _UNEXPLAINED:
+            if unexplained < least or (density := finder.learn(store)) is None:
                 break
-            with self.clock("colours"):
-                if (density := finder.learn(store)) is None:
+            with mask_stores(1, sizes, len(store)) as (kept,), finder.find(density) as coloured:
+                kept.copy(store)
+                added, before = self.complete(rig, coloured), unexplained
+                unexplained = self._unexplained(rig)
+                if unexplained > _LEFT * before:  # it was no person that nothing explained
+                    store.copy(kept)
                     break
-                with finder.find(density) as coloured:
-                    missing *= 1 - self.complete(rig, coloured)
+                missing *= 1 - added
         if (missing < 1).any():
             self.reporter.note(
                 "clothes resemble the background: what was missing was looked for by the colours of"
                 " the person"
             )
         return 1 - missing
+
+    def _unexplained(self, rig: Rig) -> float:
+        """Share of the silhouettes' pixels that no hull explains, see `SilhouetteCompletion`."""
+        completion, store = self._completion(rig), self.stores[0]
+        moments = even_moments(len(store), _FLOOR_FRAMES)
+        return float(np.mean([completion.unexplained(store[int(t)]) for t in moments]))
 
     def _completion(self, rig: Rig) -> SilhouetteCompletion:
         store, observer = self.stores[0], self.observer(rig)

@@ -1,6 +1,6 @@
 """The person's colours are learned and found in the pictures of all cameras, in step."""
 
-from contextlib import closing
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -8,10 +8,13 @@ import pytest
 from calib.camera import Rig
 from silhouette_core.image.person_colours import ColouredSilhouette
 from silhouette_core.image.silhouettes import UndistortedView
-from silhouette_core.progress import SilentReporter
+from silhouette_core.progress import SilentReporter, StageClock
 from tests.voxelpose.carving.carving_scenes import look_at
+from tests.voxelpose.matching.matching_scenes import other_body, photograph, stance, views
+from tests.voxelpose.matching.test_completion import overlap, without_clothes
 from voxelpose.matching.colour_completion import ColourFinder
-from voxelpose.matching.mask_store import MaskStore
+from voxelpose.matching.mask_store import MaskStore, mask_stores
+from voxelpose.matching.prepared_silhouettes import PreparationSettings, _Preparation
 
 COUNT, SIZE = 6, (64, 48)
 COLOUR = (40, 90, 200)
@@ -72,3 +75,64 @@ def test_colours_are_found_in_step(finder):
             for t in range(COUNT - 2):
                 for c in range(2):
                     assert (likely[t][c] == square(t)).all() and (alike[t][c] == ~square(t)).all()
+
+
+class Found:
+    """A finder that finds the given silhouettes in every frame."""
+
+    useful = True
+
+    def __init__(self, likely, count):
+        self.likely, self.count, self.asked = likely, count, 0
+
+    def learn(self, store):
+        self.asked += 1
+        return object()
+
+    @contextmanager
+    def find(self, density):
+        with mask_stores(2, [mask.shape[::-1] for mask in self.likely], self.count) as stores:
+            for store in stores:
+                for t in range(self.count):
+                    store.put(t, self.likely)
+            yield stores
+
+
+@pytest.fixture
+def holed():
+    """Preparation of three moments at which two of four cameras miss the shirt, and the truth."""
+    seen_by, body = views(4), other_body()
+    truth = photograph(seen_by, body, stance(body, {"left_upper_arm.abduction": 40.0}))
+    masks = [*map(without_clothes, truth[:2]), *truth[2:]]
+    sizes = [camera.size for camera in seen_by.rig]
+    with mask_stores(3, sizes, 3) as stores:
+        for t in range(3):
+            stores[0].put(t, masks)
+        settings = PreparationSettings(0.02, 0, "off")
+        work = _Preparation(Film(), stores, None, settings, StageClock(), SilentReporter())
+        yield work, seen_by.rig, truth, masks
+
+
+def test_what_colours_explain_is_kept(holed):
+    work, rig, truth, masks = holed
+    share = work.complete_by_colours(Found(truth, 3), rig)
+    assert (share[:2] > 0.1).all() and (share[2:] < 0.01).all()
+    for c in range(2):
+        assert overlap(work.stores[0][1][c], truth[c]) > 0.97 > 0.9 > overlap(masks[c], truth[c])
+
+
+def test_colours_that_explain_nothing_are_taken_back(holed):
+    """As where a chair in some silhouettes is what the hull does not explain."""
+    work, rig, _, masks = holed
+    finder = Found([*map(np.zeros_like, masks)], 3)
+    assert not work.complete_by_colours(finder, rig).any() and finder.asked == 1
+    for mask, stored in zip(masks, work.stores[0][2], strict=True):
+        assert (mask == stored).all()
+
+
+def test_whole_silhouettes_are_not_asked_for_colours(holed):
+    work, rig, truth, _ = holed
+    for t in range(3):
+        work.stores[0].put(t, truth)
+    finder = Found(truth, 3)
+    assert not work.complete_by_colours(finder, rig).any() and not finder.asked
