@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks import library_fuzz_targets as libraries
 from benchmarks import rig_fuzz_targets as rigs
 from benchmarks.mutations import (
     Mutation,
@@ -29,7 +30,7 @@ from benchmarks.mutations import (
     any_text,
 )
 from benchmarks.scene import ring, silhouettes
-from calib.camera import Camera, Rig
+from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
 from calib.files.notes import read_up
@@ -445,109 +446,16 @@ def _use_scenes(folder: Path, thorough: bool) -> None:
         scenes.close()
 
 
-@cache
-def _proposal():
-    from silhouette_core.proposal.mixture_network import MixtureNetwork
-    from silhouette_core.proposal.pose_proposal import PoseProposal
-    from silhouette_core.proposal.silhouette_features import FEET_GRID, GRID, SilhouetteBasis
-
-    rng = np.random.default_rng(0)
-
-    def basis(cells: int, components: int) -> SilhouetteBasis:
-        shape = (cells, components)
-        return SilhouetteBasis(
-            rng.random(cells, np.float32), rng.standard_normal(shape, np.float32) / 60
-        )
-
-    from silhouette_core.proposal import silhouette_features as features
-
-    whole, feet = GRID[0] * GRID[1], FEET_GRID[0] * FEET_GRID[1]
-    grids = whole, feet, whole, whole
-    counts = (
-        features.COMPONENTS,
-        features.FEET_COMPONENTS,
-        features.SKIN_COMPONENTS,
-        features.SHADING_COMPONENTS,
-    )
-    bases = [basis(*pair) for pair in zip(grids, counts, strict=True)]
-    joints = rng.random((len(LANDMARK_NAMES) - 1, 3), np.float32)
-    inputs = features.network_inputs(
-        _features(PoseProposal(*bases, None)), np.arange(2), np.zeros((2, 8), int), np.ones(2, bool)
-    ).shape[1]
-    network = MixtureNetwork.initial(inputs, (16,), 3, joints, rng)
-    return PoseProposal(*bases, network)
-
-
-def _features(proposal):
-    from silhouette_core.proposal.silhouette_features import FrameFeatures
-
-    masks = np.zeros((2, 240, 320), bool)
-    masks[:, 40:200, 140:180] = True
-    zeros = np.zeros(2, np.float32)
-    codes = proposal.codes(masks)
-    return FrameFeatures(codes, zeros, zeros, np.zeros((2, 3), np.float32), np.array([0.0, 0.04]))
-
-
 def _make_library(folder: Path, tree: str, learned: bool) -> None:
-    from silhouette_core.library.base_poses import base_poses
-    from silhouette_core.library.build import build_library
-    from silhouette_core.library.pose_library import LibrarySettings
-    from silhouette_core.library.store import write_library
-
-    settings = LibrarySettings(
-        poses=60, yaw_step_deg=60, tolerance_deg=12.0, mirror=False, proposal=False, tree=tree
-    )
-    clips = {"wave": perform(movements()["wave"], _motion().model)}
-    library = build_library(base_poses(clips, settings), _motion().model, settings)
-    if learned:
-        library = replace(library, proposal=_proposal())
-    write_library(library, folder / "me.vplib")
-
-
-@cache
-def _evidence():
-    from silhouette_core.filter.evidence import Evidence
-    from silhouette_core.filter.window import look_at
-
-    camera = Camera(
-        "cam", (320, 240), ring(1, (320, 240)).cameras[0].matrix, np.zeros(0), np.eye(3), np.ones(3)
-    )
-    mask = np.zeros((240, 320), bool)
-    mask[40:200, 140:180] = True
-    window = look_at(camera, mask, 4.0, 90.0)
-    return Evidence([window]), Evidence([window], "xor", drawn_small=True)
+    libraries.make_library(folder / "me.vplib", _motion().model, tree, learned=learned)
 
 
 def _use_library(folder: Path, thorough: bool) -> None:
-    from silhouette_core.filter.tree_filter import TreeFilter
-    from silhouette_core.filter.view_tree_filter import ViewTreeFilter
-    from silhouette_core.library.pose_library import require_body
-    from silhouette_core.library.store import read_library
-    from silhouette_core.library.summary import summary
-    from silhouette_core.library.transitions import NeighbourWeights, transitions
-
     path = folder / "me.vplib"
     if thorough:
         command("library", "info", path, "--png", folder / "sheet.png")
-        return
-    library = read_library(path)
-    summary(library, path)
-    require_body(library, library.model.sizes)
-    library.pose(np.arange(min(len(library), 50)))
-    library.render(np.arange(min(len(library), 2)))
-    even = np.full(len(library), 1 / len(library))
-    whole, small = _evidence()
-    if library.settings.tree == "views":
-        views = ViewTreeFilter(library, NeighbourWeights(library, False))
-        posterior = views.update(even, small)
-        views.update(views.predict(posterior), small)
     else:
-        for aware in (False, True):
-            tree = TreeFilter(library, transitions(library, aware))
-            posterior = tree.update(even, whole)
-            tree.update(tree.predict(posterior), whole)
-    if library.proposal is not None:
-        library.proposal.modes(_features(library.proposal))
+        libraries.use_library(path)
 
 
 def _result(mutations: dict[str, Mutation], use: Callable[[Path, bool], None]) -> FuzzTarget:
