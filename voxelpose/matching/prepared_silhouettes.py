@@ -144,7 +144,7 @@ def prepare_silhouettes(
         upright = choose_upright(search, stores[0], work.observer, reporter)
         added = work.complete(upright.rig(checked.rig))
         checked, more = work.check_again(checked, upright, times_s)
-        finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, reporter)
+        finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, clock, reporter)
         coloured = work.complete_by_colours(finder, upright.rig(checked.rig))
         last = np.zeros(len(lenses))
         if coloured.any():

@@ -57,7 +57,7 @@ class ByColour:
 
 @pytest.fixture
 def finder():
-    return ColourFinder(Film(), ByColour(), LENSES, LATE, SilentReporter())
+    return ColourFinder(Film(), ByColour(), LENSES, LATE, StageClock(), SilentReporter())
 
 
 def test_colours_are_found_in_step(finder):
