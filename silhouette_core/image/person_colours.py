@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.difference import Background, FrameView, RefinedSettings, radius_of
-from silhouette_core.image.difference import measure_exposure as exposure_of
+from silhouette_core.image.difference import (
+    Background,
+    FrameView,
+    RefinedSettings,
+    measure_exposure,
+    radius_of,
+)
 from silhouette_core.image.kernels import foreground as kernels
 
 _SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
@@ -107,7 +112,7 @@ def find_colours(
         density: of the person's colours.
         region: (H, W) bool, where the person may be; None: everywhere.
     """
-    exposure, radius = exposure_of(frame, background, settings), radius_of(background)
+    exposure, radius = measure_exposure(frame, background, settings), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius, settings)
     odds = np.empty(frame.shape[:2], np.float32)
     limits = np.float32(exposure.noise), np.float32(settings.shadow)
