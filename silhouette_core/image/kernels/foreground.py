@@ -16,13 +16,17 @@ _OTHERWISE = np.float32(1e-3 / 256**3)
 
 
 @kernel
-def _split(colour_0, colour_1, colour_2, mean, scales, row, column):
+def _split(frame, mean, scales, gain, row, column):
     """Projects a pixel's colour, its channels' gain removed, onto the background's colour.
 
+    Frame (3, H, W); gain, an array or a tuple of three, is that from frame to background;
     mean (3, H, W) is the background's colour; scales (3, H, W) holds 1 / |background|^2, 1 / noise
     and |background| / noise. Returns the three components of the residual, in noise, and the ratio
     of the projection to the background.
     """
+    colour_0 = np.float32(frame[0, row, column]) * gain[0]
+    colour_1 = np.float32(frame[1, row, column]) * gain[1]
+    colour_2 = np.float32(frame[2, row, column]) * gain[2]
     background_0 = mean[0, row, column]
     background_1 = mean[1, row, column]
     background_2 = mean[2, row, column]
@@ -47,13 +51,7 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
             for row in range(max(k * step - radius, 0), min(k * step + radius + 1, height)):
                 for column in range(max(j * step - radius, 0), min(j * step + radius + 1, width)):
                     residual_0, residual_1, residual_2, _ = _split(
-                        np.float32(frame[0, row, column]) * gain[0],
-                        np.float32(frame[1, row, column]) * gain[1],
-                        np.float32(frame[2, row, column]) * gain[2],
-                        mean,
-                        scales,
-                        row,
-                        column,
+                        frame, mean, scales, gain, row, column
                     )
                     square = (
                         residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
@@ -77,18 +75,12 @@ def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_li
     bool: the pixels where either is large. Without branches, so that the compiler uses vectors.
     """
     height, width = strong.shape
-    gain_0, gain_1, gain_2 = gain[0], gain[1], gain[2]
+    gains = gain[0], gain[1], gain[2]
     limit = clip * clip
     for row in prange(height):
         for column in range(width):
             residual_0, residual_1, residual_2, ratio = _split(
-                np.float32(frame[0, row, column]) * gain_0,
-                np.float32(frame[1, row, column]) * gain_1,
-                np.float32(frame[2, row, column]) * gain_2,
-                mean,
-                scales,
-                row,
-                column,
+                frame, mean, scales, gains, row, column
             )
             square = residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
             beyond = (
@@ -141,18 +133,10 @@ def doubt(pooled, bright, chroma_limit, bright_limit, mask):
 def brightness(frame, mean, scales, gain, out):
     """Fills out (H, W) float32: signed difference along the background's colour, in noise."""
     height, width = out.shape
-    gain_0, gain_1, gain_2 = gain[0], gain[1], gain[2]
+    gains = gain[0], gain[1], gain[2]
     for row in prange(height):
         for column in range(width):
-            _, _, _, ratio = _split(
-                np.float32(frame[0, row, column]) * gain_0,
-                np.float32(frame[1, row, column]) * gain_1,
-                np.float32(frame[2, row, column]) * gain_2,
-                mean,
-                scales,
-                row,
-                column,
-            )
+            _, _, _, ratio = _split(frame, mean, scales, gains, row, column)
             out[row, column] = (ratio - np.float32(1.0)) * scales[2, row, column]
 
 
@@ -228,13 +212,7 @@ def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out)
     for row in prange(height):
         for column in range(width):
             residual_0, residual_1, residual_2, ratio = _split(
-                np.float32(frame[0, row, column]) * gain[0],
-                np.float32(frame[1, row, column]) * gain[1],
-                np.float32(frame[2, row, column]) * gain[2],
-                mean,
-                scales,
-                row,
-                column,
+                frame, mean, scales, gain, row, column
             )
             deviation = noise / scales[1, row, column]
             square = (
