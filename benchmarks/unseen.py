@@ -3,8 +3,9 @@
 Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, the
 true stature and no assumption about the start, and prints a row each, the median and the 90th
 percentile, and how often hypotheses of a probability are right: within 100 mm of the truth,
-relative to the pelvis. Results are kept in out/unseen, by the library's and the recording's name,
-and are not made again.
+relative to the pelvis. "uncovered" is the share of frames in which something of the true silhouette
+lies 100 mm or more from the drawn body, such as a hand that the pose has elsewhere. Results
+are kept in out/unseen, by the library's and the recording's name, and are not made again.
 """
 
 import csv
@@ -14,10 +15,17 @@ from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.estimator import Settings
+from silhouette_core.image.raster import render_parts
+from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.motion_file import read_motion
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.evaluation import score_motion
 from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit
@@ -25,6 +33,7 @@ from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "unseen"
+UNCOVERED_M = 0.10
 COLUMNS = ("mpjpe_mm", "root_mm", "pa_mm", "flips", "lost")
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0001)
 RIGHT_M = 0.10
@@ -63,13 +72,38 @@ def hypotheses(result: Path, truth: np.ndarray) -> list[tuple[float, bool]]:
     return found
 
 
+def uncovered(result: Path, recording: Recording) -> float:
+    """Share of frames with something uncovered, of a result with a pose for each frame."""
+    motion = read_motion(result / "motion.safetensors")
+    (camera,) = recording.rig
+    lens = UndistortedView.from_camera(camera, None)
+    view = lens.pinhole
+    with np.load(recording.folder / "masks" / "masks.npz") as file:
+        packed, width = file[camera.name], int(file["width"])
+    rotations, found = rotation_matrices(motion.root_quaternion), []
+    for bits, *pose in zip(packed, motion.root_m, rotations, motion.angles_rad, strict=True):
+        true = lens.undistort(np.unpackbits(bits, axis=1, count=width).view(np.bool_))
+        vertices = posed_mesh(motion.model, Pose(*pose)) @ view.rotation.T + view.translation
+        parts, _ = render_parts(
+            vertices, motion.model.faces, motion.model.face_part, view.matrix, view.size
+        )
+        away_px = cv2.distanceTransform((parts == 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+        depth_m = (view.rotation @ pose[0] + view.translation)[2]
+        found.append(away_px[true].max(initial=0) * depth_m / view.matrix[0, 0] >= UNCOVERED_M)
+    return float(np.mean(found))
+
+
 def main(arguments: list[str]) -> int:
     """Tracks and scores the recordings."""
     if len(arguments) < 2:
         print(__doc__, file=sys.stderr)
         return 2
     library, folders = Path(arguments[0]), [Path(name) for name in arguments[1:]]
-    print(f"{'recording':<14}" + "".join(f"{column:>10}" for column in COLUMNS) + "    |XOR|/|OR|")
+    print(
+        f"{'recording':<14}"
+        + "".join(f"{column:>10}" for column in COLUMNS)
+        + "  |XOR|/|OR|  uncovered"
+    )
     rows: list[list[float]] = []
     answers: list[tuple[float, bool]] = []
     for folder in folders:
@@ -77,7 +111,8 @@ def main(arguments: list[str]) -> int:
         score = score_motion(truth, read_joints(result / "joints.csv", len(truth)))
         quality = json.loads((result / "summary.json").read_text())["quality"]
         error = 1 - quality["outline_agreement"]["median"]
-        rows.append([*(getattr(score, column) for column in COLUMNS), error])
+        shares = [error, uncovered(result, Recording.open(folder))]
+        rows.append([*(getattr(score, column) for column in COLUMNS), *shares])
         answers += hypotheses(result, truth)
         print(f"{folder.name:<14}" + "".join(f"{value:>10.2f}" for value in rows[-1]), flush=True)
     for name, share in (("median", 50), ("90 %", 90)):

@@ -29,6 +29,7 @@ from silhouette_core.filter.pose_costs import PoseCosts
 from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.filter.tracker_settings import TrackerSettings
 from silhouette_core.filter.tree_filter import TreeFilter
+from silhouette_core.filter.uncovered_limbs import reach_uncovered
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.dynamics import (
     FPS,
@@ -54,6 +55,7 @@ _ROWS = 150  # samples of the posterior that are considered
 _STEADY = 0.4  # of the usual steps, of joints of bodies that are no person's
 _TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
+_EXPLAINED = 0.04  # silhouette distance up to which no limb is looked for elsewhere
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
 
 
@@ -191,6 +193,8 @@ class HypothesisTracker:
         priors: list[LandmarkPrior | None] = [None] * len(poses)
         if settings.refine and searched:
             poses, priors = self._refined(observed, poses, previous, predicted, modes, settings)
+            if modes is not None:
+                poses, priors = self._reaching(observed, poses, priors, modes, settings)
         if known is not None:
             poses, priors = [*poses, *known.poses], [*priors, *known.priors]
         distance = weights.distances(self.model, poses)
@@ -327,6 +331,28 @@ class HypothesisTracker:
             starts.append(RefineStart(pose, how, PosePrior(pose, sigma), prior))
         refined = refine_many(self.surface, observed.contour, starts)
         return [one.pose for one in refined], [start.landmark_prior for start in starts]
+
+    def _reaching(
+        self,
+        observed: ObservedFrame,
+        poses: list[Pose],
+        priors: list[LandmarkPrior | None],
+        modes: FrameModes,
+        settings: TrackerSettings,
+    ) -> tuple[list[Pose], list[LandmarkPrior | None]]:
+        """Adds poses whose limbs reach where the best ones leave the silhouette uncovered."""
+        tried: list[int] = []
+        for _ in range(settings.reaching):
+            distance = observed.weights.distances(self.model, poses)
+            cost = 0.5 * (distance / settings.sigma) ** 2 + modes.cost(_joints(self.model, poses))
+            best = np.argsort(cost, kind="stable")[: settings.reaching]
+            best = [int(k) for k in best if distance[k] > _EXPLAINED and k not in tried]
+            known = [prior for prior in (priors[k] for k in best) if prior is not None]
+            more, own = reach_uncovered(self.surface, observed, [poses[k] for k in best], known)
+            if not more:
+                break
+            poses, priors, tried = [*poses, *more], [*priors, *own], [*tried, *best]
+        return poses, priors
 
     def _pruned(self, beam: Beam, settings: TrackerSettings) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""

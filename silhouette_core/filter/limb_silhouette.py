@@ -178,10 +178,18 @@ class SignedWeights:
 
     def part_areas_many(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Areas (K, 27) of the parts in K poses, see `part_areas`."""
-        meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
-        drawn = render_many(meshes, model.faces, model.face_part, self.matrix, size)
+        drawn = self._drawn(model, poses)
         counts = [np.bincount(one.ravel(), minlength=len(model.names) + 1)[1:] for one in drawn]
-        return np.array(counts) * (SIZE[0] / size[0]) ** 2
+        return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
+
+    def covered(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.bool_]:
+        """Pixels (K, h, w) that the body covers in K poses."""
+        return self._drawn(model, poses) > 0
+
+    def _drawn(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
+        """Part images (K, h, w) of K poses."""
+        meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
+        return render_many(meshes, model.faces, model.face_part, self.matrix, size)
 
     def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Meshes (K, V, 3) of poses in the virtual camera."""

@@ -26,6 +26,8 @@ class TrackerSettings:
         kept: number of hypotheses kept per frame.
         by_mode: number of hypotheses from the modes of the learned proposal, if there is one; then
             fewer are taken from the posterior and carried, see `with_modes`.
+        reaching: number of rounds in which limbs of as many of the best hypotheses are put where
+            these leave the silhouette uncovered, beside a learned proposal.
         sigma: standard deviation of a refined pose's silhouette distance, relative to the
             silhouette's weight.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
@@ -46,6 +48,7 @@ class TrackerSettings:
     carried: int = 8
     kept: int = 16
     by_mode: int = 4
+    reaching: int = 2
     sigma: float = 0.04
     surface_points: int = 500
     spacing_m: float = USUAL_SPACING_M
@@ -77,7 +80,7 @@ class TrackerSettings:
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04)
+        return replace(self, surface_points=350, spacing_m=0.04, reaching=1)
 
     def with_modes(self) -> TrackerSettings:
         """Settings beside a learned proposal, which finds most of the hypotheses itself."""

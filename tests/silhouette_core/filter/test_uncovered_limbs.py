@@ -1,0 +1,128 @@
+"""Limbs put where a pose leaves the silhouette uncovered."""
+
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.filter import hypothesis_tracker
+from silhouette_core.filter.forward import ForwardFilter
+from silhouette_core.filter.hypothesis_tracker import HypothesisTracker, TrackerSettings
+from silhouette_core.filter.observed_frame import FrameObserver
+from silhouette_core.filter.person import Person
+from silhouette_core.filter.pose_modes import FrameModes
+from silhouette_core.filter.uncovered_limbs import reach_uncovered, uncovered_ends
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.cpu import CPU
+from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
+
+CAMERA = camera_at((0.5, -4.0, 1.4))
+MODEL = body()
+WRIST = LANDMARK_NAMES.index("right_wrist")
+PX_PER_M = 50.0
+
+
+def joints_of(pose):
+    return landmarks(MODEL, *place(MODEL, *PoseArrays.from_poses([pose]).arrays))[0]
+
+
+@pytest.fixture(scope="module")
+def raised():
+    """Somebody waves with the right arm."""
+    poses = poses_of(performed("wave"))
+    height = [joints_of(pose)[WRIST, 2] for pose in poses]
+    return poses[int(np.argmax(height))]
+
+
+@pytest.fixture(scope="module")
+def hanging(raised):
+    """The same with that arm hanging down."""
+    arm = [name.startswith(("right_upper_arm", "right_forearm")) for name in MODEL.dof_names]
+    angles = raised.angles_rad.copy()
+    angles[arm] = poses_of(performed("wave"))[0].angles_rad[arm]
+    return Pose(raised.root_m, raised.root_rotation, angles)
+
+
+@pytest.fixture(scope="module")
+def observed(library, raised):
+    views = PinholeViews.from_rig(Rig((CAMERA,)))
+    distance = float(np.linalg.norm(raised.root_m - CAMERA.center_m))
+    mask = silhouette(MODEL, raised, CAMERA)
+    return FrameObserver(views, library, "balanced", CPU).observe(mask, distance, 0.0)
+
+
+def prior_of(pose):
+    joints = joints_of(pose)
+    precision = np.tile(np.eye(3) / 0.1**2, (15, 1, 1))
+    return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
+
+
+def reached(observed, pose):
+    return reach_uncovered(Surface(MODEL), observed, [pose], [prior_of(pose)])
+
+
+@pytest.fixture(scope="module")
+def trunk():
+    covered = np.zeros((120, 160), bool)
+    covered[20:100, 70:90] = True
+    return covered
+
+
+def test_ends_lie_a_hand_inside_what_stands_out(trunk):
+    mask = trunk.copy()
+    mask[30:34, 90:130], mask[90:94, 50:70] = True, True  # an arm of 0.8 m and a leg of 0.4 m
+    arm, leg = uncovered_ends(mask, trunk, PX_PER_M)
+    assert arm == pytest.approx([129 - 0.1 * PX_PER_M, 31.5], abs=2)
+    assert leg == pytest.approx([50 + 0.1 * PX_PER_M, 91.5], abs=2)
+
+
+def test_loose_clothes_are_no_limbs(trunk):
+    mask = trunk.copy()
+    mask[20:100, 67:93] = True  # 6 cm on either side
+    assert uncovered_ends(mask, trunk, PX_PER_M) == []
+
+
+def test_an_uncovered_arm_is_reached(observed, raised, hanging):
+    poses, priors = reached(observed, hanging)
+    assert len(poses) == len(priors) > 1
+    before = observed.weights.distances(MODEL, [hanging])[0]
+    distance = observed.weights.distances(MODEL, poses)
+    assert distance.min() < 0.4 * before
+    best = joints_of(poses[int(distance.argmin())])
+    truth = joints_of(raised)
+    pixels = [CAMERA.project(joints[None, WRIST])[0] for joints in (best, truth)]
+    focal = CAMERA.matrix[0, 0] / np.linalg.norm(truth[WRIST] - CAMERA.center_m)
+    assert np.linalg.norm(pixels[0] - pixels[1]) / focal < 0.08
+    assert np.linalg.norm(best - truth, axis=1).mean() < 0.06
+
+
+def test_before_and_behind_are_both_tried(observed, hanging):
+    _, priors = reached(observed, hanging)
+    depth = [prior.landmarks_m[WRIST] @ CAMERA.rotation[2] for prior in priors]
+    assert max(depth) - min(depth) > 0.2
+
+
+def test_a_covered_silhouette_asks_for_nothing(observed, raised):
+    assert reached(observed, raised) == ([], [])
+    assert reach_uncovered(Surface(MODEL), observed, [], []) == ([], [])
+
+
+def test_the_tracker_covers_what_the_proposal_missed(tree, observed, raised, hanging, monkeypatch):
+    """All that is proposed has the arm down: only with limbs put elsewhere is it found raised."""
+    modes = FrameModes(np.ones(1), [prior_of(hanging)], observed.distance_m)
+    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(observed.mask, False))
+    settings = TrackerSettings(by_probability=0)
+
+    def distance():
+        tracker = HypothesisTracker(tree, CAMERA, settings)
+        monkeypatch.setattr(tracker, "_seeds", lambda *_: [])
+        beam = tracker.step(frame, None, None, modes, observed)
+        return beam.distance[beam.best]
+
+    found = distance()
+    monkeypatch.setattr(hypothesis_tracker, "reach_uncovered", lambda *_: ([], []))
+    assert found < 0.5 * distance()
