@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.filter.hypothesis_tracker import place_bodies
 from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
+from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface

@@ -9,15 +9,14 @@ recorded. Beyond paper A.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.filter.beam import Beam, select_different
 from silhouette_core.filter.forward import FilterFrame, candidates_of
 from silhouette_core.filter.motion_cost import (
     PoseCandidates,
@@ -33,7 +32,6 @@ from silhouette_core.filter.uncovered_limbs import reach_uncovered
 from silhouette_core.library.occlusion import occluded_parts, usual_areas
 from silhouette_core.motion.dynamics import (
     FPS,
-    RELAXED_RAD,
     ROOT_STEP_M,
     ROOT_STEP_RAD,
     elapsed_steps,
@@ -42,82 +40,20 @@ from silhouette_core.motion.dynamics import (
 )
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 
 _FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
 _FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
-_PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # inverse kinematics: no contour
 _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
 _ROWS = 150  # samples of the posterior that are considered
 _STEADY = 0.4  # of the usual steps, of joints of bodies that are no person's
-_TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _EXPLAINED = 0.04  # silhouette distance up to which no limb is looked for elsewhere
 _LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
-
-
-@dataclass(frozen=True, eq=False)
-class Beam:
-    """Pose hypotheses of one frame, K of them.
-
-    Attributes:
-        poses: the K poses.
-        joints: (K, 15, 3) float64, their joints in the world, m.
-        distance: (K,) float64, silhouette distances.
-        cost: (K,) float64, nats, of the cheapest past through each.
-        back: (K,) int64, hypothesis of the previous frame in that past; -1 at a start.
-        restarted: (K,) bool, whether the step from that hypothesis is a restart and no movement.
-        time_s: time of the frame.
-        own: (K,) float64, nats, of the frame alone, without the past.
-        occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
-        priors: K priors of the joints' positions that the poses were refined with, or None.
-    """
-
-    poses: list[Pose]
-    joints: NDArray[np.float64]
-    distance: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    back: NDArray[np.int64]
-    restarted: NDArray[np.bool_]
-    time_s: float
-    own: NDArray[np.float64]
-    occluded: NDArray[np.bool_]
-    priors: list[LandmarkPrior | None]
-
-    def only(self, k: int) -> Beam:
-        """This beam with hypothesis k alone, as the certain past of what follows.
-
-        The frame before is taken to hold one hypothesis alone, too.
-        """
-        alone = self.chosen([k])
-        return replace(alone, back=np.minimum(alone.back, 0))
-
-    def chosen(self, rows: Sequence[int]) -> Beam:
-        """Some of the hypotheses."""
-        rows = list(rows)
-        return replace(
-            self,
-            poses=[self.poses[k] for k in rows],
-            priors=[self.priors[k] for k in rows],
-            **{
-                name: getattr(self, name)[rows]
-                for name in ("joints", "distance", "cost", "back", "restarted", "own", "occluded")
-            },
-        )
-
-    def probabilities(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3)."""
-        order = np.argsort(self.cost, kind="stable")
-        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / _TEMPERATURE)
-        return odds / odds.sum(), self.joints[order]
-
-    @property
-    def best(self) -> int:
-        """Index of the cheapest hypothesis."""
-        return int(self.cost.argmin())
 
 
 class HypothesisTracker:
@@ -358,77 +294,6 @@ class HypothesisTracker:
         """Cheapest hypotheses, only one of those that are the same pose."""
         order = np.argsort(beam.cost, kind="stable")
         return beam.chosen(select_different(beam.joints, order, settings.kept, settings.same_m))
-
-
-def place_bodies(
-    surface: Surface, observation: Observation, priors: Sequence[LandmarkPrior]
-) -> list[Pose]:
-    """Poses whose joints are where priors expect them: inverse kinematics.
-
-    Args:
-        surface: the body's.
-        observation: the frame; its contour is not used.
-        priors: of the joints, one for each pose.
-    """
-    starts = [RefineStart(_upright(prior), _PLACING, None, prior) for prior in priors]
-    return [one.pose for one in refine_many(surface, observation, starts)]
-
-
-def _upright(prior: LandmarkPrior) -> Pose:
-    """Relaxed pose with pelvis and trunk where the prior expects them."""
-    joints = prior.landmarks_m
-    name = LANDMARK_NAMES.index
-    across = (joints[name("left_hip")] - joints[name("right_hip")]) + (
-        joints[name("left_shoulder")] - joints[name("right_shoulder")]
-    )
-    up = joints[name("neck")] - joints[name("pelvis")]
-    up = up / np.linalg.norm(up)
-    right = across - up * (across @ up)
-    right /= max(float(np.linalg.norm(right)), 1e-9)
-    return Pose(prior.pelvis_m, np.stack([right, np.cross(up, right), up], 1), RELAXED_RAD.copy())
-
-
-def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
-    """Hypothesis of every frame along the cheapest past.
-
-    Args:
-        beams: hypotheses of consecutive frames.
-        last: hypothesis of the last frame to start from; None: its cheapest.
-    """
-    chosen = [beams[-1].best if last is None else last]
-    for before, beam in zip(beams[-2::-1], beams[:0:-1], strict=True):
-        back = int(beam.back[chosen[-1]])
-        # Where a track begins anew, what came before ends with its own cheapest hypothesis.
-        chosen.append(back if back >= 0 else before.best)
-    return chosen[::-1]
-
-
-def select_different(
-    joints: NDArray[np.float64],
-    order: NDArray[np.int64],
-    count: int,
-    least_m: float,
-    others: Sequence[int] = (),
-) -> list[int]:
-    """Indices of the first poses in an order that differ from each other.
-
-    Args:
-        joints: (K, 15, 3) float64, joints of the poses, m.
-        order: indices of the poses, best first.
-        count: largest number of poses.
-        least_m: mean distance of the joints above which two poses differ.
-        others: indices of poses from which the chosen ones must differ, too.
-    """
-    chosen: list[int] = []
-    for k in order:
-        if len(chosen) == count:
-            break
-        if all(
-            np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > least_m
-            for other in (*others, *chosen)
-        ):
-            chosen.append(int(k))
-    return chosen
 
 
 def _predicted(

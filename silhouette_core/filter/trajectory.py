@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
+from silhouette_core.filter.beam import Beam, backtrack
 from silhouette_core.filter.body_adaptation import adapted_body
 from silhouette_core.filter.colour_evidence import ColourEvidence
 from silhouette_core.filter.forward import FilterFrame, slim
-from silhouette_core.filter.hypothesis_tracker import (
-    Beam,
-    HypothesisTracker,
-    backtrack,
-)
+from silhouette_core.filter.hypothesis_tracker import HypothesisTracker
 from silhouette_core.filter.limb_resampling import LimbResampler, PoseFrame
 from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.filter.person import Person

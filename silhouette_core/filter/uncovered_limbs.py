@@ -18,6 +18,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
@@ -40,7 +41,6 @@ _BENT = 0.4  # share of the length in depth from which before and behind are tol
 _DEPTH = 0.6  # of that depth, where the wrist or ankle is tried
 _ACROSS_M, _ALONG_M = 0.04, 0.20  # standard deviations, across the viewing ray and along it
 _PLACED_M = 0.03  # standard deviation of the other joints while the limb is put there
-_PLACING = RefineSettings(reaches_m=(0.0,) * 8)  # inverse kinematics: no contour
 _REFINING = RefineSettings(
     reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06), contour_m=0.015, independence=0.3
 )
@@ -69,18 +69,23 @@ def reach_uncovered(
         return [], []
     joints = landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
     drawn = observed.weights.covered(model, poses)
-    starts: list[RefineStart] = []
+    starts: list[Pose] = []
+    held: list[LandmarkPrior] = []
     wanted: list[LandmarkPrior] = []
     for pose, own, prior, covered in zip(poses, joints, priors, drawn, strict=True):
         for limb, aim, ray in _aims(observed, own, covered):
-            starts.append(_placing(pose, own, limb, aim, ray))
+            starts.append(pose)
+            held.append(_moved_end(_as_it_is(own), limb, aim - own[0], 4.0 * _on_ray(ray)))
             wanted.append(_moved_end(prior, limb, aim - prior.pelvis_m, _on_ray(ray)))
-    placed = refine_many(surface, contour, starts) if starts else []
-    refined = [
-        RefineStart(one.pose, _REFINING, None, prior)
-        for one, prior in zip(placed, wanted, strict=True)
-    ]
-    return [one.pose for one in refine_many(surface, contour, refined)] if refined else [], wanted
+    if not starts:
+        return [], []
+    placed = place_bodies(surface, contour, held, starts)
+    refined = refine_many(
+        surface,
+        contour,
+        [RefineStart(one, _REFINING, None, own) for one, own in zip(placed, wanted, strict=True)],
+    )
+    return [one.pose for one in refined], wanted
 
 
 def uncovered_ends(
@@ -160,19 +165,10 @@ def _on_ray(ray: NDArray[np.float64]) -> NDArray[np.float64]:
     return (np.eye(3) - along) / _ACROSS_M**2 + along / _ALONG_M**2
 
 
-def _placing(
-    pose: Pose,
-    joints: NDArray[np.float64],
-    limb: NDArray[np.int64],
-    aim: NDArray[np.float64],
-    ray: NDArray[np.float64],
-) -> RefineStart:
-    """Start of the inverse kinematics: all joints but the limb's stay where they are."""
+def _as_it_is(joints: NDArray[np.float64]) -> LandmarkPrior:
+    """Prior by which joints (15, 3) stay where they are."""
     held = np.eye(3) / _PLACED_M**2
-    prior = LandmarkPrior(joints - joints[0], np.tile(held, (len(joints), 1, 1)), joints[0], held)
-    return RefineStart(
-        pose, _PLACING, None, _moved_end(prior, limb, aim - joints[0], 4.0 * _on_ray(ray))
-    )
+    return LandmarkPrior(joints - joints[0], np.tile(held, (len(joints), 1, 1)), joints[0], held)
 
 
 def _moved_end(

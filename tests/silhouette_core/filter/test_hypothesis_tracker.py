@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.sizes import SHAPE_SIGMA
+from silhouette_core.filter.beam import Beam, backtrack
 from silhouette_core.filter.forward import ForwardFilter
-from silhouette_core.filter.hypothesis_tracker import (
-    Beam,
-    HypothesisTracker,
-    TrackerSettings,
-    backtrack,
-)
+from silhouette_core.filter.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_costs import PoseCosts
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions

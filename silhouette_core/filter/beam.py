@@ -1,0 +1,118 @@
+"""Pose hypotheses of a frame, and the cheapest past of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
+
+_TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """Pose hypotheses of one frame, K of them.
+
+    Attributes:
+        poses: the K poses.
+        joints: (K, 15, 3) float64, their joints in the world, m.
+        distance: (K,) float64, silhouette distances.
+        cost: (K,) float64, nats, of the cheapest past through each.
+        back: (K,) int64, hypothesis of the previous frame in that past; -1 at a start.
+        restarted: (K,) bool, whether the step from that hypothesis is a restart and no movement.
+        time_s: time of the frame.
+        own: (K,) float64, nats, of the frame alone, without the past.
+        occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
+        priors: K priors of the joints' positions that the poses were refined with, or None.
+    """
+
+    poses: list[Pose]
+    joints: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    back: NDArray[np.int64]
+    restarted: NDArray[np.bool_]
+    time_s: float
+    own: NDArray[np.float64]
+    occluded: NDArray[np.bool_]
+    priors: list[LandmarkPrior | None]
+
+    def only(self, k: int) -> Beam:
+        """This beam with hypothesis k alone, as the certain past of what follows.
+
+        The frame before is taken to hold one hypothesis alone, too.
+        """
+        alone = self.chosen([k])
+        return replace(alone, back=np.minimum(alone.back, 0))
+
+    def chosen(self, rows: Sequence[int]) -> Beam:
+        """Some of the hypotheses."""
+        rows = list(rows)
+        return replace(
+            self,
+            poses=[self.poses[k] for k in rows],
+            priors=[self.priors[k] for k in rows],
+            **{
+                name: getattr(self, name)[rows]
+                for name in ("joints", "distance", "cost", "back", "restarted", "own", "occluded")
+            },
+        )
+
+    def probabilities(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3)."""
+        order = np.argsort(self.cost, kind="stable")
+        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / _TEMPERATURE)
+        return odds / odds.sum(), self.joints[order]
+
+    @property
+    def best(self) -> int:
+        """Index of the cheapest hypothesis."""
+        return int(self.cost.argmin())
+
+
+def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
+    """Hypothesis of every frame along the cheapest past.
+
+    Args:
+        beams: hypotheses of consecutive frames.
+        last: hypothesis of the last frame to start from; None: its cheapest.
+    """
+    chosen = [beams[-1].best if last is None else last]
+    for before, beam in zip(beams[-2::-1], beams[:0:-1], strict=True):
+        back = int(beam.back[chosen[-1]])
+        # Where a track begins anew, what came before ends with its own cheapest hypothesis.
+        chosen.append(back if back >= 0 else before.best)
+    return chosen[::-1]
+
+
+def select_different(
+    joints: NDArray[np.float64],
+    order: NDArray[np.int64],
+    count: int,
+    least_m: float,
+    others: Sequence[int] = (),
+) -> list[int]:
+    """Indices of the first poses in an order that differ from each other.
+
+    Args:
+        joints: (K, 15, 3) float64, joints of the poses, m.
+        order: indices of the poses, best first.
+        count: largest number of poses.
+        least_m: mean distance of the joints above which two poses differ.
+        others: indices of poses from which the chosen ones must differ, too.
+    """
+    chosen: list[int] = []
+    for k in order:
+        if len(chosen) == count:
+            break
+        if all(
+            np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > least_m
+            for other in (*others, *chosen)
+        ):
+            chosen.append(int(k))
+    return chosen
