@@ -33,10 +33,18 @@ def library_with_proposal(library, learned_proposal, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def filmed():
-    """A stout person's other performance of a movement."""
-    stout = body([STOUT.get(axis.name, 0.0) for axis in SHAPE_AXES])
-    motion = keypose_motions(stout)["reach aside 2"]
+def performances():
+    """A stout person's movements."""
+    return keypose_motions(body([STOUT.get(axis.name, 0.0) for axis in SHAPE_AXES]))
+
+
+@pytest.fixture(scope="module")
+def filmed(performances):
+    """Another performance of a movement than those of the library."""
+    return landmarks_and_films(performances["reach aside 2"])
+
+
+def landmarks_and_films(motion):
     step = max(1, round(motion.fps / FPS))
     rows = range(0, min(len(motion), 30 * step), step)
     return motion.landmarks()[list(rows)], films(motion, CAMERA, rows)
@@ -64,11 +72,16 @@ def root_mm(estimate, truth):
     return 1000 * np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1).mean()
 
 
-def test_the_proposal_helps(tracked, filmed, library_file):
-    truth, masks = filmed
-    without = track(masks, library_file)
-    assert root_mm(tracked, truth) < 0.97 * root_mm(without, truth)
-    assert root_mm(tracked, truth) < 110
+def test_the_proposal_helps(performances, library_with_proposal, library_file):
+    """Over four movements: with so short a training, one may be worse for it."""
+    errors = []
+    for name in ("walk 2", "wave 2", "reach forward 2", "reach aside 2"):
+        truth, masks = landmarks_and_films(performances[name])
+        libraries = library_with_proposal, library_file
+        errors.append([root_mm(track(masks, library), truth) for library in libraries])
+    learned, without = np.mean(errors, axis=0)
+    assert learned < 0.85 * without
+    assert learned < 90
 
 
 def test_the_distance_is_found(tracked, filmed):
