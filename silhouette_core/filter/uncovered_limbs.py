@@ -40,7 +40,8 @@ _LONGEST, _STRETCHED = 1.1, 0.95  # of the limb's length: what it may reach, and
 _BENT = 0.4  # share of the length in depth from which before and behind are told apart
 _DEPTH = 0.6  # of that depth, where the wrist or ankle is tried
 _ACROSS_M, _ALONG_M = 0.04, 0.20  # standard deviations, across the viewing ray and along it
-_PLACED_M = 0.03  # standard deviation of the other joints while the limb is put there
+# While the limb is put there: standard deviation of the other joints, weight of its own end.
+_PLACED_M, _PLACED_END = 0.03, 4.0
 _REFINING = RefineSettings(
     reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06), contour_m=0.015, independence=0.3
 )
@@ -75,7 +76,7 @@ def reach_uncovered(
     for pose, own, prior, covered in zip(poses, joints, priors, drawn, strict=True):
         for limb, aim, ray in _aims(observed, own, covered):
             starts.append(pose)
-            held.append(_moved_end(_as_it_is(own), limb, aim - own[0], 4.0 * _on_ray(ray)))
+            held.append(_moved_end(_as_it_is(own), limb, aim - own[0], _PLACED_END * _on_ray(ray)))
             wanted.append(_moved_end(prior, limb, aim - prior.pelvis_m, _on_ray(ray)))
     if not starts:
         return [], []
