@@ -47,8 +47,8 @@ def test_everybody_is_met_within_a_percent(sex, tall, stoutness, own):
 
 
 @pytest.mark.slow
-# None of 884 drawn evenly cuts itself, but one whose chest is wide and whose shoulders are narrow by
-# two deviations does, in the armpits: the same examples every time, lest a run hang on chance.
+# None of 884 drawn evenly cuts itself, but one with a chest wide and shoulders narrow by two
+# deviations does, in the armpits: the same examples every time, lest a run hang on chance.
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(SEXES, st.floats(0, 1), st.lists(DEVIATION, min_size=6, max_size=6))
 def test_girths_and_lengths_need_not_go_together(sex, tall, own):
