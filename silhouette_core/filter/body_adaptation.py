@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import STATURES_M
 from silhouette_core.filter.pose_modes import FrameModes
+from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
 from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -22,6 +24,10 @@ _STATURE_SIGMA_M = 0.008
 _DECIMALS = 2  # of probabilities that are compared: the last digits are noise
 _WEIGHTS = RefineSettings(contour_m=0.02, independence=0.15)
 _POINTS = 500
+# By how much shoes and clothes make a person taller, a share of the stature; the lowest sampled
+# point of a foot that stands is 1.2 cm above the floor, by 2 cm more or less.
+_SHOD_SIGMA, _SOLE_M, _SOLE_SIGMA_M = 0.02, 0.012, 0.02
+_NEAR_FLOOR_M = 0.1
 
 
 def adapted_body(
@@ -35,7 +41,9 @@ def adapted_body(
 
     Lengths and girths are estimated together with the poses of ten frames, under their prior; the
     depth of every joint is held by the proposal. Of the templates of both sexes the one is taken
-    whose silhouettes fit better.
+    whose silhouettes fit better. Shoes and clothes make a silhouette taller than the stature, and
+    so the person is put too near and above the floor: the body's stature is that with them, see
+    `shod_scale`.
 
     Args:
         model: the body so far.
@@ -49,7 +57,7 @@ def adapted_body(
     frames = [int(block[sure[block].argmax()]) for block in blocks]
     priors = [modes[t].priors[int(modes[t].probability.argmax())] for t in frames]
     observations = [Observation.from_masks(views, [masks[t]], modes[t].distance_m) for t in frames]
-    found: list[tuple[float, BodyModel]] = []
+    found: list[tuple[float, BodyModel, float]] = []
     for sex in sexes:
         template = BodyModel.from_sizes(replace(model.sizes, sex=sex))
         surface = Surface(template, _POINTS)
@@ -70,5 +78,43 @@ def adapted_body(
                 for pose, observation in zip(poses, observations, strict=True)
             ]
         )
-        found.append((float(error), surface.model))
-    return min(found, key=lambda one: one[0])[1]
+        posed = surface.posed_many(PoseArrays.from_poses(poses)).points
+        scale = shod_scale(posed[..., 2].min(1), float(views.center_m[0, 2]))
+        found.append((float(error), surface.model, scale))
+    _, body, scale = min(found, key=lambda one: one[0])
+    return _grown(body, scale)
+
+
+def shod_scale(lowest_m: NDArray[np.float64], camera_m: float) -> float:
+    r"""Factor by which a person is taller than the body, from feet that hang above the floor.
+
+    A person taller by the factor \(s\) is put at \(1/s\) of the distance, and what stands on the
+    floor at the height \(h = c (1 - 1/s)\) below a camera at the height \(c\), so that
+    \(s = c / (c - h)\). This is weighed against the prior \(s \sim N(1, \sigma_s^2)\) by the
+    spread of the heights, which is large where the person jumps; and nobody is made smaller: who
+    seems to sink has a foot in front of the other.
+
+    Args:
+        lowest_m: (T,) heights of the lowest points of the body in T frames, m.
+        camera_m: height of the camera above the floor, m.
+
+    Returns:
+        The factor, 1 where z = 0 is not the floor or the camera is not clearly above it.
+    """
+    near = np.abs(lowest_m) < _NEAR_FLOOR_M
+    if near.mean() < 0.5 or camera_m < 2 * _NEAR_FLOOR_M:
+        return 1.0
+    quarter, middle, three_quarters = np.quantile(lowest_m, (0.25, 0.5, 0.75)).tolist()
+    height_m = middle - _SOLE_M
+    grown = camera_m / (camera_m - height_m) - 1
+    variance = (_SOLE_SIGMA_M**2 + ((three_quarters - quarter) / 2) ** 2) / camera_m**2
+    return 1 + max(0.0, _SHOD_SIGMA**2 / (_SHOD_SIGMA**2 + variance) * grown)
+
+
+def _grown(model: BodyModel, factor: float) -> BodyModel:
+    """The body, all lengths of it larger by a factor."""
+    sizes = model.sizes
+    chest_m = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
+    stature_m = min(sizes.stature_m * factor, STATURES_M[1])
+    grown = replace(sizes, stature_m=stature_m, chest_girth_m=chest_m)
+    return BodyModel.from_sizes(grown).reshaped(model.shape)
