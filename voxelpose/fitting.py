@@ -243,7 +243,7 @@ def _body_table(model: BodyModel) -> dict[str, object]:
     if person is None:
         return {"parts": len(model.names), "extent_m": round(model.extent_m, 4)}
     return {
-        "stature_m": person.stature_m,
+        "stature_m": round(person.stature_m, 4),
         "chest_girth_m": person.chest_girth_m,
         "sex": person.sex,
     }
