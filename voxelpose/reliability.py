@@ -76,7 +76,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
             " sheet, at background and calibration, and at clothes of the walls' colours",
         )
-    if facts.get("objects_share"):
+    if facts.get("objects_share") and not facts.get("objects_apart"):
         return Verdict(
             "doubtful",
             "something that stands beside the person, as a chair does, was left out: look at the"

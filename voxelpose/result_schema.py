@@ -65,6 +65,7 @@ class _Facts(msgspec.Struct):
     seams_mm: list[_Number | None] = []
     half_turn_ratio: _Number | None = None
     objects_share: dict[_Name, _Number] = {}
+    objects_apart: bool = False
 
 
 class _Verdict(msgspec.Struct):

@@ -48,7 +48,9 @@ def test_an_object_that_nobody_marked_leaves_a_doubt():
     numbers["facts"]["objects_share"] = {"cam_1": 0.03}
     assert verdict_of(numbers).level == "doubtful"
     assert "mark it as unknown" in verdict_of(numbers).reason
-    numbers["facts"]["objects_share"] = {}
+    numbers["facts"]["objects_apart"] = True
+    assert verdict_of(numbers).level == "reliable"
+    numbers["facts"] |= {"objects_share": {}, "objects_apart": False}
     assert verdict_of(numbers).level == "reliable"
 
 

@@ -93,8 +93,12 @@ def floor_under(observer: HullObserver, frames: Sequence[Masks]) -> float:
     lowest = []
     for masks in frames:
         hulls = observer.components(masks)
-        # Feet may be all that is left of the legs.
-        if (pieces := hulls.volume_m3 >= _FOOT_M3).any():
+        body = observer.body(hulls, None)
+        most_m3 = np.inf if body is None else hulls.volume_m3[body]
+        # Feet may be all that is left of the legs; what is larger than the body is an object, and
+        # the hull of a board on the floor ends below it.
+        pieces = (hulls.volume_m3 >= _FOOT_M3) & (hulls.volume_m3 <= most_m3)
+        if pieces.any():
             lowest.append(hulls.bounds_m[pieces, 0, 2].min())
     height = float(np.quantile(lowest, 0.2)) if lowest else 0.0
     return height if abs(height) > _FLOOR_M else 0.0

@@ -72,7 +72,7 @@ class ObservationStore:
 
         def carved(t: int) -> None:
             components = self._components_of(t)
-            body = components.body(None)
+            body = self.observer.body(components, None)
             if body is not None:
                 self._keep_hull(t, body, components)
 
@@ -82,7 +82,7 @@ class ObservationStore:
     def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
         """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
         components = self._components_of(t)
-        body = components.body(near_m)
+        body = self.observer.body(components, near_m)
         if body is None:
             return None
         if self._hull_at(t, body) is None:

@@ -26,6 +26,9 @@ _SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
 _CRUMB = 0.03  # of the largest component
 _GAP_M = 0.25  # height of a gap between pieces of one body
 _SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
+# A person's hull is up to so large, and in most poses at least so long; what is larger or shorter
+# counts for less beside it: a board or a box that came with the person.
+_PERSON_M3, _PERSON_M = 0.25, 1.6
 _NEAR_M = 1.0  # distance from the last position at which a component's weight falls to 1/e
 
 COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
@@ -91,15 +94,21 @@ class HullComponents:
             rows[name] = getattr(self, name)
         return rows
 
-    def body(self, near_m: np.ndarray | None) -> int | None:
+    def body(self, near_m: np.ndarray | None, person: bool = True) -> int | None:
         """Index of the body's component, or None where none is large enough.
 
         Args:
             near_m: (3,) where the body was last: near components are preferred. None: the largest.
+            person: whether it is a person's, so that components larger or shorter than persons are
+                count for less.
         """
         weight = self.volume_m3
         if not len(weight):
             return None
+        if person:
+            longest_m = np.ptp(self.bounds_m, axis=1).max(axis=1)
+            fitting = np.minimum(_PERSON_M3 / weight, 1) * np.minimum(longest_m / _PERSON_M, 1)
+            weight = weight * fitting**2
         if near_m is not None and len(weight) > 1:
             distance = np.linalg.norm(self.center_m - near_m, axis=1)
             weight = weight * np.exp(-((distance / _NEAR_M) ** 2))
@@ -153,10 +162,11 @@ class HullObserver:
         voxel_size_m: float,
         rule: CarveRule | None = None,
         joined_m: float = 0.0,
+        person: bool = True,
     ):
         """Keeps the settings."""
         self.views = views
-        self._joined_m = joined_m
+        self._joined_m, self._person = joined_m, person
         self.voxel_size_m = voxel_size_m
         self.rule = rule or CarveRule()
         self.volume = volume
@@ -174,7 +184,7 @@ class HullObserver:
                 largest.
         """
         components = self.components(masks)
-        body = components.body(near_m)
+        body = self.body(components, near_m)
         if body is None:
             return None
         grid = self.window(components, body)
@@ -186,6 +196,10 @@ class HullObserver:
         return HullComponents.from_voxels(
             _label_bodies(hull, self._coarse, self._joined_m), self._coarse
         )
+
+    def body(self, components: HullComponents, near_m: np.ndarray | None) -> int | None:
+        """Index of the body's component, see `HullComponents.body`."""
+        return components.body(near_m, self._person)
 
     def window(self, components: HullComponents, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""
@@ -223,7 +237,7 @@ class HullObserver:
     ) -> FrameObservation | None:
         """The body's component of a carved window, or None where it is too small for a body."""
         voxels = _label_bodies(occupancy, grid, self._joined_m)
-        body = HullComponents.from_voxels(voxels, grid).body(near_m)
+        body = self.body(HullComponents.from_voxels(voxels, grid), near_m)
         if body is None:
             return None
         return FrameObservation(self.views, masks, grid, voxels.labels == body + 1)

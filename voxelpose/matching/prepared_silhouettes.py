@@ -337,4 +337,6 @@ def observer_of(
     rule = body_rule(len(rig), settings.tolerance, views.partly_unknown)
     size_m = 2 * settings.voxel_size_m
     grid = place_grid(rig, union, voxel_size_m=size_m, rule=rule, unknown=unknown)
-    return HullObserver(views, grid, settings.voxel_size_m, rule, settings.joined_m)
+    return HullObserver(
+        views, grid, settings.voxel_size_m, rule, settings.joined_m, settings.person
+    )

@@ -18,7 +18,7 @@ from voxelpose.matching.body_refit import refit
 from voxelpose.matching.given_body import start_given
 from voxelpose.matching.observation_store import ObservationStore, carved_observations
 from voxelpose.matching.prepared_silhouettes import PreparedSilhouettes
-from voxelpose.matching.static_objects import Masks, find_static_objects
+from voxelpose.matching.static_objects import StaticObjects, find_static_objects
 from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
 
 _POOR = 0.15  # median error from which sitting postures are searched; right ones have 0.06 to 0.1
@@ -68,19 +68,20 @@ class TrackWork:
             "shape": dict(
                 zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
             ),
-            "objects_share": {
-                name: round(float(pixels.mean()), 4)
-                for name, pixels in zip(prepared.rig.names, objects, strict=bool(objects))
-            },
+            "objects_share": {},
         }
+        if objects is not None:
+            pairs = zip(prepared.rig.names, objects.pixels, strict=True)
+            shares = {name: round(float(pixels.mean()), 4) for name, pixels in pairs}
+            facts |= {"objects_share": shares, "objects_apart": objects.apart}
         return tracker, facts | _found(tracker, start.poses)
 
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> tuple[PoseTracker, Start, Masks]:
+    ) -> tuple[PoseTracker, Start, StaticObjects | None]:
         """Tracks a person; where something stands beside, again without it, while that helps."""
         tracker, start = self._best_start(self._observations(prepared, kept))
-        objects: Masks = []
+        objects: StaticObjects | None = None
         for _ in range(_ROUNDS):
             store, observer, model = prepared.store, prepared.observer, tracker.body.model
             with self.clock("objects"):
@@ -89,14 +90,17 @@ class TrackWork:
             if found is None:
                 break
             objects, error = found, _median_error(tracker)
-            without = kept.enter_context(prepared.without(objects))
+            without = kept.enter_context(prepared.without(found.pixels))
             tracker, start = self._best_start(self._observations(without, kept))
             if _median_error(tracker) > _BETTER * error:
                 break
-        if objects:
+        if objects is not None:
             self.reporter.note(
-                "something stands beside the person all the time, as a chair does: it is left out,"
-                " and what it hides; look at the contact sheet whether it is no part of the person"
+                "something stands apart from the person all the time: it is left out"
+                if objects.apart
+                else "something stands beside the person all the time, as a chair does: it is left"
+                " out, and what it hides; look at the contact sheet whether it is no part of the"
+                " person"
             )
         return tracker, start, objects
 

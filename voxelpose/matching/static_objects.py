@@ -5,9 +5,11 @@ body, always in the same place.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from calib.components import label_components
 from silhouette_core.body.model import BodyModel
@@ -29,9 +31,23 @@ _WIDENED_M = 0.04  # as far, and a pixel more
 _ALWAYS = 0.9  # share of frames in which an object's pixel is foreground
 _SEEN = 0.25  # share of frames in which the body does not hide it
 _LEAST_M3 = 0.002
+_APART_M = 0.15  # from the body's surface: what is farther away in all frames is no limb
 
 Mask = NDArray[np.bool_]
 Masks = list[Mask]
+
+
+@dataclass(frozen=True, eq=False)
+class StaticObjects:
+    """Objects beside a body.
+
+    Attributes:
+        pixels: (h, w) bool of each camera that they cover.
+        apart: whether they are nowhere near the body, so that they are certainly no part of it.
+    """
+
+    pixels: Masks
+    apart: bool
 
 
 def find_static_objects(
@@ -41,8 +57,8 @@ def find_static_objects(
     observer: HullObserver,
     *,
     behind: bool = False,
-) -> Masks | None:
-    """Pixels (h, w) bool of each camera that objects beside a body cover; None without objects.
+) -> StaticObjects | None:
+    """Objects beside a body; None where there are none.
 
     A voxel belongs to one if all cameras show foreground there in nearly all frames, and at least
     half of them beside the body's outline whenever the body is not before it.
@@ -76,13 +92,19 @@ def find_static_objects(
     found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
     if not found.any():
         return None
+    apart = _apart(grid.occupied_points(found), model, [pose for _, pose in chosen])
     covered = [_covered(found, grid, views, c) for c in range(len(always))]
     if behind:
-        return covered
-    return [
-        _widened(pixels & seen, grid, views, c)
-        for c, (pixels, seen) in enumerate(zip(covered, witnessed, strict=True))
-    ]
+        return StaticObjects(covered, apart)
+    pairs = enumerate(zip(covered, witnessed, strict=True))
+    wide = [_widened(pixels & seen, grid, views, c) for c, (pixels, seen) in pairs]
+    return StaticObjects(wide, apart)
+
+
+def _apart(points_m: NDArray[np.float64], model: BodyModel, poses: Sequence[Pose]) -> bool:
+    """Whether points (N, 3) stay away from the body's surface in all poses."""
+    tree = KDTree(points_m)
+    return all(tree.query(posed_mesh(model, pose))[0].min() > _APART_M for pose in poses)
 
 
 def _around_body(model: BodyModel, pose: Pose, views: PinholeViews) -> Masks:

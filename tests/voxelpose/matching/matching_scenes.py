@@ -2,6 +2,7 @@
 fitted.
 """
 
+import cv2
 import numpy as np
 
 from calib.camera import Rig
@@ -69,6 +70,18 @@ def photograph(seen_by: PinholeViews, model: BodyModel, pose: Pose) -> list[np.n
         masks.append(
             render_parts(in_camera, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0
         )
+    return masks
+
+
+def board_on_floor(seen_by: PinholeViews, corner_m: tuple[float, float]) -> list[np.ndarray]:
+    """Pixels (h, w) bool of a board of 1.1 m by 0.9 m that lies on the floor, in every view."""
+    x, y = corner_m
+    corners = np.array([[x, y, 0], [x + 1.1, y, 0], [x + 1.1, y + 0.9, 0], [x, y + 0.9, 0]])
+    masks = []
+    for camera in seen_by.rig:
+        mask = np.zeros(camera.size[::-1], np.uint8)
+        cv2.fillConvexPoly(mask, np.rint(camera.project(corners)[0]).astype(np.int32), 1)
+        masks.append(mask > 0)
     return masks
 
 

@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from tests.voxelpose.matching.matching_scenes import views
-from voxelpose.matching.floor_shadows import FloorShadows
+from tests.voxelpose.matching.matching_scenes import (
+    board_on_floor,
+    fitting_model,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.carving.carver import CarveRule
+from voxelpose.carving.grid import VoxelGrid
+from voxelpose.matching.floor_shadows import FloorShadows, floor_under
+from voxelpose.matching.observe import HullObserver
 
 RIG = views(3).rig
 SHADOWS = FloorShadows(RIG)
@@ -49,3 +58,14 @@ def test_there_is_no_shadow_above_the_horizon():
     for away in (1.0, 1.5, 3.0):
         behind = away * camera.center_m[:2]
         assert not possible(True, tuple(behind))[above].any()
+
+
+def test_the_hull_of_a_board_on_the_floor_is_not_below_it():
+    seen_by = views(4)
+    room = VoxelGrid.from_bounds((-1.6, -1.6, -0.8), (1.6, 1.6, 2.1), 0.05)
+    observer = HullObserver(seen_by, room, 0.04, CarveRule(least_agreeing=3))
+    person = photograph(seen_by, fitting_model(), stance(fitting_model(), None, (-1.0, 0.0)))
+    board = board_on_floor(seen_by, (-0.1, -0.4))
+    frame = [a | b for a, b in zip(person, board, strict=True)]
+    assert floor_under(observer, [person]) == floor_under(observer, [frame]) == 0.0
+    assert floor_under(observer, [board]) < -0.15

@@ -7,6 +7,7 @@ import pytest
 
 from silhouette_core.motion.kinematics import place, rotation_matrices
 from tests.voxelpose.matching.matching_scenes import (
+    board_on_floor,
     fitting_model,
     other_body,
     photograph,
@@ -17,7 +18,7 @@ from voxelpose.carving.carver import CarveRule
 from voxelpose.carving.grid import VoxelGrid
 from voxelpose.matching.body_volume import BodyVolume
 from voxelpose.matching.mask_store import MaskStore
-from voxelpose.matching.observe import HullObserver, _small_components
+from voxelpose.matching.observe import HullComponents, HullObserver, _small_components
 from voxelpose.matching.quality import assess
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
@@ -100,6 +101,32 @@ def test_of_two_bodies_the_one_nearby_is_taken(observer):
         # Where the other one stands beside, and not behind, it is gone.
         others = joined & ~mask
         assert kept[others].mean() < 0.1 or np.count_nonzero(others) < 0.9 * np.count_nonzero(mask)
+
+
+def test_a_person_is_taken_and_not_a_board_of_larger_hull():
+    """Cameras at one height see a board on the floor as a double pyramid."""
+    room = VoxelGrid.from_bounds((-1.6, -1.6, -0.8), (1.6, 1.6, 2.1), 0.05)
+    observer = HullObserver(views(4), room, 0.04, CarveRule(least_agreeing=3))
+    person = photograph(observer.views, *body_at(-1.0))
+    board = board_on_floor(observer.views, (-0.1, -0.4))
+    masks = [a | b for a, b in zip(person, board, strict=True)]
+    components = observer.components(masks)
+    largest = int(components.volume_m3.argmax())
+    taken = observer.body(components, None)
+    assert taken is not None and components.center_m[taken, 0] < -0.7
+    assert taken != largest and components.center_m[largest, 0] > 0.2
+    assert HullObserver(observer.views, room, 0.04, person=False).body(components, None) == largest
+    frame = observer.observe(masks)
+    assert frame is not None
+    assert abs(frame.grid.occupied_points(frame.occupancy).mean(axis=0)[0] + 1.0) < 0.1
+
+
+def test_of_several_people_the_one_with_the_largest_hull_is_taken():
+    volume_m3 = np.array([0.11, 0.12, 0.1])
+    bounds_m = np.zeros((3, 2, 3))
+    bounds_m[:, 1] = (0.5, 0.6, 1.7)
+    people = HullComponents(volume_m3, bounds_m.mean(axis=1), bounds_m)
+    assert people.body(None) == 1
 
 
 def test_stray_pieces_of_one_camera_are_dropped(observer, masks):

@@ -84,12 +84,21 @@ def observer() -> HullObserver:
 def test_a_chair_is_found_with_the_pixels_that_it_covers(poses, observer):
     things = furniture(boxes())
     found = find_static_objects(MODEL, poses, filmed(poses, MODEL, things), observer)
-    assert found is not None
-    for hidden, thing, mask in zip(found, things, photograph(SCENE, MODEL, poses[0]), strict=True):
+    assert found is not None and not found.apart
+    body = photograph(SCENE, MODEL, poses[0])
+    for hidden, thing, mask in zip(found.pixels, things, body, strict=True):
         beside = thing & ~mask
         assert np.count_nonzero(hidden & beside) > 0.9 * np.count_nonzero(beside)
         alone = mask & ~thing
         assert np.count_nonzero(hidden & alone) < 0.1 * np.count_nonzero(alone)
+
+
+def test_what_stands_at_a_distance_is_apart(observer):
+    upright = [stance(MODEL, {"left_upper_arm.abduction": lift}) for lift in (20.0, 50.0, 80.0)]
+    for away, apart in ((0.3, False), (0.75, True)):
+        things = furniture([box + np.array([0.0, away, 0.0]) for box in boxes()])
+        found = find_static_objects(MODEL, upright, filmed(upright, MODEL, things), observer)
+        assert found is not None and found.apart == apart
 
 
 def test_without_a_chair_nothing_is_found(poses, observer):
