@@ -14,6 +14,9 @@ from silhouette_core.image.head_colours import ColourCrop
 # Smaller components, as a fraction of the person's area, are noise; a hand behind a gap is larger.
 _LEAST_FRACTION = 0.02
 _LARGEST_GAP = 0.25  # between a component and the main one, as a fraction of the latter's size
+# A person's silhouette is mostly twice as high as wide; what is wider counts for less beside it,
+# down to a fraction: a board on the floor, or a box.
+_SLENDER, _LEAST_WEIGHT = 2.0, 0.25
 _LEAST_PX = 150
 _LEAST_OF_USUAL = 0.2  # of the usual area
 _BORDER_PX = 2
@@ -43,7 +46,10 @@ def find_person(
     near_px: NDArray[np.float64] | None = None,
     usual_px: float | None = None,
 ) -> Person | None:
-    """Largest connected component of a foreground image, with the smaller ones near it.
+    """Largest connected component of a foreground image, with those near it.
+
+    What is wider than a person mostly is counts for less; and what is larger than the person and
+    wider than high is no piece of it.
 
     Args:
         mask: (h, w) bool, all foreground.
@@ -60,21 +66,22 @@ def find_person(
     part = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     components = label_components(part)
     area = components.sizes[1:].astype(float)
-    weight = area.copy()
+    (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
+    w, h = right - x, bottom - y
+    weight = area * np.clip(h / (_SLENDER * w), _LEAST_WEIGHT, 1)
     if near_px is not None:
         distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
         weight *= np.exp(-((distance / (0.5 * mask.shape[0])) ** 2))
     main = int(weight.argmax())
     if area[main] < max(_LEAST_PX, _LEAST_OF_USUAL * (usual_px or 0.0)):
         return None
-    (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
-    w, h = right - x, bottom - y
     left, top, width, height = x[main], y[main], w[main], h[main]
     largest_gap = _LARGEST_GAP * max(width, height)
     gap = np.maximum.reduce(
         [left - (x + w), x - (left + width), top - (y + h), y - (top + height), np.zeros(len(x))]
     )
-    kept = np.concatenate([[False], (gap <= largest_gap) & (area >= _LEAST_FRACTION * area[main])])
+    piece = (area >= _LEAST_FRACTION * area[main]) & ((area <= area[main]) | (h >= w))
+    kept = np.concatenate([[False], (gap <= largest_gap) & piece])
     person = np.zeros_like(mask)
     person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = kept.take(components.labels)
     return Person(person, _is_cut(person))

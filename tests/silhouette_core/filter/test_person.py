@@ -30,6 +30,26 @@ def test_the_largest_piece_is_the_person_with_what_lies_beside_it():
     assert result is not None and (result.mask == picture(BODY, hand)).all() and not result.cut
 
 
+@pytest.mark.parametrize("gap_px", [10, 100])
+def test_a_larger_board_on_the_floor_is_no_person_nor_a_piece_of_one(gap_px):
+    board = (200 + gap_px, 100, 270 + gap_px, 230)
+    result = find_person(picture(BODY, board, shape=(480, 320)))
+    assert result is not None and (result.mask == picture(BODY, shape=(480, 320))).all()
+
+
+def test_halves_of_a_person_are_one():
+    """The shirt has the wall's colour: head and arms, and the smaller legs."""
+    above, legs = (40, 120, 120, 200), (130, 140, 230, 174)
+    result = find_person(picture(above, legs))
+    assert result is not None and (result.mask == picture(above, legs)).all()
+
+
+def test_who_lies_alone_is_a_person():
+    lying = (180, 60, 220, 220)
+    result = find_person(picture(lying, (20, 20, 60, 30)))
+    assert result is not None and (result.mask == picture(lying)).all()
+
+
 def test_nobody_and_crumbs_are_no_person():
     assert find_person(picture()) is None
     assert find_person(picture((10, 10, 20, 20))) is None
