@@ -17,3 +17,16 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def standing4(shared: Path, tmp_path: Path) -> Path:
+    """Recording folder of a man who stands still beside a board on the floor, in a real room."""
+    source, folder = shared / "data" / "standing4", tmp_path / "standing4"
+    (folder / "background").mkdir(parents=True)
+    (folder / "calibration.toml").symlink_to(source / "calibration.toml")
+    for number in range(1, 5):
+        name, kinds = f"cam_{number}", {"": "person_and_board", "background": "background"}
+        for place, kind in kinds.items():
+            (folder / place / f"{name}.avi").symlink_to(source / f"{name}_{kind}.avi")
+    return folder

@@ -54,6 +54,20 @@ def test_a_short_recording_from_end_to_end(tmp_path):
     assert seconds < 180  # half a minute on two busy cores
 
 
+@pytest.mark.slow
+def test_in_a_real_room_the_man_is_followed_and_not_the_board_on_the_floor(standing4, tmp_path):
+    """The board's hull is the larger one, and z of this world points into the floor."""
+    output = Output(tmp_path / "out", pictures=False)
+    motion = fit(Recording.open(standing4, frames=(0, 6)), output, Settings(threads=2)).motion
+    joints = dict(zip(LANDMARK_NAMES, motion.landmarks().transpose(1, 0, 2), strict=True))
+    assert np.abs(joints["head_top"][:, 2] + 1.75).max() < 0.1
+    assert np.abs(joints["pelvis"] - [0.3, -0.85, -0.85]).max() < 0.1
+    for side in ("left", "right"):
+        assert (np.abs(joints[f"{side}_ankle"][:, 2] + 0.1) < 0.08).all()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["verdict"]["level"] == "reliable"
+
+
 def check_report(summary, motion):
     assert summary["estimator"] == "multiview" and summary["frames"]["lost"] == []
     assert {"silhouettes", "pose", "refinement", "quality", "proportions"} <= set(

@@ -85,17 +85,9 @@ def test_dancer8_is_the_body_that_was_published_with_it(shared, tmp_path):
     np.testing.assert_allclose(published.max(axis=0)[:2], vertices.max(axis=0)[:2], atol=0.02)
 
 
-def test_standing4_is_a_man_and_a_board(shared, tmp_path):
-    source = shared / "data" / "standing4"
-    (tmp_path / "background").mkdir()
-    for number in range(1, 5):
-        shutil.copy(source / f"cam_{number}_person_and_board.avi", tmp_path / f"cam_{number}.avi")
-        shutil.copy(
-            source / f"cam_{number}_background.avi", tmp_path / "background" / f"cam_{number}.avi"
-        )
-    shutil.copy(source / "calibration.toml", tmp_path / "calibration.toml")
+def test_standing4_is_a_man_and_a_board(standing4):
     hull = carve_recording(
-        tmp_path, settings=CarveSettings(voxel_size_m=0.02, rule=CarveRule(tolerance=0))
+        standing4, settings=CarveSettings(voxel_size_m=0.02, rule=CarveRule(tolerance=0))
     )
     assert hull.without_background == ()
     points = hull.grid.occupied_points(hull.occupancy)
