@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 
-_TEMPERATURE = 6.0  # costs of many pixels and joints are not independent
-
 
 @dataclass(frozen=True, eq=False)
 class Beam:
@@ -29,6 +27,8 @@ class Beam:
         own: (K,) float64, nats, of the frame alone, without the past.
         occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
         priors: K priors of the joints' positions that the poses were refined with, or None.
+        temperature: by which costs are divided in probabilities: those of many pixels, joints and
+            frames are not independent.
     """
 
     poses: list[Pose]
@@ -41,6 +41,7 @@ class Beam:
     own: NDArray[np.float64]
     occluded: NDArray[np.bool_]
     priors: list[LandmarkPrior | None]
+    temperature: float
 
     def only(self, k: int) -> Beam:
         """This beam with hypothesis k alone, as the certain past of what follows.
@@ -66,7 +67,7 @@ class Beam:
     def probabilities(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3)."""
         order = np.argsort(self.cost, kind="stable")
-        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / _TEMPERATURE)
+        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / self.temperature)
         return odds / odds.sum(), self.joints[order]
 
     @property

@@ -79,7 +79,6 @@ class HypothesisTracker:
             root_rad=ROOT_STEP_RAD,
             root_m=ROOT_STEP_M,
             spacing_rad=np.radians(3.0),
-            restart_cost=15.0,
         )
         self._library_sigma = np.concatenate(
             [[0.06] * 3, [0.15] * 3, np.full(self.model.dof_count, 0.20)]
@@ -148,7 +147,8 @@ class HypothesisTracker:
         else:
             # Costs of a frame are those of 1 / FPS; a longer one counts for as much more.
             own = own * float(np.clip((time_s - previous.time_s) * FPS, 0.0, _LONGEST_FRAME))
-            moving, restarted = self.moving(previous, predicted, poses, joints, time_s)
+            expected = previous, predicted
+            moving, restarted = self.moving(*expected, poses, joints, time_s, settings.restart)
             total = previous.cost[:, None] + moving
             back = total.argmin(0)
             restarted = restarted[back, np.arange(len(poses))]
@@ -164,6 +164,7 @@ class HypothesisTracker:
             own,
             np.zeros((len(poses), len(self.model.names)), bool),
             priors,
+            settings.temperature,
         )
         kept = self._pruned(beam, settings)
         for row, areas in enumerate(weights.part_areas_many(self.model, kept.poses)):
@@ -178,6 +179,7 @@ class HypothesisTracker:
         poses: list[Pose],
         joints: NDArray[np.float64],
         time_s: float,
+        restart: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Costs of the steps from the hypotheses of the previous frame.
 
@@ -187,12 +189,13 @@ class HypothesisTracker:
             poses: K' poses of this frame.
             joints: (K', 15, 3), their joints.
             time_s: time of this frame.
+            restart: see `TrackerSettings.restart`.
 
         Returns:
             Costs (K, K') float64, nats, and whether each is that of a restart (K, K') bool.
         """
         # At a lower frame rate every step is cheaper; a restart has to remain dearer.
-        restart_cost = self.noise.restart_cost * max((time_s - previous.time_s) * FPS, 1.0)
+        restart_cost = restart * max((time_s - previous.time_s) * FPS, 1.0)
         occluded = previous.occluded[:, self.model.dof_part]
         moving = transition_cost(
             _packed(predicted, previous.time_s, occluded & ~self.model.dof_fixed),

@@ -34,6 +34,8 @@ class TrackerSettings:
         spacing_m: distance between points of the contour, on the body.
         different_m: mean distance of the joints within which two seeds explain a silhouette alike.
         same_m: the same within which two hypotheses are one pose.
+        restart: largest cost of a step from frame to frame, nats; what costs more is no movement.
+        temperature: of the hypotheses' probabilities, see `Beam`.
         both_ways: whether frames are also tracked from the last to the first, if later ones are
             waited for.
         root: place of a root that stands still, with any joint angles; None: it moves, or is
@@ -54,6 +56,8 @@ class TrackerSettings:
     spacing_m: float = USUAL_SPACING_M
     different_m: float = 0.07
     same_m: float = 0.035
+    restart: float = 15.0
+    temperature: float = 6.0
     both_ways: bool = False
     root: Pose | None = None
 
@@ -83,5 +87,10 @@ class TrackerSettings:
         return replace(self, surface_points=350, spacing_m=0.04, reaching=1)
 
     def with_modes(self) -> TrackerSettings:
-        """Settings beside a learned proposal, which finds most of the hypotheses itself."""
-        return replace(self, by_probability=1, by_fit=0, carried=1, kept=8)
+        """Settings beside a learned proposal, which finds most of the hypotheses itself.
+
+        It finds the same again in every frame, so that nobody need turn round all of a sudden.
+        """
+        return replace(
+            self, by_probability=1, by_fit=0, carried=1, kept=8, restart=45.0, temperature=17.0
+        )

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.filter.beam import Beam, backtrack
 from silhouette_core.filter.forward import ForwardFilter
 from silhouette_core.filter.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_costs import PoseCosts
+from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.surface import Surface
 from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
 
@@ -158,17 +161,50 @@ def test_what_the_source_hides_moves_farther(tree, followed):
     angles = seen.poses[0].angles_rad.copy()
     angles[np.isin(tracker.model.dof_part, arm)] += 0.8
     moved = [replace(seen.poses[0], angles_rad=angles)]
-    costs = [
-        tracker.moving(beam, beam.poses, moved, beam.joints, beam.time_s + 1 / 30)[0][0, 0]
-        for beam in (seen, hidden)
-    ]
-    assert costs[1] < 0.8 * costs[0]
+
+    def costs(poses):
+        times = seen.time_s + 1 / 30, 15.0
+        return [
+            tracker.moving(beam, beam.poses, poses, beam.joints, *times)[0][0, 0]
+            for beam in (seen, hidden)
+        ]
+
+    there = costs(moved)
+    assert there[1] < 0.8 * there[0]
     # It is not cheaper to be hidden as such.
-    still = [
-        tracker.moving(beam, beam.poses, beam.poses, beam.joints, beam.time_s + 1 / 30)[0][0, 0]
-        for beam in (seen, hidden)
-    ]
+    still = costs(seen.poses)
     assert still[1] > still[0]
+
+
+def test_who_stands_still_does_not_turn_round_for_a_while(tree):
+    """Beside a proposal that finds the back likelier for twenty of thirty frames."""
+    pose = poses_of(performed("walk"))[0]
+    person = Person(silhouette(body(), pose, CAMERA), False)
+    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, person)
+    placed = forward(body(), pose.root_m[None], turn(pose)[None], pose.angles_rad[None])
+    joints = landmarks(body(), *placed)[0] - pose.root_m
+    precision = np.tile(np.eye(3) / 0.03**2, (15, 1, 1))
+    ways = [
+        LandmarkPrior(joints * [sign, sign, 1.0], precision, pose.root_m, np.eye(3) / 0.1**2)
+        for sign in (1.0, -1.0)
+    ]
+
+    def turned(restart):
+        settings = replace(TrackerSettings().with_modes(), restart=restart)
+        tracker = HypothesisTracker(tree, CAMERA, settings)
+        tracker._settings = lambda _: settings
+        beams: list[Beam] = []
+        for t in range(30):
+            back = 0.99 if 5 <= t < 25 else 0.01
+            modes = FrameModes(np.array([1 - back, back]), ways, 4.0)
+            now = replace(frame, time_s=t / 30)
+            beams.append(tracker.step(now, *([None, None, *beams][:-3:-1]), modes))
+        chosen = [beam.joints[k] for beam, k in zip(beams, backtrack(beams), strict=True)]
+        left = np.array([own[LANDMARK_NAMES.index("left_hip")] - own[0] for own in chosen])
+        return (left @ joints[LANDMARK_NAMES.index("left_hip")] < 0).mean()
+
+    assert turned(15.0) > 0.5
+    assert turned(TrackerSettings().with_modes().restart) == 0
 
 
 def test_kept_hypotheses_know_what_they_hide(followed):
