@@ -12,6 +12,8 @@ _LOST = 0.1  # fraction of frames without a pose
 _RIGHT = 0.5  # probability below which a frame counts as wrong
 _WRONG = 0.25  # fraction of wrong frames
 _APART = 0.75  # outline agreement below which that is the reason, and the measure of one camera
+# With one camera and a learned proposal: the same, and the likeliest pose's probability.
+_APART_ALONE, _OPEN = 0.85, 0.5
 _SEAM_MM = 80.0  # mean distance of the joints of two pieces in the frames that they share
 _UNCERTAIN = 0.5  # probability of a joint to be within 30 mm, below which it is named
 _TURN = 1.5  # half-turn ratio below which the heading is the reason
@@ -43,9 +45,10 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
 
     A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
     wrong more likely than not (several cameras), or if body and silhouettes have less than three
-    quarters of their union in common (one camera, whose errors in depth no silhouette shows), or if
-    it was joined of pieces that do not meet. So is one from which an object was left out that
-    nobody marked: legs that do not move may have been taken for it.
+    quarters of their union in common (one camera; 85 % where a proposal was learned), or if the
+    likeliest of the poses that one camera leaves is mostly less likely than not, or if it was
+    joined of pieces that do not meet. So is one from which an object was left out that nobody
+    marked: legs that do not move may have been taken for it.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
@@ -64,8 +67,10 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             f"two pieces of the recording are {max(apart):.0f} mm apart where they meet: look at"
             " the frames around it (facts in summary.json), or give longer --pieces",
         )
-    if (right is None and agreement < _APART) or (right is not None and right < _RIGHT):
-        if agreement >= _APART and _known(facts.get("half_turn_ratio"), _TURN) < _TURN:
+    likely = quality.get("pose_probability", {}).get("median")
+    apart_below = _APART if likely is None else _APART_ALONE
+    if (right is None and agreement < apart_below) or (right is not None and right < _RIGHT):
+        if agreement >= apart_below and _known(facts.get("half_turn_ratio"), _TURN) < _TURN:
             return Verdict(
                 "doubtful",
                 "turned half round, the body explains the silhouettes nearly as well: look which"
@@ -75,6 +80,12 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             "doubtful",
             f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
             " sheet, at background and calibration, and at clothes of the walls' colours",
+        )
+    if likely is not None and likely < _OPEN:
+        return Verdict(
+            "doubtful",
+            "one camera leaves several poses open, the likeliest of which has a probability of"
+            f" {likely:.2f}: look at hypotheses.csv, or add a second camera",
         )
     if facts.get("objects_share") and not facts.get("objects_apart"):
         return Verdict(

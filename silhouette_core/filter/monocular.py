@@ -224,6 +224,8 @@ def _motion(
         "cut": whole["cut"],
         "lost": whole["lost"],
     }
+    if trajectory.finder is not None:  # without a proposal they were not compared with the truth
+        quality["pose_probability"] = whole["probability"]
     motion = Motion(
         fps, trajectory.model, root, rotation, angles, numbers, whole["time_s"], quality
     )
@@ -240,6 +242,7 @@ def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
         "number": np.array([frame.number for frame in frames], np.int64),
         "time_s": np.array([frame.time_s for frame in frames]),
         "error": np.array([frame.error for frame in frames]),
+        "probability": np.array([frame.probability.max() for frame in frames]),
         "occluded": np.stack([frame.occluded for frame in frames]),
         "cut": np.array([frame.cut for frame in frames]),
         "lost": np.array([frame.lost for frame in frames]),

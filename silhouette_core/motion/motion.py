@@ -40,7 +40,8 @@ class Motion:
             surroundings of each joint in which they differ; `joint_sigma_mm` (T, 15), its standard
             deviation by the outlines; `joint_error_mm` (T, 15), median error to expect;
             `landmark_confidence` (T, 15), probability that a joint is within 30 mm of the truth;
-            `right_probability` (T,), that the joints' mean error is below 80 mm.
+            `right_probability` (T,), that the joints' mean error is below 80 mm; `pose_probability`
+            (T,), of the likeliest hypothesis that one camera leaves.
         up: (3,) float64, unit, direction of up in the world.
         floor_m: height of the floor in the world, along up, metres.
         filled: (T,) bool, whether the frame's pose is interpolated, since none was found.

@@ -5,8 +5,10 @@ import pytest
 from voxelpose.reliability import Verdict, verdict_of
 
 
-def summary(lost=0, agreement=0.92, right=None, turn=3.0):
+def summary(lost=0, agreement=0.92, right=None, turn=3.0, likely=None):
     quality = {"outline_agreement": {"median": agreement}}
+    if likely is not None:
+        quality["pose_probability"] = {"median": likely}
     if right is not None:
         quality["right_probability"] = {"lower_quarter": right}
     frames = {"with_pose": 100 - lost, "lost": list(range(lost))}
@@ -25,6 +27,10 @@ def summary(lost=0, agreement=0.92, right=None, turn=3.0):
         ({"right": 0.45, "agreement": 0.8}, "doubtful", "only 80 % in common"),
         ({"agreement": 0.9}, "reliable", ""),
         ({"agreement": 0.6}, "doubtful", "only 60 % in common"),
+        ({"agreement": 0.8}, "reliable", ""),
+        ({"agreement": 0.8, "likely": 0.9}, "doubtful", "only 80 % in common"),
+        ({"agreement": 0.9, "likely": 0.6}, "reliable", ""),
+        ({"agreement": 0.9, "likely": 0.4}, "doubtful", "probability of 0.40"),
     ],
 )
 def test_a_result_is_called_what_its_numbers_say(numbers, level, words):
