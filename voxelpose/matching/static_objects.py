@@ -32,6 +32,7 @@ _ALWAYS = 0.9  # share of frames in which an object's pixel is foreground
 _SEEN = 0.25  # share of frames in which the body does not hide it
 _LEAST_M3 = 0.002
 _APART_M = 0.15  # from the body's surface: what is farther away in all frames is no limb
+_PERSON_M = 1.4  # what is so long may be the person, and the body be that of something else
 
 Mask = NDArray[np.bool_]
 Masks = list[Mask]
@@ -43,7 +44,8 @@ class StaticObjects:
 
     Attributes:
         pixels: (h, w) bool of each camera that they cover.
-        apart: whether they are nowhere near the body, so that they are certainly no part of it.
+        apart: whether they are nowhere near the body, so that they are certainly no part of it, and
+            smaller than a person, so that they are not the person either.
     """
 
     pixels: Masks
@@ -92,7 +94,7 @@ def find_static_objects(
     found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
     if not found.any():
         return None
-    apart = _apart(grid.occupied_points(found), model, [pose for _, pose in chosen])
+    apart = _apart(found, grid, model, [pose for _, pose in chosen])
     covered = [_covered(found, grid, views, c) for c in range(len(always))]
     if behind:
         return StaticObjects(covered, apart)
@@ -101,9 +103,16 @@ def find_static_objects(
     return StaticObjects(wide, apart)
 
 
-def _apart(points_m: NDArray[np.float64], model: BodyModel, poses: Sequence[Pose]) -> bool:
-    """Whether points (N, 3) stay away from the body's surface in all poses."""
-    tree = KDTree(points_m)
+def _apart(
+    voxels: NDArray[np.bool_], grid: VoxelGrid, model: BodyModel, poses: Sequence[Pose]
+) -> bool:
+    """Whether voxels stay away from the body's surface in all poses, in pieces too small for
+    people.
+    """
+    longest = np.ptp(label_components(voxels).bounds, axis=1).max()
+    if longest * grid.voxel_size_m >= _PERSON_M:
+        return False
+    tree = KDTree(grid.occupied_points(voxels))
     return all(tree.query(posed_mesh(model, pose))[0].min() > _APART_M for pose in poses)
 
 

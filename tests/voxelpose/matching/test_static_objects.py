@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.matching.matching_scenes import (
@@ -99,6 +101,16 @@ def test_what_stands_at_a_distance_is_apart(observer):
         things = furniture([box + np.array([0.0, away, 0.0]) for box in boxes()])
         found = find_static_objects(MODEL, upright, filmed(upright, MODEL, things), observer)
         assert found is not None and found.apart == apart
+
+
+def test_somebody_who_stands_still_is_not_set_aside_as_an_object(observer):
+    """The body was taken for a small thing's that lies on the floor."""
+    lying = stance(MODEL)
+    thing = Pose(np.array([0.9, 0.0, 0.1]), lying.root_rotation, lying.angles_rad)
+    small = BodyModel.from_sizes(BodySizes(0.6))
+    still = photograph(SCENE, PERSON, stance(PERSON, None, (-0.6, 0.0)))
+    found = find_static_objects(small, [thing] * 3, filmed([thing] * 3, small, still), observer)
+    assert found is not None and not found.apart
 
 
 def test_without_a_chair_nothing_is_found(poses, observer):
