@@ -88,11 +88,14 @@ def adapted_body(
 def shod_scale(lowest_m: NDArray[np.float64], camera_m: float) -> float:
     r"""Factor by which a person is taller than the body, from feet that hang above the floor.
 
-    A person taller by the factor \(s\) is put at \(1/s\) of the distance, and what stands on the
-    floor at the height \(h = c (1 - 1/s)\) below a camera at the height \(c\), so that
-    \(s = c / (c - h)\). This is weighed against the prior \(s \sim N(1, \sigma_s^2)\) by the
-    spread of the heights, which is large where the person jumps; and nobody is made smaller: who
-    seems to sink has a foot in front of the other.
+    A person taller by the factor :math:`s` is put at :math:`1/s` of the distance, and what stands
+    on the floor at the height :math:`h`, below a camera at the height :math:`c`:
+
+    .. math:: h = c \Bigl(1 - \frac{1}{s}\Bigr), \qquad s = \frac{c}{c - h}
+
+    This is weighed against the prior :math:`s \sim N(1, \sigma_s^2)` by the spread of the heights,
+    which is large where the person jumps; and nobody is made smaller: who seems to sink has a foot
+    in front of the other.
 
     Args:
         lowest_m: (T,) heights of the lowest points of the body in T frames, m.
@@ -100,6 +103,8 @@ def shod_scale(lowest_m: NDArray[np.float64], camera_m: float) -> float:
 
     Returns:
         The factor, 1 where z = 0 is not the floor or the camera is not clearly above it.
+
+    Source: own; similar triangles.
     """
     near = np.abs(lowest_m) < _NEAR_FLOOR_M
     if near.mean() < 0.5 or camera_m < 2 * _NEAR_FLOOR_M:

@@ -176,7 +176,7 @@ def test_what_the_source_hides_moves_farther(tree, followed):
     assert still[1] > still[0]
 
 
-def test_who_stands_still_does_not_turn_round_for_a_while(tree):
+def test_who_stands_still_does_not_turn_round_for_a_while(tree, monkeypatch):
     """Beside a proposal that finds the back likelier for twenty of thirty frames."""
     pose = poses_of(performed("walk"))[0]
     person = Person(silhouette(body(), pose, CAMERA), False)
@@ -189,10 +189,12 @@ def test_who_stands_still_does_not_turn_round_for_a_while(tree):
         for sign in (1.0, -1.0)
     ]
 
+    usual = TrackerSettings().with_modes()
+
     def turned(restart):
-        settings = replace(TrackerSettings().with_modes(), restart=restart)
+        settings = replace(usual, restart=restart)
+        monkeypatch.setattr(TrackerSettings, "with_modes", lambda _: settings)
         tracker = HypothesisTracker(tree, CAMERA, settings)
-        tracker._settings = lambda _: settings
         beams: list[Beam] = []
         for t in range(30):
             back = 0.99 if 5 <= t < 25 else 0.01
@@ -204,7 +206,7 @@ def test_who_stands_still_does_not_turn_round_for_a_while(tree):
         return (left @ joints[LANDMARK_NAMES.index("left_hip")] < 0).mean()
 
     assert turned(15.0) > 0.5
-    assert turned(TrackerSettings().with_modes().restart) == 0
+    assert turned(usual.restart) == 0
 
 
 def test_kept_hypotheses_know_what_they_hide(followed):
