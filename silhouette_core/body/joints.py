@@ -138,6 +138,18 @@ def landmark_part(landmark: str) -> int:
     return PART_NAMES.index({"pelvis": "pelvis", "neck": "neck", "head_top": "head"}[landmark])
 
 
+EXCHANGED_LANDMARKS = np.array(
+    [
+        LANDMARK_NAMES.index(
+            name.replace("left", "right")
+            if name.startswith("left")
+            else name.replace("right", "left")
+        )
+        for name in LANDMARK_NAMES
+    ]
+)
+"""For each landmark the one of the other side; of the middle itself."""
+
 LANDMARK_PART = np.array([landmark_part(name) for name in LANDMARK_NAMES], np.int32)
 
 _CHAINS = (

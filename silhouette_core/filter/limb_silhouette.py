@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -185,6 +186,27 @@ class SignedWeights:
     def covered(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.bool_]:
         """Pixels (K, h, w) that the body covers in K poses."""
         return self._drawn(model, poses) > 0
+
+    def uncovered(
+        self, model: BodyModel, poses: Sequence[Pose], most_m: float
+    ) -> NDArray[np.float64]:
+        """How far the silhouette stands out of the body in K poses (K,), m: the largest distance of
+        its pixels from the drawn body, at most `most_m`.
+        """
+        mask = (self.signed < 0).view(np.uint8)
+        left, top, width, height = cv2.boundingRect(mask)
+        far = np.empty(len(poses))
+        for k, (pose, covered) in enumerate(zip(poses, self.covered(model, poses), strict=True)):
+            depth = float(self.rotation[2] @ pose.root_m + self.translation_m[2])
+            m_per_px = depth / float(self.matrix[0, 0])
+            near = max(1, int(np.ceil(most_m / m_per_px)))  # what is farther away is too far
+            rows = slice(max(top - near, 0), top + height + near)
+            columns = slice(max(left - near, 0), left + width + near)
+            part = np.ascontiguousarray(~covered[rows, columns]).view(np.uint8)
+            away = cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_5)
+            px = cv2.minMaxLoc(away, mask=np.ascontiguousarray(mask[rows, columns]))[1]
+            far[k] = min(px * m_per_px, most_m)
+        return far
 
     def _drawn(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
         """Part images (K, h, w) of K poses."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS
 from silhouette_core.filter.body_heading import HeadingFilter, body_headings, smooth_headings
 from silhouette_core.filter.window import Window, look_at
 from silhouette_core.library.rendering import STATURE_PX
@@ -32,12 +32,6 @@ _DISTANCE_WINDOW_S = 0.17
 # Height of a person's middle, in statures: usual, and the range in which z = 0 may be the floor.
 _USUAL_HEIGHT, _HEIGHTS = 0.53, (0.15, 1.1)
 _ALIKE_M = 0.08  # mean distance of the joints of modes that are averaged
-_EXCHANGED = [
-    LANDMARK_NAMES.index(
-        name.replace("left", "right") if name.startswith("left") else name.replace("right", "left")
-    )
-    for name in LANDMARK_NAMES
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,12 +213,12 @@ class ModeFinder:
             anchor=features.anchor * [-1.0, 1.0, 1.0],
         )
         one, other = self.proposal.modes_many([features, mirrored], causal, frames)
-        joints = other.joints[:, :, _EXCHANGED] * np.array([-1, 1, 1], np.float32)
+        joints = other.joints[:, :, EXCHANGED_LANDMARKS] * np.array([-1, 1, 1], np.float32)
         offset = other.offset * np.array([-1, 1, 1], np.float32)
         return PoseModes(
             0.5 * np.concatenate([one.probability, other.probability], axis=1),
             np.concatenate([one.joints, joints], axis=1),
-            np.concatenate([one.sigma, other.sigma[:, :, _EXCHANGED]], axis=1),
+            np.concatenate([one.sigma, other.sigma[:, :, EXCHANGED_LANDMARKS]], axis=1),
             (0.5 * (one.offset + offset)).astype(np.float32),
             (0.5 * (one.offset_sigma + other.offset_sigma)).astype(np.float32),
         )

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from silhouette_core.image.distance import Weighting
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import USUAL_SPACING_M
@@ -28,6 +31,8 @@ class TrackerSettings:
             fewer are taken from the posterior and carried, see `with_modes`.
         reaching: number of rounds in which limbs of as many of the best hypotheses are put where
             these leave the silhouette uncovered, beside a learned proposal.
+        mirrored: number of the best hypotheses whose mirror images in depth are tried; of a body
+            that is no person's, none are.
         sigma: standard deviation of a refined pose's silhouette distance, relative to the
             silhouette's weight.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
@@ -51,6 +56,7 @@ class TrackerSettings:
     kept: int = 16
     by_mode: int = 4
     reaching: int = 2
+    mirrored: int = 1
     sigma: float = 0.04
     surface_points: int = 500
     spacing_m: float = USUAL_SPACING_M
@@ -60,6 +66,10 @@ class TrackerSettings:
     temperature: float = 6.0
     both_ways: bool = False
     root: Pose | None = None
+
+    def cost(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (K,), nats, of silhouette distances (K,)."""
+        return 0.5 * (distance / self.sigma) ** 2
 
     def of_given_body(self, length_m: float, root: Pose | None) -> TrackerSettings:
         """Settings for a body that is no person's: nobody knows which poses it usually takes.
@@ -71,6 +81,7 @@ class TrackerSettings:
         return replace(
             self,
             facing=False,
+            mirrored=0,
             by_probability=8,
             by_fit=8,
             carried=12,
@@ -84,7 +95,7 @@ class TrackerSettings:
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04, reaching=1)
+        return replace(self, surface_points=350, spacing_m=0.04, reaching=1, mirrored=0)
 
     def with_modes(self) -> TrackerSettings:
         """Settings beside a learned proposal, which finds most of the hypotheses itself.
@@ -92,5 +103,12 @@ class TrackerSettings:
         It finds the same again in every frame, so that nobody need turn round all of a sudden.
         """
         return replace(
-            self, by_probability=1, by_fit=0, carried=1, kept=8, restart=45.0, temperature=17.0
+            self,
+            by_probability=1,
+            by_fit=0,
+            carried=1,
+            kept=8,
+            mirrored=0,
+            restart=45.0,
+            temperature=17.0,
         )

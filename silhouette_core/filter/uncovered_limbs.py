@@ -18,7 +18,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.filter.observed_frame import ObservedFrame
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
-from silhouette_core.refinement.joint_placement import place_bodies
+from silhouette_core.refinement.joint_placement import held_joints, place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
@@ -76,7 +76,11 @@ def reach_uncovered(
     for pose, own, prior, covered in zip(poses, joints, priors, drawn, strict=True):
         for limb, aim, ray in _aims(observed, own, covered):
             starts.append(pose)
-            held.append(_moved_end(_as_it_is(own), limb, aim - own[0], _PLACED_END * _on_ray(ray)))
+            held.append(
+                _moved_end(
+                    held_joints(own, _PLACED_M), limb, aim - own[0], _PLACED_END * _on_ray(ray)
+                )
+            )
             wanted.append(_moved_end(prior, limb, aim - prior.pelvis_m, _on_ray(ray)))
     if not starts:
         return [], []
@@ -164,12 +168,6 @@ def _on_ray(ray: NDArray[np.float64]) -> NDArray[np.float64]:
     """Precision (3, 3), 1/m², of a point that is known to lie on a ray."""
     along = np.outer(ray, ray)
     return (np.eye(3) - along) / _ACROSS_M**2 + along / _ALONG_M**2
-
-
-def _as_it_is(joints: NDArray[np.float64]) -> LandmarkPrior:
-    """Prior by which joints (15, 3) stay where they are."""
-    held = np.eye(3) / _PLACED_M**2
-    return LandmarkPrior(joints - joints[0], np.tile(held, (len(joints), 1, 1)), joints[0], held)
 
 
 def _moved_end(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.dynamics import RELAXED_RAD
@@ -36,6 +37,13 @@ def place_bodies(
         RefineStart(pose, _PLACING, None, prior) for pose, prior in zip(poses, priors, strict=True)
     ]
     return [one.pose for one in refine_many(surface, observation, given)]
+
+
+def held_joints(joints_m: NDArray[np.float64], sigma_m: float) -> LandmarkPrior:
+    """Prior by which joints (15, 3) in the world stay where they are, with a deviation."""
+    held = np.eye(3) / sigma_m**2
+    relative = joints_m - joints_m[0]
+    return LandmarkPrior(relative, np.tile(held, (len(joints_m), 1, 1)), joints_m[0], held)
 
 
 def _upright(prior: LandmarkPrior) -> Pose:

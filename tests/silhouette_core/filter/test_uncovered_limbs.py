@@ -5,7 +5,7 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.filter import hypothesis_tracker
+from silhouette_core.filter import hypothesis_search, hypothesis_tracker
 from silhouette_core.filter.forward import ForwardFilter
 from silhouette_core.filter.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.filter.observed_frame import FrameObserver
@@ -119,10 +119,35 @@ def test_the_tracker_covers_what_the_proposal_missed(tree, observed, raised, han
 
     def distance():
         tracker = HypothesisTracker(tree, CAMERA, settings)
-        monkeypatch.setattr(tracker, "_seeds", lambda *_: [])
+        monkeypatch.setattr(tracker.search, "_seeds", lambda *_: [])
         beam = tracker.step(frame, None, None, modes, observed)
         return beam.distance[beam.best]
 
     found = distance()
-    monkeypatch.setattr(hypothesis_tracker, "reach_uncovered", lambda *_: ([], []))
+    monkeypatch.setattr(hypothesis_search, "reach_uncovered", lambda *_: ([], []))
     assert found < 0.5 * distance()
+
+
+def test_what_stands_out_is_measured(observed, raised, hanging):
+    """The raised arm stands out of a body whose arm hangs; more than asked is not told."""
+    covered, out = observed.weights.uncovered(MODEL, [raised, hanging], 1.0)
+    assert covered < 0.03 and 0.25 < out < 0.8
+    away = Pose(raised.root_m + np.array([5.0, 0, 0]), raised.root_rotation, raised.angles_rad)
+    assert observed.weights.uncovered(MODEL, [hanging, away], 0.2) == pytest.approx([0.2, 0.2])
+
+
+def test_an_uncovered_hand_outweighs_what_is_proposed(tree, observed, raised, hanging, monkeypatch):
+    """Both arms are proposed, the hanging one as more probable: what stands out decides."""
+    modes = FrameModes(np.array([0.99, 0.01]), [prior_of(hanging), prior_of(raised)], 4.0)
+    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(observed.mask, False))
+    tracker = HypothesisTracker(tree, CAMERA, TrackerSettings(sigma=1.0, reaching=0))
+    monkeypatch.setattr(
+        tracker.search,
+        "find",
+        lambda *_: ([hanging, raised], [prior_of(hanging), prior_of(raised)]),
+    )
+    beam = tracker.step(frame, None, None, modes, observed)
+    assert beam.joints[beam.best, WRIST] == pytest.approx(joints_of(raised)[WRIST], abs=1e-6)
+    monkeypatch.setattr(hypothesis_tracker, "_MOST_UNCOVERED_M", 0.0)
+    beam = tracker.step(frame, None, None, modes, observed)
+    assert beam.joints[beam.best, WRIST] == pytest.approx(joints_of(hanging)[WRIST], abs=1e-6)
