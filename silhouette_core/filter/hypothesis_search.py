@@ -1,9 +1,9 @@
 """Search for the pose hypotheses of a frame.
 
 The likeliest different samples of the posterior, the modes of a learned proposal and the
-predictions from the hypotheses of the previous frame are refined on the silhouette. Limbs of the
-best ones are then put where they leave the silhouette uncovered, and their mirror images in depth
-are added. Beyond paper A.
+predictions from the hypotheses of the previous frame are refined on the silhouette. Beside a
+proposal, limbs of the best ones are then put where they leave the silhouette uncovered; without
+one, their mirror images in depth are added. Beyond paper A.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ _FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015,
 _ROWS = 150  # samples of the posterior that are considered
 _LEAST_PROBABILITY = 0.02  # of a mode that becomes a hypothesis
 _EXPLAINED = 0.04  # silhouette distance up to which no limb is looked for elsewhere
-_LESS_PROBABLE = 5.0  # nats by which a mirror image that is tried may be less probable
 
 Hypotheses = tuple[list[Pose], list[LandmarkPrior | None]]
 """Poses, and the prior of the joints' positions that each was refined with."""
@@ -85,9 +84,9 @@ class HypothesisSearch:
         if not settings.refine:
             return seeds, [None] * len(seeds)
         found = self._refined(surface, observed, seeds, past, modes, settings)
-        if modes is not None:
-            found = _reaching(surface, observed, found, modes, settings)
-        return self._mirroring(surface, observed, found, modes, settings)
+        if modes is None:
+            return self._mirroring(surface, observed, found, settings)
+        return _reaching(surface, observed, found, modes, settings)
 
     def _seeds(
         self, model: BodyModel, filter_frame: FilterFrame, settings: TrackerSettings
@@ -156,36 +155,22 @@ class HypothesisSearch:
         surface: Surface,
         observed: ObservedFrame,
         found: Hypotheses,
-        modes: FrameModes | None,
         settings: TrackerSettings,
     ) -> Hypotheses:
-        """Adds mirror images in depth of the best poses; beside a proposal, those only that it
-        finds hardly less probable.
-        """
+        """Adds mirror images in depth of the best poses."""
         poses, priors = found
-        if not settings.mirrored:
-            return found
-        joints = joints_of(surface.model, poses)
-        cost = settings.cost(observed.weights.distances(surface.model, poses))
-        if modes is not None:
-            cost += modes.cost(joints)
-        wanted: list[NDArray[np.float64]] = []
-        for k in np.argsort(cost, kind="stable")[: settings.mirrored]:
-            images = mirrored_joints(joints[k], self.camera.center_m)
-            if modes is not None:
-                images = images[modes.cost(images) < modes.cost(joints[[k]]) + _LESS_PROBABLE]
-            wanted += list(images)
+        best = np.argsort(observed.weights.distances(surface.model, poses), kind="stable")
+        wanted = [
+            image
+            for joints in joints_of(surface.model, [poses[k] for k in best[: settings.mirrored]])
+            for image in mirrored_joints(joints, self.camera.center_m)
+        ]
         images = mirrored_poses(surface, observed, wanted)
         if not images:
             return found
-        starts = _starts(
-            surface.model, [(pose, self._library_sigma, _FROM_PREDICTION) for pose in images], modes
-        )
-        refined = refine_many(surface, observed.contour, starts)
-        return (
-            [*poses, *(one.pose for one in refined)],
-            [*priors, *(start.landmark_prior for start in starts)],
-        )
+        believed = [(pose, self._library_sigma, _FROM_PREDICTION) for pose in images]
+        refined = refine_many(surface, observed.contour, _starts(surface.model, believed, None))
+        return [*poses, *(one.pose for one in refined)], [*priors, *[None] * len(refined)]
 
 
 def joints_of(model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:

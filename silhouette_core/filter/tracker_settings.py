@@ -31,8 +31,8 @@ class TrackerSettings:
             fewer are taken from the posterior and carried, see `with_modes`.
         reaching: number of rounds in which limbs of as many of the best hypotheses are put where
             these leave the silhouette uncovered, beside a learned proposal.
-        mirrored: number of the best hypotheses whose mirror images in depth are tried; of a body
-            that is no person's, none are.
+        mirrored: number of the best hypotheses whose mirror images in depth are tried, without a
+            learned proposal; of a body that is no person's, none are.
         sigma: standard deviation of a refined pose's silhouette distance, relative to the
             silhouette's weight.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
@@ -95,7 +95,7 @@ class TrackerSettings:
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04, reaching=1, mirrored=0)
+        return replace(self, surface_points=350, spacing_m=0.04, reaching=1)
 
     def with_modes(self) -> TrackerSettings:
         """Settings beside a learned proposal, which finds most of the hypotheses itself.
@@ -108,7 +108,6 @@ class TrackerSettings:
             by_fit=0,
             carried=1,
             kept=8,
-            mirrored=0,
             restart=45.0,
             temperature=17.0,
         )
