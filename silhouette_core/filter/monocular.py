@@ -22,6 +22,7 @@ from silhouette_core.filter.body_library import (
 )
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
+from silhouette_core.filter.joined_person import JoinedPerson
 from silhouette_core.filter.monocular_stages import (
     LONG_SIDE_PX,
     MonocularOptions,
@@ -118,7 +119,8 @@ class MonocularEstimator:
         stages = MonocularStages(
             library, camera, settings, options, interval_s, pictures, clock, root
         )
-        people = _people(source, silhouettes, stages)
+        joining = _joining(source, silhouettes, reporter) if settings.smooth else None
+        people = _people(source, silhouettes, joining, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)
         filter_frames = read_ahead(_filter_frames(people, stages), 1)
@@ -164,6 +166,20 @@ def _check_silhouettes(source: FrameSource, silhouettes: Silhouettes) -> None:
     check_plausible({name: [mask[name] for mask in masks] for name in source.rig.names}, least=1)
 
 
+def _joining(
+    source: FrameSource, silhouettes: Silhouettes, reporter: Reporter
+) -> JoinedPerson | None:
+    """What joins the pieces of silhouettes, told in a note; None where they are whole."""
+    steps = even_moments(source.frame_count, MOMENTS).tolist()
+    joining = JoinedPerson.learned(silhouettes, source.rig.names[0], list(source.at(steps)))
+    if joining is not None:
+        reporter.note(
+            "the silhouette is in pieces, as before a floor or wall of the clothes' colours: they"
+            " are joined where the pictures differ from the background between them"
+        )
+    return joining
+
+
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:
     """The frame with z up as the settings state it, else as the camera alone tells."""
     up = up_from_cameras(rig) if settings.up is None else settings.up
@@ -176,13 +192,17 @@ def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFr
 
 
 def _people(
-    source: FrameSource, silhouettes: Silhouettes, stages: MonocularStages
+    source: FrameSource,
+    silhouettes: Silhouettes,
+    joining: JoinedPerson | None,
+    stages: MonocularStages,
 ) -> Iterator[tuple[int, float, Person | None]]:
     """Number and time of every frame, and the person in it."""
     name = source.rig.names[0]
     for number, seconds, frames in source:
         with stages.clock("silhouettes"):
-            person = stages.person(frames[name], silhouettes.of(frames)[name])
+            mask = silhouettes.of(frames)[name] if joining is None else joining.of(frames)
+            person = stages.person(frames[name], mask)
         yield number, seconds, person
 
 

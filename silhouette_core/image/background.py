@@ -230,7 +230,11 @@ class BackgroundModel:
         return refined_soft_silhouette(frame, self._background, self.settings.refined, region)
 
     def coloured_silhouette(
-        self, frame: np.ndarray, density: ColourDensity, region: np.ndarray | None = None
+        self,
+        frame: np.ndarray,
+        density: ColourDensity,
+        region: np.ndarray | None = None,
+        least_odds: float = 0.0,
     ) -> ColouredSilhouette:
         """Where a frame has a person's colours, see `find_colours`.
 
@@ -238,14 +242,15 @@ class BackgroundModel:
             frame: (H, W, 3) uint8, BGR.
             density: of the person's colours.
             region: region of interest, (H, W) bool; None means the whole image.
+            least_odds: nats by which the person has to explain a place better.
 
         Raises:
             ValueError: the frame has another size than the model.
             TypeError: the frame is not uint8.
         """
         check_array("frame", frame, self.mean.shape, np.uint8)
-        frame = np.ascontiguousarray(frame)
-        return find_colours(frame, self._background, self.settings.refined, density, region)
+        settings, frame = self.settings.refined, np.ascontiguousarray(frame)
+        return find_colours(frame, self._background, settings, density, region, least_odds)
 
     def silhouette_near(
         self,

@@ -96,11 +96,12 @@ def find_colours(
     settings: RefinedSettings,
     density: ColourDensity,
     region: NDArray[np.bool_] | None = None,
+    least_odds: float = 0.0,
 ) -> ColouredSilhouette:
     r"""Where a frame (H, W, 3) uint8, BGR, has a person's colours.
 
     .. math:: \frac{1}{|W|} \sum_{x \in W} \log \frac{p(c_x | \text{person})}
-        {p(c_x | \text{background of } x)} > 0
+        {p(c_x | \text{background of } x)} > \lambda
 
     over the window :math:`W` around a pixel; the background may be lit as in the empty scene, or
     lie in a shadow.
@@ -111,6 +112,7 @@ def find_colours(
         settings: thresholds; the darkest shadow.
         density: of the person's colours.
         region: (H, W) bool, where the person may be; None: everywhere.
+        least_odds: :math:`\lambda`, nats.
     """
     exposure, radius = measure_exposure(frame, background, settings), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius, settings)
@@ -121,7 +123,7 @@ def find_colours(
     kernels.look_up(np.ascontiguousarray(frame), density.log_density, _SHIFT, seen)
     window = (2 * radius + 1, 2 * radius + 1)
     owned = (seen >= np.log(density.least)).astype(np.float32)
-    likely, alike = cv2.blur(odds, window) > 0, cv2.blur(owned, window) > 0.5
+    likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5
     pieces = clean(
         likely,
         min_area_px=round(_SMALLEST * odds.size),

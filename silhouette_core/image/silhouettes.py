@@ -79,7 +79,7 @@ class Silhouettes:
         def model(name: str) -> BackgroundModel:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
             return BackgroundModel.from_frames(
-                (self._scaled(name, frame) for frame in frames), settings
+                (self.scaled(name, frame) for frame in frames), settings
             )
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
@@ -103,7 +103,7 @@ class Silhouettes:
     def _read_places(self, source: FrameSource) -> None:
         """Reads the regions, and the unknown places, which are outside of them."""
         self._regions = {
-            name: self._scaled(name, region.astype(np.uint8)) > 0
+            name: self.scaled(name, region.astype(np.uint8)) > 0
             for name, region in source.regions().items()
         }
         self.unknown = scaled_unknown(source, self._size_px)
@@ -150,7 +150,7 @@ class Silhouettes:
         def soft_silhouette(name: str) -> SoftSilhouette:
             if self._given:
                 return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
-            frame = self._scaled(name, frames[name])
+            frame = self.scaled(name, frames[name])
             soft = self._models[name].soft_silhouette(frame, self._regions.get(name))
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
@@ -162,13 +162,19 @@ class Silhouettes:
         return not self._given and self._refined
 
     def of_colours(
-        self, frames: Mapping[str, Frame], density: ColourDensity
+        self, frames: Mapping[str, Frame], density: ColourDensity, least_odds: float = 0.0
     ) -> dict[str, ColouredSilhouette]:
-        """Where frames (H, W, 3) uint8, BGR, have a person's colours, by camera name."""
+        """Where frames (H, W, 3) uint8, BGR, have a person's colours, by camera name.
+
+        Args:
+            frames: by camera name.
+            density: of the person's colours.
+            least_odds: nats by which the person has to explain a place better.
+        """
 
         def coloured(name: str) -> ColouredSilhouette:
-            frame = self._scaled(name, frames[name])
-            found = self._models[name].coloured_silhouette(frame, density, self._regions.get(name))
+            frame, region = self.scaled(name, frames[name]), self._regions.get(name)
+            found = self._models[name].coloured_silhouette(frame, density, region, least_odds)
             return ColouredSilhouette(
                 self._known(name, found.likely), self._known(name, found.alike)
             )
@@ -180,7 +186,7 @@ class Silhouettes:
         return mask & ~self.unknown[name] if name in self.unknown else mask
 
     def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
-        region, frame = self._regions.get(name), self._scaled(name, frame)
+        region, frame = self._regions.get(name), self.scaled(name, frame)
         if not self._given:
             return self._models[name].silhouette(frame, region)
         mask = frame.max(axis=2) > 127
@@ -191,7 +197,7 @@ class Silhouettes:
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
         if near is None or exposure is None:
-            frame = self._scaled(name, frame)
+            frame = self.scaled(name, frame)
             exposure = self._exposures[name] = model.exposure(frame)
             return model.silhouette(frame, region, exposure)
         # The gain changes from frame to frame, the noise slowly.
@@ -215,7 +221,8 @@ class Silhouettes:
             part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
         return (inside[0], inside[1]), part  # type: ignore[return-value]
 
-    def _scaled(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def scaled(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A camera's picture (H, W) or (H, W, 3) uint8 in the size of its silhouettes."""
         if image.shape[1::-1] == self._sizes[name]:
             return image
         return cv2.resize(image, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
@@ -225,7 +232,7 @@ class Silhouettes:
         samples: dict[str, list[Frame]] = {name: [] for name in self.without_background}
         for frames in source.at(_spread(source.frame_count, _OCCUPIED_FRAMES)):
             for name in samples:
-                samples[name].append(self._scaled(name, frames[name]))
+                samples[name].append(self.scaled(name, frames[name]))
         return samples
 
     def _measure_shadow(self, source: FrameSource) -> None:
@@ -234,7 +241,7 @@ class Silhouettes:
         for frames in source.at(_spread(source.frame_count, _SHADOW_FRAMES)):
 
             def counts(name: str, frames: Mapping[str, Frame] = frames) -> NDArray[np.int64]:
-                return self._models[name].shadow_counts(self._scaled(name, frames[name]))
+                return self._models[name].shadow_counts(self.scaled(name, frames[name]))
 
             found = side_by_side(counts, list(frames))
             total = np.sum([*found, *([total] if len(total) else [])], axis=0)
