@@ -19,7 +19,7 @@ from silhouette_core.image.person_colours import ColourDensity, PersonColours
 from silhouette_core.image.silhouettes import Silhouettes
 
 _SURE = 3.0  # nats by which a piece's colours are the person's rather than the background's
-_LEAST_AREA = 0.002  # of a piece, relative to the silhouette
+_AREAS = (0.002, 0.3)  # of a piece, relative to the silhouette: feet, or shins below shorts
 _GAPS = (0.08, 1.2)  # between a piece and the silhouette, relative to the latter's height
 _STRIP = 0.15  # of the silhouette that a piece is joined to, likewise
 _LEAST_GAIN = 1.05  # of the median area: below it, nothing is joined
@@ -94,15 +94,16 @@ def joined_silhouette(
         differs: (h, w) bool, wherever the picture differs from the background.
 
     Returns:
-        The silhouette, and each piece of `sure` apart from it that `differs` connects with its
+        The silhouette, and each piece of `sure` apart from it, and much smaller, that `differs` connects with its
         nearest part within the convex hull of both, with that connection.
     """
     joined = silhouette.copy()
     height = cv2.boundingRect(silhouette.view(np.uint8))[3]
     pieces = cv2.morphologyEx((sure & ~silhouette).view(np.uint8), cv2.MORPH_OPEN, _THIN)
+    least, most = np.array(_AREAS) * np.count_nonzero(silhouette)
     count, labels, facts, _ = cv2.connectedComponentsWithStats(pieces)
     for k in range(1, count):
-        if facts[k, cv2.CC_STAT_AREA] < _LEAST_AREA * np.count_nonzero(silhouette):
+        if not least <= facts[k, cv2.CC_STAT_AREA] <= most:
             continue
         piece = labels == k
         away = cv2.distanceTransform((~piece).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)

@@ -97,3 +97,10 @@ def test_pieces_close_by_or_far_away_are_others():
     everywhere = np.ones_like(TRUNK)
     assert np.array_equal(joined_silhouette(TRUNK, away, everywhere), TRUNK)
     assert np.array_equal(joined_silhouette(TRUNK, np.zeros_like(TRUNK), everywhere), TRUNK)
+
+
+def test_what_is_as_large_as_a_person_is_no_piece():
+    """A board on the floor, for example."""
+    board = rectangle(190, 230, 120, 200)
+    everywhere = np.ones_like(TRUNK)
+    assert np.array_equal(joined_silhouette(TRUNK, board, everywhere), TRUNK)
