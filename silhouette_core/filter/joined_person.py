@@ -94,8 +94,8 @@ def joined_silhouette(
         differs: (h, w) bool, wherever the picture differs from the background.
 
     Returns:
-        The silhouette, and each piece of `sure` apart from it, and much smaller, that `differs` connects with its
-        nearest part within the convex hull of both, with that connection.
+        The silhouette, and each piece of `sure` apart from it and much smaller that `differs`
+        connects with its nearest part within the convex hull of both, with that connection.
     """
     joined = silhouette.copy()
     height = cv2.boundingRect(silhouette.view(np.uint8))[3]

@@ -119,7 +119,8 @@ class MonocularEstimator:
         stages = MonocularStages(
             library, camera, settings, options, interval_s, pictures, clock, root
         )
-        joining = _joining(source, silhouettes, reporter) if settings.smooth else None
+        joined = settings.smooth and library.model.person is not None
+        joining = _joining(source, silhouettes, reporter) if joined else None
         people = _people(source, silhouettes, joining, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)
