@@ -19,7 +19,8 @@ from silhouette_core.image.person_colours import ColourDensity, PersonColours
 from silhouette_core.image.silhouettes import Silhouettes
 
 _SURE = 3.0  # nats by which a piece's colours are the person's rather than the background's
-_AREAS = (0.002, 0.3)  # of a piece, relative to the silhouette: feet, or shins below shorts
+_AREAS = (0.002, 1.0)  # of a piece, relative to the silhouette: feet, or legs below shorts
+_WIDEST = 0.8  # of a piece, relative to the silhouette's height
 _GAPS = (0.08, 1.2)  # between a piece and the silhouette, relative to the latter's height
 _STRIP = 0.15  # of the silhouette that a piece is joined to, likewise
 _LEAST_GAIN = 1.05  # of the median area: below it, nothing is joined
@@ -80,30 +81,32 @@ class JoinedPerson:
             return soft.silhouette
         sure = self._silhouettes.of_colours(frames, self._density, _SURE)[self._name].likely
         differs = soft.silhouette | soft.tint | soft.brightness
-        return soft.silhouette | joined_silhouette(person.mask, sure, differs)
+        pieces = sure | soft.silhouette
+        return soft.silhouette | joined_silhouette(person.mask, pieces, differs)
 
 
 def joined_silhouette(
-    silhouette: NDArray[np.bool_], sure: NDArray[np.bool_], differs: NDArray[np.bool_]
+    silhouette: NDArray[np.bool_], pieces: NDArray[np.bool_], differs: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Silhouette (h, w) bool with the pieces that something joins to it.
 
     Args:
         silhouette: (h, w) bool, of the person, not empty.
-        sure: (h, w) bool, what has the person's colours for sure.
+        pieces: (h, w) bool, what is the person or another thing for sure.
         differs: (h, w) bool, wherever the picture differs from the background.
 
     Returns:
-        The silhouette, and each piece of `sure` apart from it and much smaller that `differs`
+        The silhouette, and each of the pieces apart from it and no larger that `differs`
         connects with its nearest part within the convex hull of both, with that connection.
     """
     joined = silhouette.copy()
     height = cv2.boundingRect(silhouette.view(np.uint8))[3]
-    pieces = cv2.morphologyEx((sure & ~silhouette).view(np.uint8), cv2.MORPH_OPEN, _THIN)
+    apart = cv2.morphologyEx((pieces & ~silhouette).view(np.uint8), cv2.MORPH_OPEN, _THIN)
     least, most = np.array(_AREAS) * np.count_nonzero(silhouette)
-    count, labels, facts, _ = cv2.connectedComponentsWithStats(pieces)
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(apart)
     for k in range(1, count):
-        if not least <= facts[k, cv2.CC_STAT_AREA] <= most:
+        wide = facts[k, cv2.CC_STAT_WIDTH] > _WIDEST * height
+        if wide or not least <= facts[k, cv2.CC_STAT_AREA] <= most:
             continue
         piece = labels == k
         away = cv2.distanceTransform((~piece).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)

@@ -44,6 +44,10 @@ class Pictures:
     def at(self, steps):
         return ({CAMERA.name: self._picture(100 + int(step))} for step in steps)
 
+    def __iter__(self):
+        for number, frames in enumerate(self.at(range(self.frame_count))):
+            yield number, number / self.fps, frames
+
     def _picture(self, seed, empty=False):
         rng = np.random.default_rng(seed)
         picture = np.empty((HEIGHT, WIDTH, 3))
@@ -99,8 +103,8 @@ def test_pieces_close_by_or_far_away_are_others():
     assert np.array_equal(joined_silhouette(TRUNK, np.zeros_like(TRUNK), everywhere), TRUNK)
 
 
-def test_what_is_as_large_as_a_person_is_no_piece():
+@pytest.mark.parametrize("board", [(190, 230, 120, 200), (190, 196, 100, 220)])
+def test_what_is_large_or_wide_is_no_piece(board):
     """A board on the floor, for example."""
-    board = rectangle(190, 230, 120, 200)
-    everywhere = np.ones_like(TRUNK)
+    board, everywhere = rectangle(*board), np.ones_like(TRUNK)
     assert np.array_equal(joined_silhouette(TRUNK, board, everywhere), TRUNK)
