@@ -8,6 +8,7 @@ and what lies between them differs from the background, if only in brightness. B
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -27,6 +28,19 @@ _LEAST_GAIN = 1.05  # of the median area: below it, nothing is joined
 _THIN = np.ones((3, 3), np.uint8)
 
 
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A moment of a recording.
+
+    Attributes:
+        frames: (H, W, 3) uint8, BGR, by camera name.
+        mask: (h, w) bool, the silhouette of the camera in question.
+    """
+
+    frames: Mapping[str, Frame]
+    mask: NDArray[np.bool_]
+
+
 class JoinedPerson:
     """Joins the pieces of the silhouettes of one camera.
 
@@ -42,34 +56,33 @@ class JoinedPerson:
 
     @classmethod
     def learned(
-        cls, silhouettes: Silhouettes, name: str, samples: Sequence[Mapping[str, Frame]]
+        cls, silhouettes: Silhouettes, name: str, samples: Sequence[Sample]
     ) -> JoinedPerson | None:
         """Joins pieces by the colours within the silhouettes of some frames.
 
         Args:
             silhouettes: of the recording.
             name: of the camera.
-            samples: frames (H, W, 3) uint8, BGR, by camera name.
+            samples: the frames.
 
         Returns:
             What joins them; None where silhouettes are whole already, or have no colours.
         """
         if not silhouettes.colours_tell:
             return None
-        masks = [silhouettes.of(frames)[name] for frames in samples]
         colours = PersonColours()
-        for frames, mask in zip(samples, masks, strict=True):
-            person = find_person(mask)
+        for sample in samples:
+            person = find_person(sample.mask)
             if person is not None:
-                colours.add(silhouettes.scaled(name, frames[name]), person.mask)
+                colours.add(silhouettes.scaled(name, sample.frames[name]), person.mask)
         density = colours.density()
         if density is None:
             return None
         joining = cls(silhouettes, name, density)
         gains = [
-            joining.of(frames).sum() / mask.sum()
-            for frames, mask in zip(samples, masks, strict=True)
-            if mask.any()
+            joining.of(sample.frames).sum() / sample.mask.sum()
+            for sample in samples
+            if sample.mask.any()
         ]
         return joining if np.median(gains) >= _LEAST_GAIN else None
 

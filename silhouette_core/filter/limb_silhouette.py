@@ -18,7 +18,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.filter.evidence import relative_weights
 from silhouette_core.filter.window import SIZE, Window
 from silhouette_core.image.distance import Weighting
-from silhouette_core.image.raster import render_many, render_parts
+from silhouette_core.image.raster import NEAR_M, render_many, render_parts
 from silhouette_core.image.spans import Rectangle
 from silhouette_core.motion.kernels.kinematics import pose_many
 from silhouette_core.motion.pose import Pose
@@ -198,7 +198,7 @@ class SignedWeights:
         far = np.empty(len(poses))
         for k, (pose, covered) in enumerate(zip(poses, self.covered(model, poses), strict=True)):
             depth = float(self.rotation[2] @ pose.root_m + self.translation_m[2])
-            m_per_px = depth / float(self.matrix[0, 0])
+            m_per_px = max(depth, NEAR_M) / float(self.matrix[0, 0])
             near = max(1, int(np.ceil(most_m / m_per_px)))  # what is farther away is too far
             rows = slice(max(top - near, 0), top + height + near)
             columns = slice(max(left - near, 0), left + width + near)

@@ -22,7 +22,7 @@ from silhouette_core.filter.body_library import (
 )
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
-from silhouette_core.filter.joined_person import JoinedPerson
+from silhouette_core.filter.joined_person import JoinedPerson, Sample
 from silhouette_core.filter.monocular_stages import (
     LONG_SIDE_PX,
     MonocularOptions,
@@ -100,8 +100,11 @@ class MonocularEstimator:
         silhouettes.note(reporter)
         if silhouettes.unknown:
             reporter.note("with one camera, what is marked as unknown counts as background")
-        if settings.smooth or source.silhouettes_given:
-            _check_silhouettes(source, silhouettes)
+        samples = (
+            _plausible_samples(source, silhouettes)
+            if settings.smooth or source.silhouettes_given
+            else []
+        )
         library, root = (
             (known, None)
             if isinstance(known, PoseLibrary)
@@ -119,8 +122,14 @@ class MonocularEstimator:
         stages = MonocularStages(
             library, camera, settings, options, interval_s, pictures, clock, root
         )
-        joined = settings.smooth and library.model.person is not None
-        joining = _joining(source, silhouettes, reporter) if joined else None
+        joining = None
+        if settings.smooth and library.model.person is not None:
+            joining = JoinedPerson.learned(silhouettes, source.rig.names[0], samples)
+        if joining is not None:
+            reporter.note(
+                "the silhouette is in pieces, as before a floor or wall of the clothes' colours:"
+                " they are joined where the pictures differ from the background between them"
+            )
         people = _people(source, silhouettes, joining, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)
@@ -160,25 +169,16 @@ class MonocularEstimator:
         )
 
 
-def _check_silhouettes(source: FrameSource, silhouettes: Silhouettes) -> None:
-    """Raises InputError if they cannot be those of a person."""
-    steps = even_moments(source.frame_count, MOMENTS).tolist()
-    masks = [silhouettes.of(frames) for frames in source.at(steps)]
-    check_plausible({name: [mask[name] for mask in masks] for name in source.rig.names}, least=1)
+def _plausible_samples(source: FrameSource, silhouettes: Silhouettes) -> list[Sample]:
+    """Some frames of the only camera and their silhouettes.
 
-
-def _joining(
-    source: FrameSource, silhouettes: Silhouettes, reporter: Reporter
-) -> JoinedPerson | None:
-    """What joins the pieces of silhouettes, told in a note; None where they are whole."""
-    steps = even_moments(source.frame_count, MOMENTS).tolist()
-    joining = JoinedPerson.learned(silhouettes, source.rig.names[0], list(source.at(steps)))
-    if joining is not None:
-        reporter.note(
-            "the silhouette is in pieces, as before a floor or wall of the clothes' colours: they"
-            " are joined where the pictures differ from the background between them"
-        )
-    return joining
+    Raises:
+        InputError: these cannot be those of a person.
+    """
+    steps, name = even_moments(source.frame_count, MOMENTS).tolist(), source.rig.names[0]
+    samples = [Sample(frames, silhouettes.of(frames)[name]) for frames in source.at(steps)]
+    check_plausible({name: [sample.mask for sample in samples]}, least=1)
+    return samples
 
 
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:

@@ -103,11 +103,5 @@ class TrackerSettings:
         It finds the same again in every frame, so that nobody need turn round all of a sudden.
         """
         return replace(
-            self,
-            by_probability=1,
-            by_fit=0,
-            carried=1,
-            kept=8,
-            restart=45.0,
-            temperature=17.0,
+            self, by_probability=1, by_fit=0, carried=1, kept=8, restart=45.0, temperature=17.0
         )

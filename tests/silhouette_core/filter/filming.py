@@ -4,15 +4,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.camera import Camera
+from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.filter.observed_frame import FrameObserver, ObservedFrame
 from silhouette_core.image.raster import render_parts
+from silhouette_core.library.pose_library import PoseLibrary
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
-from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.kinematics import landmarks, place, rotation_matrices
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
@@ -63,3 +67,15 @@ def silhouette(model: BodyModel, pose: Pose, camera: Camera) -> np.ndarray:
 def films(motion: Motion, camera: Camera, rows: Sequence[int]) -> list[np.ndarray]:
     poses = poses_of(motion)
     return [silhouette(motion.model, poses[row], camera) for row in rows]
+
+
+def joints_of(model: BodyModel, pose: Pose) -> np.ndarray:
+    return landmarks(model, *place(model, *PoseArrays.from_poses([pose]).arrays))[0]
+
+
+def observed_by(camera: Camera, library: PoseLibrary, pose: Pose) -> ObservedFrame:
+    """The frame in which a camera sees the library's body in a pose."""
+    views = PinholeViews.from_rig(Rig((camera,)))
+    distance = float(np.linalg.norm(pose.root_m - camera.center_m))
+    mask = silhouette(body(), pose, camera)
+    return FrameObserver(views, library, "balanced", CPU).observe(mask, distance, 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.camera import Rig
-from silhouette_core.filter.joined_person import JoinedPerson, joined_silhouette
+from silhouette_core.filter.joined_person import JoinedPerson, Sample, joined_silhouette
 from silhouette_core.image.silhouettes import Silhouettes
 from tests.silhouette_core.filter.filming import camera_at
 
@@ -64,7 +64,8 @@ def learned(trousers):
     pictures = Pictures(trousers)
     silhouettes = Silhouettes(pictures, ahead=False)
     frames = list(pictures.at(range(pictures.frame_count)))
-    return silhouettes, frames, JoinedPerson.learned(silhouettes, CAMERA.name, frames)
+    samples = [Sample(one, silhouettes.of(one)[CAMERA.name]) for one in frames]
+    return silhouettes, frames, JoinedPerson.learned(silhouettes, CAMERA.name, samples)
 
 
 def share(mask, where):

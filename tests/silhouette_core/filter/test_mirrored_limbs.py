@@ -3,30 +3,28 @@
 import numpy as np
 import pytest
 
-from calib.camera import Rig
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.filter import hypothesis_search
 from silhouette_core.filter.forward import ForwardFilter
 from silhouette_core.filter.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.filter.mirrored_limbs import mirrored_joints, mirrored_poses
-from silhouette_core.filter.observed_frame import FrameObserver
 from silhouette_core.filter.person import Person
-from silhouette_core.motion.kinematics import landmarks, place
-from silhouette_core.motion.pose import Pose, PoseArrays
-from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.scoring.cpu import CPU
-from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
+from tests.silhouette_core.filter.filming import (
+    body,
+    camera_at,
+    joints_of,
+    observed_by,
+    performed,
+    poses_of,
+)
 
 CAMERA = camera_at((0.3, -4.0, 1.2))
 MODEL = body()
 ELBOW, WRIST, KNEE, ANKLE = (
     LANDMARK_NAMES.index(f"right_{name}") for name in ("elbow", "wrist", "knee", "ankle")
 )
-
-
-def joints_of(pose):
-    return landmarks(MODEL, *place(MODEL, *PoseArrays.from_poses([pose]).arrays))[0]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +35,7 @@ def squatting():
 
 @pytest.fixture(scope="module")
 def images(squatting):
-    return mirrored_joints(joints_of(squatting), CAMERA.center_m)
+    return mirrored_joints(joints_of(MODEL, squatting), CAMERA.center_m)
 
 
 def image_with(images, joints, moved):
@@ -51,7 +49,7 @@ def image_with(images, joints, moved):
 
 def test_images_look_the_same_to_the_camera(squatting, images):
     """All but the whole body's, whose left and right are exchanged."""
-    joints = joints_of(squatting)
+    joints = joints_of(MODEL, squatting)
     seen = CAMERA.project(joints)[0]
     for own in images[:-1]:
         np.testing.assert_allclose(CAMERA.project(own)[0], seen, atol=1e-6)
@@ -60,7 +58,7 @@ def test_images_look_the_same_to_the_camera(squatting, images):
 
 
 def test_a_mirrored_bone_keeps_its_length_and_points_the_other_way(squatting, images):
-    joints = joints_of(squatting)
+    joints = joints_of(MODEL, squatting)
     own = image_with(images, joints, [KNEE, ANKLE])
     hip = LANDMARK_NAMES.index("right_hip")
     lengths = [np.linalg.norm(one[KNEE] - one[hip]) for one in (own, joints)]
@@ -74,14 +72,14 @@ def test_a_mirrored_bone_keeps_its_length_and_points_the_other_way(squatting, im
 
 def test_bones_in_the_pictures_plane_have_no_image():
     """Arms held aside before a camera straight in front of them."""
-    joints = joints_of(poses_of(performed("squat"))[0])
+    joints = joints_of(MODEL, poses_of(performed("squat"))[0])
     camera = camera_at((joints[0, 0], -4.0, joints[0, 2]))
     joints[:, 1] = joints[0, 1]
     assert len(mirrored_joints(joints, camera.center_m)) <= 2  # trunk seen from below, body
 
 
 def test_the_body_as_a_whole_turns_round(squatting, images):
-    joints = joints_of(squatting)
+    joints = joints_of(MODEL, squatting)
 
     def facing(one):
         across = one[LANDMARK_NAMES.index("left_hip")] - one[LANDMARK_NAMES.index("right_hip")]
@@ -95,18 +93,15 @@ def test_the_body_as_a_whole_turns_round(squatting, images):
 
 @pytest.fixture(scope="module")
 def observed(library, squatting):
-    views = PinholeViews.from_rig(Rig((CAMERA,)))
-    distance = float(np.linalg.norm(squatting.root_m - CAMERA.center_m))
-    mask = silhouette(MODEL, squatting, CAMERA)
-    return FrameObserver(views, library, "balanced", CPU).observe(mask, distance, 0.0)
+    return observed_by(CAMERA, library, squatting)
 
 
 def test_poses_are_mirrored_within_the_limits_of_the_joints(observed, squatting, images):
     """A thigh does not go as far back as it goes forward."""
-    joints = joints_of(squatting)
+    joints = joints_of(MODEL, squatting)
     surface = Surface(MODEL)
     (turned,) = mirrored_poses(surface, observed, images[-1:])
-    assert np.linalg.norm(joints_of(turned) - images[-1], axis=1).max() < 0.07
+    assert np.linalg.norm(joints_of(MODEL, turned) - images[-1], axis=1).max() < 0.07
     low, high = MODEL.dof_limits_rad.T
     assert ((turned.angles_rad >= low - 1e-6) & (turned.angles_rad <= high + 1e-6)).all()
     assert mirrored_poses(surface, observed, [image_with(images, joints, [KNEE, ANKLE])]) == []
@@ -124,7 +119,7 @@ def test_without_mirror_images_the_tracker_keeps_the_wrong_depth(
         tracker = HypothesisTracker(tree, CAMERA, TrackerSettings(facing=False))
         monkeypatch.setattr(tracker.search, "_seeds", lambda *_: [behind])
         beam = tracker.step(frame, None, None, None, observed)
-        truth = joints_of(squatting)
+        truth = joints_of(MODEL, squatting)
         apart = (beam.joints - beam.joints[:, :1]) - (truth - truth[0])
         return np.linalg.norm(apart, axis=-1).mean(axis=1).min()
 

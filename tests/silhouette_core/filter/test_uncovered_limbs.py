@@ -3,22 +3,24 @@
 import numpy as np
 import pytest
 
-from calib.camera import Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.filter import hypothesis_search, hypothesis_tracker
 from silhouette_core.filter.forward import ForwardFilter
 from silhouette_core.filter.hypothesis_tracker import HypothesisTracker, TrackerSettings
-from silhouette_core.filter.observed_frame import FrameObserver
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.pose_modes import FrameModes
 from silhouette_core.filter.uncovered_limbs import reach_uncovered, uncovered_ends
-from silhouette_core.motion.kinematics import landmarks, place
-from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.scoring.cpu import CPU
-from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
+from tests.silhouette_core.filter.filming import (
+    body,
+    camera_at,
+    joints_of,
+    observed_by,
+    performed,
+    poses_of,
+)
 
 CAMERA = camera_at((0.5, -4.0, 1.4))
 MODEL = body()
@@ -26,15 +28,11 @@ WRIST = LANDMARK_NAMES.index("right_wrist")
 PX_PER_M = 50.0
 
 
-def joints_of(pose):
-    return landmarks(MODEL, *place(MODEL, *PoseArrays.from_poses([pose]).arrays))[0]
-
-
 @pytest.fixture(scope="module")
 def raised():
     """Somebody waves with the right arm."""
     poses = poses_of(performed("wave"))
-    height = [joints_of(pose)[WRIST, 2] for pose in poses]
+    height = [joints_of(MODEL, pose)[WRIST, 2] for pose in poses]
     return poses[int(np.argmax(height))]
 
 
@@ -49,14 +47,11 @@ def hanging(raised):
 
 @pytest.fixture(scope="module")
 def observed(library, raised):
-    views = PinholeViews.from_rig(Rig((CAMERA,)))
-    distance = float(np.linalg.norm(raised.root_m - CAMERA.center_m))
-    mask = silhouette(MODEL, raised, CAMERA)
-    return FrameObserver(views, library, "balanced", CPU).observe(mask, distance, 0.0)
+    return observed_by(CAMERA, library, raised)
 
 
 def prior_of(pose):
-    joints = joints_of(pose)
+    joints = joints_of(MODEL, pose)
     precision = np.tile(np.eye(3) / 0.1**2, (15, 1, 1))
     return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
 
@@ -92,8 +87,8 @@ def test_an_uncovered_arm_is_reached(observed, raised, hanging):
     before = observed.weights.distances(MODEL, [hanging])[0]
     distance = observed.weights.distances(MODEL, poses)
     assert distance.min() < 0.4 * before
-    best = joints_of(poses[int(distance.argmin())])
-    truth = joints_of(raised)
+    best = joints_of(MODEL, poses[int(distance.argmin())])
+    truth = joints_of(MODEL, raised)
     pixels = [CAMERA.project(joints[None, WRIST])[0] for joints in (best, truth)]
     focal = CAMERA.matrix[0, 0] / np.linalg.norm(truth[WRIST] - CAMERA.center_m)
     assert np.linalg.norm(pixels[0] - pixels[1]) / focal < 0.08
@@ -146,8 +141,11 @@ def test_an_uncovered_hand_outweighs_what_is_proposed(tree, observed, raised, ha
         "find",
         lambda *_: ([hanging, raised], [prior_of(hanging), prior_of(raised)]),
     )
+    wrists = [joints_of(MODEL, pose)[WRIST] for pose in (raised, hanging)]
     beam = tracker.step(frame, None, None, modes, observed)
-    assert beam.joints[beam.best, WRIST] == pytest.approx(joints_of(raised)[WRIST], abs=1e-6)
+    assert beam.joints[beam.best, WRIST] == pytest.approx(wrists[0], abs=1e-6)
     monkeypatch.setattr(hypothesis_tracker, "_MOST_UNCOVERED_M", 0.0)
     beam = tracker.step(frame, None, None, modes, observed)
-    assert beam.joints[beam.best, WRIST] == pytest.approx(joints_of(hanging)[WRIST], abs=1e-6)
+    assert beam.joints[beam.best, WRIST] == pytest.approx(
+        joints_of(MODEL, hanging)[WRIST], abs=1e-6
+    )
