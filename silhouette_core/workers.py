@@ -194,8 +194,16 @@ def open_workers(
         # Spawned, not forked: threads of numba and OpenCV do not survive a fork.
         context = multiprocessing.get_context("spawn")
         prepare = None if processes == 1 else _one_thread
+        others = set(multiprocessing.active_children())
         with ProcessPoolExecutor(processes, context, prepare) as pool:
-            yield Processes(pool, ahead * processes)
+            try:
+                yield Processes(pool, ahead * processes)
+            except WorkerEndedError:
+                # A process that was just starting may miss the pool's SIGTERM, and would be waited
+                # for without end.
+                for process in set(multiprocessing.active_children()) - others:
+                    process.kill()
+                raise
 
 
 @contextmanager

@@ -1,11 +1,13 @@
 """Workers in processes that are ended from outside."""
 
+import os
 import signal
+import time
 from concurrent.futures import Future
 
 import pytest
 
-from silhouette_core.workers import Processes, WorkerEndedError, interrupts_put_off
+from silhouette_core.workers import Processes, WorkerEndedError, interrupts_put_off, open_workers
 
 
 class ClosingPool:
@@ -49,3 +51,31 @@ def test_a_signal_waits_until_a_process_has_begun(number):
         assert signal.getsignal(number) is interrupt
     finally:
         signal.signal(number, before)
+
+
+def deaf(flag):
+    """Ignores SIGTERM, like a process that had not begun when it came."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    flag.touch()
+    time.sleep(60)
+
+
+def ended_once_busy(flag):
+    while not flag.exists():
+        time.sleep(0.02)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def run(task):
+    work, flag = task
+    return work(flag)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_no_process_that_misses_the_pools_signal_is_waited_for(tmp_path):
+    flag, started = tmp_path / "busy", time.monotonic()
+    tasks = [(ended_once_busy, flag), (deaf, flag)]
+    with pytest.raises(WorkerEndedError), open_workers(2) as workers:
+        list(workers.run(run, tasks))
+    assert time.monotonic() - started < 45  # the other one sleeps for a minute

@@ -194,7 +194,8 @@ def _carry_out(
     left: dict[Key, _Task] = dict(tasks)
     suspects: list[Key] = []
     while left:
-        # Of several tasks that were in work when a process was ended, each is tried alone.
+        # Tasks that were in work when one of several processes was ended are tried alone: that may
+        # have been another's fault, or have happened before all had begun.
         suspects = [key for key in suspects if key in left]
         group = suspects[:1] or list(left)
         processes = min(settings.processes, len(group))
@@ -206,7 +207,7 @@ def _carry_out(
                     done.append(group[number])
         except WorkerEndedError as error:
             ended = [group[number] for number in error.tasks]
-            if len(ended) == 1:
+            if len(group) == 1:
                 keep(ended[0], Outcome(left[ended[0]].job, "failed", str(error)))
                 done.append(ended[0])
             else:
