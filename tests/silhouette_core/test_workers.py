@@ -66,16 +66,26 @@ def ended_once_busy(flag):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def met(folder, number):
+    """Returns once the other process has met it."""
+    (folder / f"{number}").touch()
+    while len(list(folder.iterdir())) < 2:
+        time.sleep(0.02)
+
+
 def run(task):
-    work, flag = task
-    return work(flag)
+    work, *arguments = task
+    return work(*arguments)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 def test_no_process_that_misses_the_pools_signal_is_waited_for(tmp_path):
-    flag, started = tmp_path / "busy", time.monotonic()
-    tasks = [(ended_once_busy, flag), (deaf, flag)]
+    flag, folder = tmp_path / "busy", tmp_path / "met"
+    folder.mkdir()
     with pytest.raises(WorkerEndedError), open_workers(2) as workers:
-        list(workers.run(run, tasks))
+        # CPython's pool watches the second process only from the first result on.
+        list(workers.run(run, [(met, folder, 0), (met, folder, 1)]))
+        started = time.monotonic()
+        list(workers.run(run, [(ended_once_busy, flag), (deaf, flag)]))
     assert time.monotonic() - started < 45  # the other one sleeps for a minute
