@@ -62,7 +62,7 @@ def _proposal():
     inputs = features.network_inputs(
         _features(PoseProposal(*bases, None)), np.arange(2), np.zeros((2, 8), int), np.ones(2, bool)
     ).shape[1]
-    network = MixtureNetwork.initial(inputs, (16,), 3, joints, rng)
+    network = MixtureNetwork.initial(inputs, 16, 1, 3, joints, rng)
     return PoseProposal(*bases, network)
 
 

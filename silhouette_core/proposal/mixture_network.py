@@ -5,7 +5,6 @@ Source: Bishop, Mixture density networks (1994).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,7 +14,9 @@ from numpy.typing import NDArray
 from silhouette_core.proposal.kernels.mixture import JOINT_LOG_SIGMA, OFFSET_LOG_SIGMA, SIGMA
 from silhouette_core.proposal.silhouette_features import product
 
-_LAST_GAIN, _FIRST_SPREAD = 0.3, 0.05  # of the last layer; statures between the modes at first
+_LAST_GAIN = 0.3  # of the last layer, and of that of every block
+_FIRST_SPREAD = 0.05  # statures between the modes at first
+_LEAST = 1e-5  # added to a variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,24 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class MixtureNetwork:
-    """Fully connected network with rectified units, and the mixture at its end.
+    r"""Residual network of fully connected layers, and the mixture at its end.
+
+    .. math::
+
+        x_0 = W_0 v + b_0, \quad
+        x_{i+1} = x_i + W''_i \max(0, W'_i \, n(x_i) + b'_i) + b''_i, \quad
+        o = W_e \max(0, n(x_R)) + b_e,
+
+    where n subtracts the mean of a vector's elements and divides by their deviation.
 
     Attributes:
-        weights: one (inputs, outputs) per layer.
+        weights: one (inputs, outputs) per layer: the first, two of each of R blocks, the last.
         biases: one (outputs,) per layer.
         mean_joints: (J, 3), to which the modes' joints are relative, statures.
         modes: number M of modes.
+
+    Source: He et al., Identity mappings in deep residual networks (2016); Ba, Kiros and Hinton,
+    Layer normalization (2016).
     """
 
     weights: tuple[NDArray[np.floating], ...]
@@ -58,7 +70,8 @@ class MixtureNetwork:
     def initial(
         cls,
         inputs: int,
-        hidden: Sequence[int],
+        units: int,
+        blocks: int,
         modes: int,
         mean_joints: NDArray[np.floating],
         rng: np.random.Generator,
@@ -67,27 +80,39 @@ class MixtureNetwork:
 
         Args:
             inputs: number of inputs.
-            hidden: numbers of units of the hidden layers.
+            units: number of units of the hidden layers.
+            blocks: number R of residual blocks.
             modes: number of modes.
             mean_joints: (J, 3), statures.
             rng: random numbers.
         """
         dtype, count = mean_joints.dtype, len(mean_joints)
-        sizes = [inputs, *hidden, modes * (count * 5 + 1) + 6]
+        sizes = [inputs, *[units] * (2 * blocks + 1), modes * (count * 5 + 1) + 6]
         weights = [
             (rng.normal(size=(a, b)) * np.sqrt(2 / a)).astype(dtype) for a, b in pairwise(sizes)
         ]
-        weights[-1] *= _LAST_GAIN
+        for weight in [*weights[2:-1:2], weights[-1]]:
+            weight *= _LAST_GAIN
         biases = [np.zeros(size, dtype) for size in sizes[1:]]
         biases[-1][: modes * count * 3] = rng.normal(0, _FIRST_SPREAD, modes * count * 3)
         return cls(tuple(weights), tuple(biases), mean_joints, modes)
 
+    @property
+    def blocks(self) -> range:
+        """Numbers of the first layers of the residual blocks."""
+        return range(1, len(self.weights) - 1, 2)
+
+    def layer(self, number: int, inputs: NDArray[np.floating]) -> NDArray[np.floating]:
+        """What a layer makes of its inputs, before any rectification."""
+        return product(inputs, self.weights[number]) + self.biases[number]
+
     def outputs(self, inputs: NDArray[np.floating]) -> NDArray[np.floating]:
         """Outputs (N, O) of inputs (N, I), see `kernels.mixture.mixture_gradients`."""
-        layer = inputs
-        for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            layer = product(layer if number == 0 else np.maximum(layer, 0), weight) + bias
-        return layer
+        state = self.layer(0, inputs)
+        for number in self.blocks:
+            hidden = self.layer(number, normalised(state)[0])
+            state += self.layer(number + 1, np.maximum(hidden, 0))
+        return self.layer(len(self.weights) - 1, np.maximum(normalised(state)[0], 0))
 
     def mixture(self, inputs: NDArray[np.floating]) -> Mixture:
         """Mixture for inputs (N, I)."""
@@ -103,3 +128,14 @@ class MixtureNetwork:
             offset[:, :3],
             SIGMA * np.exp(np.clip(offset[:, 3:], *OFFSET_LOG_SIGMA)),
         )
+
+
+def normalised(
+    state: NDArray[np.floating],
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Vectors (N, K) less the means of their elements and divided by their deviations, and these
+    deviations (N, 1).
+    """
+    centred = state - state.mean(axis=1, keepdims=True)
+    deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(_LEAST))
+    return centred / deviation, deviation

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.progress import Reporter
 from silhouette_core.proposal.kernels import mixture as kernels
-from silhouette_core.proposal.mixture_network import MixtureNetwork
+from silhouette_core.proposal.mixture_network import MixtureNetwork, normalised
 from silhouette_core.proposal.silhouette_features import product
 
 _WARM_UP = 200  # steps over which the rate grows
@@ -28,7 +28,8 @@ class TrainingSettings:
         steps: number of steps.
         batch: samples of a step.
         rate: largest learning rate; it falls as a half cosine.
-        hidden: units of the hidden layers.
+        units: units of the hidden layers.
+        blocks: residual blocks.
         modes: modes of the mixture.
         dropout: fraction of the hidden units that are left out at random.
         noise: deviation of the noise on the inputs.
@@ -38,7 +39,8 @@ class TrainingSettings:
     steps: int = 12_000
     batch: int = 320
     rate: float = 1e-3
-    hidden: tuple[int, ...] = (512, 512)
+    units: int = 512
+    blocks: int = 2
     modes: int = 8
     dropout: float = 0.1
     noise: float = 0.03
@@ -74,6 +76,13 @@ class LossGradient:
     weights: list[NDArray[np.floating]]
     biases: list[NDArray[np.floating]]
 
+    def put_before(self, inputs: NDArray[np.floating], gradient: NDArray[np.floating]) -> None:
+        """Adds the layer before those that are there, from its inputs (N, I) and the gradient
+        (N, O) with respect to its outputs.
+        """
+        self.weights.insert(0, product(inputs.T, gradient))
+        self.biases.insert(0, gradient.sum(axis=0))
+
 
 def loss_gradient(
     network: MixtureNetwork,
@@ -104,39 +113,76 @@ def loss_gradient(
     Source: Bishop (1994); winner takes most as in Makansi et al., Overcoming limitations of
     mixture density networks (2019).
     """
-    dtype, layers = network.weights[0].dtype, [batch.inputs]
-    kept: list[NDArray[np.floating]] = []
-    for number, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        layer = product(layers[-1], weight)
-        layer += bias
-        if number < len(network.weights) - 1:
-            mask = (layer > 0).astype(dtype)
-            if dropout and rng is not None:
-                mask *= (rng.random(layer.shape, np.float32) > dropout) / dtype.type(1 - dropout)
-            layer *= mask
-            kept.append(mask)
-        layers.append(layer)
-    gradient, likelihood = np.empty_like(layers[-1]), np.empty(len(layers[-1]))
+    state = network.layer(0, batch.inputs)
+    blocks: list[_Block] = []
+    for number in network.blocks:
+        normal, deviation = normalised(state)
+        hidden = network.layer(number, normal)
+        mask = _rectified(hidden, dropout, rng)
+        hidden *= mask
+        blocks.append(_Block(number, normal, deviation, hidden, mask))
+        state = state + network.layer(number + 1, hidden)
+    normal, deviation = normalised(state)
+    mask = _rectified(normal, dropout, rng)
+    last = normal * mask
+    outputs = network.layer(len(network.weights) - 1, last)
+    slope, likelihood = np.empty_like(outputs), np.empty(len(outputs))
     kernels.mixture_gradients(
-        layers[-1],
+        outputs,
         batch.joints,
         batch.offset,
         network.mean_joints,
         network.modes,
         share,
-        gradient,
+        slope,
         likelihood,
     )
-    gradient /= len(gradient)
-    weights: list[NDArray[np.floating]] = []
-    biases: list[NDArray[np.floating]] = []
-    for number in reversed(range(len(network.weights))):
-        weights.insert(0, product(layers[number].T, gradient))
-        biases.insert(0, gradient.sum(axis=0))
-        if number:
-            gradient = product(gradient, network.weights[number].T)
-            gradient *= kept[number - 1]
-    return LossGradient(-float(likelihood.mean()), weights, biases)
+    slope /= len(slope)
+    found = LossGradient(-float(likelihood.mean()), [], [])
+    found.put_before(last, slope)
+    gradient = _before_normalising(product(slope, network.weights[-1].T) * mask, normal, deviation)
+    for block in reversed(blocks):
+        found.put_before(block.hidden, gradient)
+        inner = product(gradient, network.weights[block.number + 1].T) * block.mask
+        found.put_before(block.normal, inner)
+        normal_gradient = product(inner, network.weights[block.number].T)
+        gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
+    found.put_before(batch.inputs, gradient)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """What a residual block made of a batch: N vectors of K elements."""
+
+    number: int  # of its first layer
+    normal: NDArray[np.floating]  # (N, K), what it read
+    deviation: NDArray[np.floating]  # (N, 1)
+    hidden: NDArray[np.floating]  # (N, K)
+    mask: NDArray[np.floating]  # (N, K), slope of the rectification and of dropout
+
+
+def _rectified(
+    values: NDArray[np.floating], dropout: float, rng: np.random.Generator | None
+) -> NDArray[np.floating]:
+    """Factors (N, K) that rectify values and leave some of them out at random."""
+    factors = (values > 0).astype(values.dtype)
+    if dropout and rng is not None:
+        kept = rng.random(values.shape, np.float32) > dropout
+        factors *= kept / values.dtype.type(1 - dropout)
+    return factors
+
+
+def _before_normalising(
+    gradient: NDArray[np.floating],
+    normal: NDArray[np.floating],
+    deviation: NDArray[np.floating],
+) -> NDArray[np.floating]:
+    """Gradient (N, K) with respect to vectors, from that with respect to what `normalised` makes
+    of them.
+    """
+    along = (gradient * normal).mean(axis=1, keepdims=True)
+    return (gradient - gradient.mean(axis=1, keepdims=True) - normal * along) / deviation
 
 
 def train_network(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,7 +171,9 @@ class PoseProposal:
             ValueError: the arrays do not fit together, hold NaN, or are those of an earlier
                 version.
         """
-        if "mean_shading" not in arrays:
+        layers = range(sum(name.startswith("weight") for name in arrays))
+        # Networks of earlier versions had three layers.
+        if "mean_shading" not in arrays or len(layers) % 2:
             raise ValueError("its proposal was learned by an earlier version")
         cells = {"coverage": GRID, "feet": FEET_GRID, "skin": GRID, "shading": GRID}
         bases = {}
@@ -184,7 +187,6 @@ class PoseProposal:
         joints = arrays["mean_joints"]
         shape = (len(LANDMARK_NAMES) - 1, 3)
         check_array("proposal.mean_joints", joints, shape, np.float32, finite=True)
-        layers = range(sum(name.startswith("weight") for name in arrays))
         network = MixtureNetwork(
             tuple(arrays[f"weight{number}"] for number in layers),
             tuple(arrays[f"bias{number}"] for number in layers),
@@ -195,11 +197,11 @@ class PoseProposal:
         inputs = input_count(*counts)
         if not 1 <= network.modes <= _MOST_MODES or not layers:
             raise ValueError(f"proposal.modes is {network.modes}, and it has {len(layers)} layers")
+        units = network.weights[0].shape[-1] if network.weights[0].ndim else 0
         ends = network.modes * (5 * len(network.mean_joints) + 1) + 6
-        for number, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-            outputs = ends if number == layers[-1] else weight.shape[-1] if weight.ndim else 0
+        sizes = [inputs, *[units] * (len(layers) - 1), ends]
+        for number, (shape, bias) in enumerate(zip(pairwise(sizes), network.biases, strict=True)):
             name = f"proposal.weight{number}"
-            check_array(name, weight, (inputs, outputs), np.float32, finite=True)
-            check_array(f"proposal.bias{number}", bias, (outputs,), np.float32, finite=True)
-            inputs = outputs
+            check_array(name, network.weights[number], shape, np.float32, finite=True)
+            check_array(f"proposal.bias{number}", bias, shape[1:], np.float32, finite=True)
         return cls(**bases, network=network)

@@ -193,7 +193,8 @@ def _trained(
 
     network = MixtureNetwork.initial(
         draw(np.random.default_rng(0)).inputs.shape[1],
-        training.hidden,
+        training.units,
+        training.blocks,
         training.modes,
         filmed.joints.mean(axis=0),
         rng,

@@ -11,6 +11,6 @@ from tests.silhouette_core.filter.filming import MOVEMENTS, body
 @pytest.fixture(scope="session")
 def learned_proposal():
     motions = keypose_motions(body())
-    training = TrainingSettings(steps=800, batch=256, hidden=(192, 192), modes=4, rate=2e-3)
+    training = TrainingSettings(steps=800, batch=256, units=192, blocks=1, modes=4, rate=2e-3)
     settings = LearningSettings(frames=12_000, takes=30, passes=20, training=training)
     return learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)

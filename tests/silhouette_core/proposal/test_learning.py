@@ -21,7 +21,7 @@ from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import SETTINGS, swaying
 
 GRIDS = "coverage", "feet", "skin", "shading"
-TINY = LearningSettings(frames=400, training=TrainingSettings(steps=3, modes=2, hidden=(8,)))
+TINY = LearningSettings(frames=400, training=TrainingSettings(steps=3, modes=2, units=8, blocks=1))
 
 
 class Stages(SilentReporter):

@@ -25,7 +25,7 @@ def rng():
 @pytest.fixture
 def network(rng):
     mean = rng.normal(0, 0.3, (JOINTS, 3))
-    return MixtureNetwork.initial(5, (7, 6), MODES, mean, rng)
+    return MixtureNetwork.initial(5, 7, 2, MODES, mean, rng)
 
 
 def batch(rng, count=4):
@@ -88,8 +88,8 @@ def test_a_deviation_at_its_limit_may_come_back(rng):
 
 
 def test_the_nearest_mode_learns_whatever_its_probability(network, rng):
-    given = batch(rng)
-    network.biases[-1][MODES * JOINTS * 5 :][:MODES] = (0, 20, 20)
+    given = batch(rng, 40)
+    network.biases[-1][MODES * JOINTS * 5 :][:MODES] = (0, 40, 40)
     nearest = (
         ((network.mixture(given.inputs).joints - given.joints[:, None]) ** 2)
         .sum(axis=(2, 3))
@@ -107,7 +107,7 @@ def test_the_nearest_mode_learns_whatever_its_probability(network, rng):
 def test_training_finds_both_of_two_answers(rng):
     """Every input has two equally probable answers, mirrored in depth."""
     mean = np.zeros((1, 3), np.float32)
-    network = MixtureNetwork.initial(1, (32,), 2, mean, rng)
+    network = MixtureNetwork.initial(1, 32, 1, 2, mean, rng)
 
     def draw(rng):
         inputs = rng.uniform(-1, 1, (64, 1)).astype(np.float32)

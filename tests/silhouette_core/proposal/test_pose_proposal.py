@@ -59,8 +59,8 @@ def proposal(rng):
         for (rows, columns), count in ((GRID, 120), (FEET_GRID, 48), (GRID, 64), (GRID, 96))
         for components in [rng.normal(size=(rows * columns, count))]
     ]
-    network = MixtureNetwork.initial(inputs.shape[1], (64, 64), 4, mean, rng)
-    network.weights[-1][:] *= 10
+    network = MixtureNetwork.initial(inputs.shape[1], 64, 1, 4, mean, rng)
+    network.weights[-1][:] *= 3
     return PoseProposal(*bases, network)
 
 
@@ -250,6 +250,10 @@ def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path
     for name in ("weight1", "bias0", "bias2", "feet_basis", "mean_shading", "mean_joints"):
         with pytest.raises(ValueError, match=r"proposal\.\w+ must be"):
             PoseProposal.from_arrays(arrays | {name: arrays[name][:-1]})
+    for names in (("mean_shading",), ("weight3", "bias3")):  # as they once were
+        few = {name: array for name, array in arrays.items() if name not in names}
+        with pytest.raises(ValueError, match="an earlier version"):
+            PoseProposal.from_arrays(few)
     cut = replace(proposal.skin, components=proposal.skin.components[:-1])
     broken = replace(proposal, skin=cut)
     write_library(replace(library, proposal=broken), tmp_path / "me.vplib")
