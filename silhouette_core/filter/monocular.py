@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from itertools import islice
@@ -122,14 +122,8 @@ class MonocularEstimator:
         stages = MonocularStages(
             library, camera, settings, options, interval_s, pictures, clock, root
         )
-        joining = None
-        if settings.smooth and library.model.person is not None:
-            joining = JoinedPerson.learned(silhouettes, source.rig.names[0], samples)
-        if joining is not None:
-            reporter.note(
-                "the silhouette is in pieces, as before a floor or wall of the clothes' colours:"
-                " they are joined where the pictures differ from the background between them"
-            )
+        joined = settings.smooth and library.model.person is not None
+        joining = _joining(source, silhouettes, samples, reporter) if joined else None
         people = _people(source, silhouettes, joining, stages)
         if settings.smooth:  # otherwise the hypotheses need the other core
             people = read_ahead(people)
@@ -179,6 +173,19 @@ def _plausible_samples(source: FrameSource, silhouettes: Silhouettes) -> list[Sa
     samples = [Sample(frames, silhouettes.of(frames)[name]) for frames in source.at(steps)]
     check_plausible({name: [sample.mask for sample in samples]}, least=1)
     return samples
+
+
+def _joining(
+    source: FrameSource, silhouettes: Silhouettes, samples: Sequence[Sample], reporter: Reporter
+) -> JoinedPerson | None:
+    """What joins the pieces of silhouettes, told in a note; None where they are whole."""
+    joining = JoinedPerson.learned(silhouettes, source.rig.names[0], samples)
+    if joining is not None:
+        reporter.note(
+            "the silhouette is in pieces, as before a floor or wall of the clothes' colours: they"
+            " are joined where the pictures differ from the background between them"
+        )
+    return joining
 
 
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:
