@@ -36,7 +36,7 @@ class TrainingSettings:
         decay: decay of the weights per unit of rate.
     """
 
-    steps: int = 12_000
+    steps: int = 10_000
     batch: int = 320
     rate: float = 1e-3
     units: int = 512

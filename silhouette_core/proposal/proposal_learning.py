@@ -29,7 +29,13 @@ from silhouette_core.proposal.silhouette_features import (
     network_inputs,
 )
 from silhouette_core.proposal.varied_motion import vary_motion
-from silhouette_core.proposal.virtual_takes import VirtualBodies, VirtualTake, film_take, plan_takes
+from silhouette_core.proposal.virtual_takes import (
+    VirtualBodies,
+    VirtualTake,
+    film_take,
+    mirror_image,
+    plan_takes,
+)
 
 _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
 _FIRST_TAKES = 120  # takes in random order, from which the basis is made
@@ -51,17 +57,17 @@ class LearningSettings:
     Attributes:
         frames: largest number of virtual frames.
         takes: largest number of virtual takes of each recorded frame.
-        mirror: whether half of the takes are mirrored.
-        passes: how often each virtual frame is learned from, if that takes fewer steps than
-            `training` allows.
+        mirror: whether the mirror image of each frame is learned from as well.
+        passes: how often each virtual frame and mirror image is learned from, if that takes fewer
+            steps than `training` allows.
         training: settings of the training.
         seed: seed of everything random.
     """
 
-    frames: int = 200_000
-    takes: int = 15
+    frames: int = 400_000
+    takes: int = 30
     mirror: bool = True
-    passes: float = 16.0
+    passes: float = 5.0
     training: TrainingSettings = field(default_factory=TrainingSettings)
     seed: int = 0
 
@@ -105,9 +111,7 @@ def learn_proposal(
     streams = np.random.SeedSequence(settings.seed).spawn(4)
     plan, film, fit, train = (np.random.default_rng(stream) for stream in streams)
     recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
-    stretches = plan_takes(
-        motions, min(settings.frames, settings.takes * recorded), settings.mirror, plan
-    )
+    stretches = plan_takes(motions, min(settings.frames, settings.takes * recorded), plan)
     if not stretches:
         raise InputError(
             "the proposal needs motion of at least half a second: give more, or --no-proposal"
@@ -116,18 +120,19 @@ def learn_proposal(
     # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
     # products.
     with threadpool_limits(1, user_api="blas"):
-        filmed, bases = _film(stretches, VirtualBodies(model), film, fit, reporter)
+        filmed, bases = _film(stretches, VirtualBodies(model), settings.mirror, film, fit, reporter)
         return PoseProposal(**bases, network=_trained(filmed, settings, train, reporter))
 
 
 def _film(
     stretches: Sequence[Motion],
     bodies: VirtualBodies,
+    mirror: bool,
     film: np.random.Generator,
     fit: np.random.Generator,
     reporter: Reporter,
 ) -> tuple[FilmedFrames, dict[str, SilhouetteBasis]]:
-    """Frames of all stretches, and the bases of their grids."""
+    """Frames of all stretches, with or without their mirror images, and the bases of the grids."""
     takes: list[VirtualTake] = []
     codes: list[SilhouetteCodes] = []
     bases: dict[str, SilhouetteBasis] = {}
@@ -137,15 +142,19 @@ def _film(
     ):
         if number % 2:  # the other half as it was recorded
             motion = vary_motion(motion, stretches, rng)
-        takes.append(film_take(motion, bodies, rng))
+        take = film_take(motion, bodies, rng)
+        takes += [take, mirror_image(take)] if mirror else [take]
         if number == min(_FIRST_TAKES, len(stretches)):
             chosen = fit.permutation(sum(map(len, takes)))[:_BASIS_GRIDS]
             for name, components in _GRIDS.items():
                 grids = np.concatenate([getattr(take, name) for take in takes])
                 bases[name] = fit_basis(grids[chosen], components, fit)
-        for late in range(len(codes), number if bases else 0):
+        for late in range(len(codes), len(takes) if bases else 0):
             grids = {name: getattr(takes[late], name) for name in _GRIDS}
-            encoded = {name: bases[name].encode(grid) for name, grid in grids.items()}
+            # Half the memory, and rounded less than the noise in training.
+            encoded = {
+                name: bases[name].encode(grid).astype(np.float16) for name, grid in grids.items()
+            }
             codes.append(SilhouetteCodes(**encoded, coloured=np.ones(len(takes[late]), bool)))
             # Grids would fill the memory.
             takes[late] = replace(

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_many
 from silhouette_core.motion import kinematics
-from silhouette_core.motion.heading import mirrored
 from silhouette_core.motion.motion import Motion
 from silhouette_core.proposal.kernels import virtual_views as kernels
 from silhouette_core.proposal.silhouette_features import (
@@ -200,6 +199,29 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     )
 
 
+def mirror_image(take: VirtualTake) -> VirtualTake:
+    """The take as seen in a mirror: left and right of pictures, body and room exchanged."""
+    coverage, feet, skin, shading = (
+        grids[..., ::-1] for grids in (take.coverage, take.feet, take.skin, take.shading)
+    )
+    # The window of the feet has one column more on its left, see `feet_grid`.
+    feet = np.concatenate([np.zeros_like(feet[..., :1]), feet[..., :-1]], axis=-1)
+    across = np.array([-1, 1, 1], np.float32)
+    exchanged = np.array(EXCHANGED_LANDMARKS)[1:] - 1  # without the pelvis
+    return VirtualTake(
+        coverage,
+        feet,
+        skin,
+        shading,
+        take.pitch_rad,
+        -take.heading_rad,
+        take.anchor * across[[1, 0, 2]],
+        take.time_s,
+        take.joints[:, exchanged] * across,
+        take.offset * across,
+    )
+
+
 def _performed(
     motion: Motion, bodies: VirtualBodies, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float32], BodyModel]:
@@ -349,35 +371,30 @@ def _defects(
     return edges, discs
 
 
-def plan_takes(
-    motions: Sequence[Motion], frames: int, mirror: bool, rng: np.random.Generator
-) -> list[Motion]:
+def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator) -> list[Motion]:
     """Stretches of motion of two to four seconds, 30 frames per second, in random order.
 
     Args:
         motions: recorded motion.
         frames: number of frames wanted; every frame is taken equally often, or once more.
-        mirror: whether every second pass over the motion is mirrored.
         rng: random numbers.
     """
     thinned = [motion.select(slice(None, None, _stride(motion))) for motion in motions]
     thinned = [motion for motion in thinned if len(motion) >= _SHORTEST]
     stretches: list[Motion] = []
-    planned, number = 0, 0
+    planned = 0
     while thinned and planned < frames:
         this_pass: list[Motion] = []
         for motion in thinned:
-            performed = mirrored(motion) if mirror and number % 2 else motion
             length = int(rng.integers(*_LENGTHS))
             for start in range(-int(rng.integers(0, length)), len(motion), length):
                 rows = slice(max(start, 0), start + length)
                 if len(motion.root_m[rows]) >= _SHORTEST:
-                    this_pass.append(performed.select(rows))
+                    this_pass.append(motion.select(rows))
         for chosen in rng.permutation(len(this_pass)):
             if planned < frames:
                 stretches.append(this_pass[chosen])
                 planned += len(this_pass[chosen])
-        number += 1
     return [stretches[chosen] for chosen in rng.permutation(len(stretches))]
 
 

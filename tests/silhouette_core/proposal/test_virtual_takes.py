@@ -10,11 +10,27 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.jit import cores, set_threads
 from silhouette_core.motion.motion import Motion
 from silhouette_core.proposal import virtual_takes
-from silhouette_core.proposal.silhouette_features import GRID, NEUTRAL, STATURE_CELLS
-from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take, plan_takes
+from silhouette_core.proposal.silhouette_features import (
+    GRID,
+    NEUTRAL,
+    STATURE_CELLS,
+    feet_grid,
+    level_axes,
+)
+from silhouette_core.proposal.virtual_takes import (
+    VirtualBodies,
+    film_take,
+    mirror_image,
+    plan_takes,
+)
 from tests.silhouette_core.library.small_library import swaying
 
 MIDDLE = (np.array(GRID[::-1]) - 1) / 2
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +45,9 @@ def bodies(motion):
 
 @pytest.fixture(scope="module")
 def takes(motion, bodies):
-    return [film_take(motion, bodies, np.random.default_rng(seed)) for seed in range(12)]
+    """Every other one in a mirror."""
+    filmed = [film_take(motion, bodies, np.random.default_rng(seed)) for seed in range(12)]
+    return [mirror_image(take) if number % 2 else take for number, take in enumerate(filmed)]
 
 
 def test_joints_lie_on_the_silhouette(takes):
@@ -47,6 +65,34 @@ def test_joints_lie_on_the_silhouette(takes):
             inside = (row >= 0) & (row < GRID[0]) & (column >= 0) & (column < GRID[1])
             hits.append(there[row[inside], column[inside]])
     assert np.concatenate(hits).mean() > 0.95
+
+
+def test_a_mirror_exchanges_left_and_right(motion, bodies, rng):
+    take = film_take(motion, bodies, rng)
+    image = mirror_image(take)
+    for name in ("coverage", "skin", "shading"):
+        assert (getattr(image, name) == getattr(take, name)[..., ::-1]).all()
+    hips = [LANDMARK_NAMES.index(f"{side}_hip") - 1 for side in ("left", "right")]
+    np.testing.assert_array_equal(image.joints[:, hips[0]], take.joints[:, hips[1]] * [-1, 1, 1])
+    # The pelvis on the optical axis: right and away of the anchor's steps, by the heading.
+    axes = [level_axes(one.heading_rad)[:-1] for one in (take, image)]
+    steps = [np.diff(one.anchor, axis=0) for one in (take, image)]
+    right, away = (
+        [np.einsum("ti,ti->t", a[:, k], b) for a, b in zip(axes, steps, strict=True)]
+        for k in (0, 1)
+    )
+    np.testing.assert_allclose(right[1], -right[0], atol=1e-6)
+    np.testing.assert_allclose(away[1], away[0], atol=1e-6)
+
+
+def test_the_feet_in_a_mirror_are_those_of_the_mirrored_silhouette(takes, rng):
+    masks = rng.random((5, 90, 120)) > 0.97
+    masks[:, :, :30] = masks[:, :, 90:] = False
+    masks[:, 60:] &= rng.random((30, 120)) > 0.5
+    take = replace(takes[0], feet=feet_grid(masks))
+    np.testing.assert_array_equal(
+        mirror_image(take).feet[..., 1:], feet_grid(masks[..., ::-1])[..., 1:]
+    )
 
 
 def test_silhouettes_are_centred(takes):
@@ -125,11 +171,11 @@ def test_what_faces_up_is_brighter(takes):
 def test_a_take_depends_on_its_random_numbers_alone(motion, bodies, takes):
     set_threads(1)
     try:
-        again = film_take(motion, bodies, np.random.default_rng(3))
+        again = film_take(motion, bodies, np.random.default_rng(4))
     finally:
         set_threads()
     for name, array in vars(again).items():
-        assert (array == getattr(takes[3], name)).all()
+        assert (array == getattr(takes[4], name)).all()
 
 
 def test_defects_come_in_a_third_of_the_frames():
@@ -142,21 +188,16 @@ def test_defects_come_in_a_third_of_the_frames():
 
 
 def test_frames_are_taken_equally_often(motion):
-    long = replace(motion, root_m=motion.root_m + np.arange(40)[:, None])
-    plan = plan_takes([long, long], 8 * 80, True, np.random.default_rng(0))
+    plan = plan_takes([motion, motion], 8 * 80, np.random.default_rng(0))
     used = np.concatenate([stretch.frames for stretch in plan])
     assert 8 * 80 <= len(used) < 8 * 80 + 110
     counts = np.bincount(used, minlength=40)
     assert counts.min() > 8 and counts.max() < 24
-    x = np.concatenate([stretch.root_m[:, 0] for stretch in plan])
-    assert 0.3 < (x < 0).mean() < 0.7  # mirrored
-    straight = plan_takes([long], 80, False, np.random.default_rng(0))
-    assert all((stretch.root_m[:, 0] >= 0).all() for stretch in straight)
 
 
 def test_faster_motion_is_thinned_and_too_short_motion_left_out(motion):
     rng = np.random.default_rng(0)
     fast = replace(motion, fps=60.0, time_s=motion.time_s / 2)
-    assert all(len(stretch) <= 20 for stretch in plan_takes([fast], 100, False, rng))
+    assert all(len(stretch) <= 20 for stretch in plan_takes([fast], 100, rng))
     short: Motion = motion.select(slice(0, 8))
-    assert plan_takes([short], 100, False, rng) == []
+    assert plan_takes([short], 100, rng) == []
