@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,9 @@ from silhouette_core.progress import Reporter
 from silhouette_core.proposal.kernels import mixture as kernels
 from silhouette_core.proposal.mixture_network import MixtureNetwork, normalised
 from silhouette_core.proposal.silhouette_features import product
+from silhouette_core.read_ahead import side_by_side
 
+_PARTS = 4  # of a batch, worked on side by side; their number changes the last digits
 _WARM_UP = 200  # steps over which the rate grows
 _LAST_RATE = 1e-5
 _LARGEST_GRADIENT = 300.0  # longer gradients are shortened
@@ -26,7 +29,7 @@ class TrainingSettings:
 
     Attributes:
         steps: number of steps.
-        batch: samples of a step.
+        batch: samples of a step, a multiple of 4.
         rate: largest learning rate; it falls as a half cosine.
         units: units of the hidden layers.
         blocks: residual blocks.
@@ -187,7 +190,7 @@ def _before_normalising(
 
 def train_network(
     network: MixtureNetwork,
-    draw: Callable[[np.random.Generator], TrainingBatch],
+    draw: Callable[[np.random.Generator, int], TrainingBatch],
     settings: TrainingSettings,
     rng: np.random.Generator,
     reporter: Reporter,
@@ -196,9 +199,9 @@ def train_network(
 
     Args:
         network: the network, with random weights.
-        draw: draws the batch of a step.
+        draw: draws a number of samples; called in several threads.
         settings: settings of the training.
-        rng: random numbers, on which alone and on the batches the result depends.
+        rng: random numbers, on which alone and on the samples the result depends.
         reporter: informed of every step.
 
     Returns:
@@ -209,14 +212,23 @@ def train_network(
     parameters = [*network.weights, *network.biases]
     first = [np.zeros_like(array) for array in parameters]
     second = [np.zeros_like(array) for array in parameters]
+    streams = rng.spawn(_PARTS)
     losses: list[float] = []
-    for step in range(settings.steps):
-        batch, done = draw(rng), step / settings.steps
-        noise = rng.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
+
+    def part(stream: np.random.Generator, share: float) -> LossGradient:
+        batch = draw(stream, settings.batch // _PARTS)
+        noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
         noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
+        return loss_gradient(network, noisy, share, settings.dropout, stream)
+
+    for step in range(settings.steps):
+        done = step / settings.steps
         share = max(_SHARE * (1 - done / _CLAIMED), _LEAST_SHARE) if done < _CLAIMED else 0.0
-        found = loss_gradient(network, noisy, share, settings.dropout, rng)
-        gradients = [*found.weights, *found.biases]
+        parts = side_by_side(partial(part, share=share), streams)
+        gradients = [
+            sum(arrays[1:], start=arrays[0]) / np.float32(_PARTS)
+            for arrays in zip(*([*one.weights, *one.biases] for one in parts), strict=True)
+        ]
         length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in gradients))
         scale = min(1.0, _LARGEST_GRADIENT / max(length, 1e-9))
         warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
@@ -232,6 +244,6 @@ def train_network(
                 settings.decay if array.ndim == 2 else 0.0,
                 scale,
             )
-        losses.append(found.loss)
+        losses.append(float(np.mean([one.loss for one in parts])))
         reporter.advance()
     return float(np.mean(losses[-max(1, settings.steps // 10) :]))

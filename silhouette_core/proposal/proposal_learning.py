@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +38,12 @@ from silhouette_core.proposal.virtual_takes import (
     mirror_image,
     plan_takes,
 )
+from silhouette_core.read_ahead import side_by_side
 
 _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
 _FIRST_TAKES = 120  # takes in random order, from which the basis is made
 _BASIS_GRIDS = 4000
+_AT_ONCE = 24  # takes that are filmed side by side
 _CAUSAL, _COLOURLESS = 1 / 3, 1 / 3  # of the samples
 _GRIDS = {
     "coverage": COMPONENTS,
@@ -133,34 +137,36 @@ def _film(
     reporter: Reporter,
 ) -> tuple[FilmedFrames, dict[str, SilhouetteBasis]]:
     """Frames of all stretches, with or without their mirror images, and the bases of the grids."""
+    # Each take has random numbers of its own.
+    streams = film.spawn(len(stretches))
+
+    def filmed(number: int) -> VirtualTake:
+        motion, rng = stretches[number], streams[number]
+        if number % 2 == 0:  # the other half as it was recorded
+            motion = vary_motion(motion, stretches, rng)
+        return film_take(motion, bodies, rng)
+
     takes: list[VirtualTake] = []
     codes: list[SilhouetteCodes] = []
     bases: dict[str, SilhouetteBasis] = {}
-    # Each take has random numbers of its own.
-    for number, (motion, rng) in enumerate(
-        zip(stretches, film.spawn(len(stretches)), strict=True), start=1
-    ):
-        if number % 2:  # the other half as it was recorded
-            motion = vary_motion(motion, stretches, rng)
-        take = film_take(motion, bodies, rng)
-        takes += [take, mirror_image(take)] if mirror else [take]
-        if number == min(_FIRST_TAKES, len(stretches)):
-            chosen = fit.permutation(sum(map(len, takes)))[:_BASIS_GRIDS]
+    groups = [0, *range(_FIRST_TAKES, len(stretches), _AT_ONCE), len(stretches)]
+    for first, end in pairwise(groups):
+        new = side_by_side(filmed, range(first, end))
+        count = sum(map(len, new))
+        if mirror:
+            new = [either for take in new for either in (take, mirror_image(take))]
+        if not bases:
+            chosen = fit.permutation(sum(map(len, new)))[:_BASIS_GRIDS]
             for name, components in _GRIDS.items():
-                grids = np.concatenate([getattr(take, name) for take in takes])
+                grids = np.concatenate([getattr(take, name) for take in new])
                 bases[name] = fit_basis(grids[chosen], components, fit)
-        for late in range(len(codes), len(takes) if bases else 0):
-            grids = {name: getattr(takes[late], name) for name in _GRIDS}
-            # Half the memory, and rounded less than the noise in training.
-            encoded = {
-                name: bases[name].encode(grid).astype(np.float16) for name, grid in grids.items()
-            }
-            codes.append(SilhouetteCodes(**encoded, coloured=np.ones(len(takes[late]), bool)))
-            # Grids would fill the memory.
-            takes[late] = replace(
-                takes[late], **{name: grid[:0].copy() for name, grid in grids.items()}
-            )
-        reporter.advance(len(motion))
+        codes += side_by_side(partial(_codes, bases), new)
+        # Grids would fill the memory.
+        takes += [
+            replace(take, **{name: getattr(take, name)[:0].copy() for name in _GRIDS})
+            for take in new
+        ]
+        reporter.advance(count)
     starts = [0.0, *np.cumsum([take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes])]
     time_s = [
         take.time_s - take.time_s[0] + start for take, start in zip(takes, starts[:-1], strict=True)
@@ -178,6 +184,14 @@ def _film(
     return FilmedFrames(features, joints, offset), bases
 
 
+def _codes(bases: dict[str, SilhouetteBasis], take: VirtualTake) -> SilhouetteCodes:
+    """Codes of a take, float16: half the memory, and rounded less than the noise in training."""
+    encoded = {
+        name: basis.encode(getattr(take, name)).astype(np.float16) for name, basis in bases.items()
+    }
+    return SilhouetteCodes(**encoded, coloured=np.ones(len(take), bool))
+
+
 def _trained(
     filmed: FilmedFrames,
     settings: LearningSettings,
@@ -190,10 +204,10 @@ def _trained(
     training = replace(training, steps=min(training.steps, max(steps, _LEAST_STEPS)))
     nearby = nearby_frames(filmed.features.time_s)
 
-    def draw(rng: np.random.Generator) -> TrainingBatch:
-        frames = rng.integers(0, count, training.batch)
-        causal = rng.random(training.batch) < _CAUSAL
-        coloured = rng.random(training.batch) >= _COLOURLESS
+    def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:
+        frames = rng.integers(0, count, samples)
+        causal = rng.random(samples) < _CAUSAL
+        coloured = rng.random(samples) >= _COLOURLESS
         return TrainingBatch(
             network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
             filmed.joints[frames],
@@ -201,7 +215,7 @@ def _trained(
         )
 
     network = MixtureNetwork.initial(
-        draw(np.random.default_rng(0)).inputs.shape[1],
+        draw(np.random.default_rng(0), 1).inputs.shape[1],
         training.units,
         training.blocks,
         training.modes,

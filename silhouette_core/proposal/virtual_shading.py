@@ -7,6 +7,7 @@ not as bright. The renderer draws labels, each of which is a colour and a bright
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,9 +83,10 @@ def relative_brightness(images: NDArray[np.uint8], rng: np.random.Generator) -> 
         one, other = rng.choice(_COLOURS, 2, replace=False)
         value[colour == one] += rng.normal(0, _PATCH)
         colour[colour == one] = other
-    count = np.bincount(images.ravel(), minlength=256)[1 : len(labels) + 1]
+    rows = images.reshape(-1, images.shape[-1])
+    count = cv2.calcHist([rows], [0], None, [256], [0, 256]).ravel()[1 : len(labels) + 1]
     pixels = np.bincount(colour, count, _COLOURS)
     mean = np.bincount(colour, count * value, _COLOURS) / np.maximum(pixels, 1)
     relative = np.zeros(256, np.float32)
     relative[1 : len(labels) + 1] = value - mean[colour]
-    return relative[images]
+    return cv2.LUT(rows, relative).reshape(images.shape)

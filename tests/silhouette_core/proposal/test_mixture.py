@@ -109,10 +109,10 @@ def test_training_finds_both_of_two_answers(rng):
     mean = np.zeros((1, 3), np.float32)
     network = MixtureNetwork.initial(1, 32, 1, 2, mean, rng)
 
-    def draw(rng):
-        inputs = rng.uniform(-1, 1, (64, 1)).astype(np.float32)
-        side = rng.choice([-1, 1], 64)
-        joints = np.stack([inputs[:, 0] * 0.2, side * 0.3, np.full(64, 0.1)], axis=-1)
+    def draw(rng, count):
+        inputs = rng.uniform(-1, 1, (count, 1)).astype(np.float32)
+        side = rng.choice([-1, 1], count)
+        joints = np.stack([inputs[:, 0] * 0.2, side * 0.3, np.full(count, 0.1)], axis=-1)
         joints = (joints + rng.normal(0, 0.01, joints.shape)).astype(np.float32)
         return TrainingBatch(inputs, joints[:, None], np.tile(inputs, 3) * np.float32(0.1))
 
