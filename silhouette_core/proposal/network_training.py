@@ -34,18 +34,16 @@ class TrainingSettings:
         units: units of the hidden layers.
         blocks: residual blocks.
         modes: modes of the mixture.
-        dropout: fraction of the hidden units that are left out at random.
         noise: deviation of the noise on the inputs.
         decay: decay of the weights per unit of rate.
     """
 
-    steps: int = 10_000
+    steps: int = 16_000
     batch: int = 320
-    rate: float = 1e-3
-    units: int = 512
+    rate: float = 2e-3
+    units: int = 768
     blocks: int = 2
     modes: int = 8
-    dropout: float = 0.1
     noise: float = 0.03
     decay: float = 3e-3
 
@@ -91,8 +89,6 @@ def loss_gradient(
     network: MixtureNetwork,
     batch: TrainingBatch,
     share: float = 0.0,
-    dropout: float = 0.0,
-    rng: np.random.Generator | None = None,
 ) -> LossGradient:
     r"""Gradient of the loss with respect to a network's weights and biases.
 
@@ -110,8 +106,6 @@ def loss_gradient(
         batch: the samples.
         share: if above 0, the mode nearest to the truth is responsible for 1 - share of a sample
             whatever its probability, and all modes for the rest ("winner takes most").
-        dropout: fraction of the hidden units that are left out.
-        rng: random numbers for dropout.
 
     Source: Bishop (1994); winner takes most as in Makansi et al., Overcoming limitations of
     mixture density networks (2019).
@@ -121,13 +115,11 @@ def loss_gradient(
     for number in network.blocks:
         normal, deviation = normalised(state)
         hidden = network.layer(number, normal)
-        mask = _rectified(hidden, dropout, rng)
-        hidden *= mask
-        blocks.append(_Block(number, normal, deviation, hidden, mask))
+        np.maximum(hidden, 0, out=hidden)
+        blocks.append(_Block(number, normal, deviation, hidden))
         state = state + network.layer(number + 1, hidden)
     normal, deviation = normalised(state)
-    mask = _rectified(normal, dropout, rng)
-    last = normal * mask
+    last = np.maximum(normal, 0)
     outputs = network.layer(len(network.weights) - 1, last)
     slope, likelihood = np.empty_like(outputs), np.empty(len(outputs))
     kernels.mixture_gradients(
@@ -143,10 +135,12 @@ def loss_gradient(
     slope /= len(slope)
     found = LossGradient(-float(likelihood.mean()), [], [])
     found.put_before(last, slope)
-    gradient = _before_normalising(product(slope, network.weights[-1].T) * mask, normal, deviation)
+    gradient = _before_normalising(
+        product(slope, network.weights[-1].T) * (last > 0), normal, deviation
+    )
     for block in reversed(blocks):
         found.put_before(block.hidden, gradient)
-        inner = product(gradient, network.weights[block.number + 1].T) * block.mask
+        inner = product(gradient, network.weights[block.number + 1].T) * (block.hidden > 0)
         found.put_before(block.normal, inner)
         normal_gradient = product(inner, network.weights[block.number].T)
         gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
@@ -162,18 +156,6 @@ class _Block:
     normal: NDArray[np.floating]  # (N, K), what it read
     deviation: NDArray[np.floating]  # (N, 1)
     hidden: NDArray[np.floating]  # (N, K)
-    mask: NDArray[np.floating]  # (N, K), slope of the rectification and of dropout
-
-
-def _rectified(
-    values: NDArray[np.floating], dropout: float, rng: np.random.Generator | None
-) -> NDArray[np.floating]:
-    """Factors (N, K) that rectify values and leave some of them out at random."""
-    factors = (values > 0).astype(values.dtype)
-    if dropout and rng is not None:
-        kept = rng.random(values.shape, np.float32) > dropout
-        factors *= kept / values.dtype.type(1 - dropout)
-    return factors
 
 
 def _before_normalising(
@@ -219,7 +201,7 @@ def train_network(
         batch = draw(stream, settings.batch // _PARTS)
         noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
         noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
-        return loss_gradient(network, noisy, share, settings.dropout, stream)
+        return loss_gradient(network, noisy, share)
 
     for step in range(settings.steps):
         done = step / settings.steps

@@ -68,7 +68,7 @@ class LearningSettings:
         seed: seed of everything random.
     """
 
-    frames: int = 400_000
+    frames: int = 800_000
     takes: int = 30
     mirror: bool = True
     passes: float = 5.0

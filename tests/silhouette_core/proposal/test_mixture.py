@@ -116,7 +116,7 @@ def test_training_finds_both_of_two_answers(rng):
         joints = (joints + rng.normal(0, 0.01, joints.shape)).astype(np.float32)
         return TrainingBatch(inputs, joints[:, None], np.tile(inputs, 3) * np.float32(0.1))
 
-    settings = TrainingSettings(steps=600, batch=64, rate=5e-3, modes=2, dropout=0.0)
+    settings = TrainingSettings(steps=600, batch=64, rate=5e-3, modes=2)
     train_network(network, draw, settings, rng, SilentReporter())
     found = network.mixture(np.array([[-0.8], [0.0], [0.8]], np.float32))
     np.testing.assert_allclose(found.probability, 0.5, atol=0.1)
