@@ -69,7 +69,7 @@ class LearningSettings:
     """
 
     frames: int = 800_000
-    takes: int = 30
+    takes: int = 60
     mirror: bool = True
     passes: float = 5.0
     training: TrainingSettings = field(default_factory=TrainingSettings)
