@@ -45,20 +45,21 @@ _BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with ot
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteCodes:
-    """Principal components of the grids of T silhouettes, from `PoseProposal.codes`.
+    """Principal components of the grids of T silhouettes, from `PoseProposal.codes`: float32, or
+    float16 while a proposal is learned, which takes half the memory.
 
     Attributes:
-        coverage: (T, K) float32, of the whole silhouette.
-        feet: (T, K') float32, of its lowest part.
-        skin: (T, K'') float32, of what has the colours of the head; 0 where they are not known.
-        shading: (T, K''') float32, of how bright each place is; 0 where colours are not known.
+        coverage: (T, K), of the whole silhouette.
+        feet: (T, K'), of its lowest part.
+        skin: (T, K''), of what has the colours of the head; 0 where they are not known.
+        shading: (T, K'''), of how bright each place is; 0 where colours are not known.
         coloured: (T,) bool, where they are known.
     """
 
-    coverage: NDArray[np.float32]
-    feet: NDArray[np.float32]
-    skin: NDArray[np.float32]
-    shading: NDArray[np.float32]
+    coverage: NDArray[np.floating]
+    feet: NDArray[np.floating]
+    skin: NDArray[np.floating]
+    shading: NDArray[np.floating]
     coloured: NDArray[np.bool_]
 
     @classmethod

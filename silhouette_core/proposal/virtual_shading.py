@@ -89,4 +89,4 @@ def relative_brightness(images: NDArray[np.uint8], rng: np.random.Generator) -> 
     mean = np.bincount(colour, count * value, _COLOURS) / np.maximum(pixels, 1)
     relative = np.zeros(256, np.float32)
     relative[1 : len(labels) + 1] = value - mean[colour]
-    return cv2.LUT(rows, relative).reshape(images.shape)
+    return np.asarray(cv2.LUT(rows, relative), np.float32).reshape(images.shape)
