@@ -124,3 +124,19 @@ def test_training_finds_both_of_two_answers(rng):
     np.testing.assert_allclose(found.joints[:, 0, 0, 0], [-0.16, 0, 0.16], atol=0.03)
     np.testing.assert_allclose(found.offset[:, 0], [-0.08, 0, 0.08], atol=0.02)
     assert found.sigma.max() < 0.05
+
+
+def test_all_parts_of_a_batch_are_learned_from(rng):
+    """The parts, which have random numbers of their own, see the joint at -1, -1, 1 and 1."""
+    network = MixtureNetwork.initial(1, 8, 1, 1, np.zeros((1, 3), np.float32), rng)
+
+    def draw(rng, count):
+        side = 1 if rng.bit_generator.seed_seq.spawn_key[-1] < 2 else -1
+        joints = np.full((count, 1, 3), 0.1 * side, np.float32)
+        return TrainingBatch(np.ones((count, 1), np.float32), joints, joints[:, 0])
+
+    settings = TrainingSettings(steps=300, batch=64, rate=5e-3, modes=1)
+    train_network(network, draw, settings, rng, SilentReporter())
+    found = network.mixture(np.ones((1, 1), np.float32))
+    assert np.abs(found.joints).max() < 0.05
+    assert found.sigma.min() > 0.05
