@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,10 +14,15 @@ from silhouette_core.image.head_colours import ColourCrop
 
 # Smaller components, as a fraction of the person's area, are noise; a hand behind a gap is larger.
 _LEAST_FRACTION = 0.02
-_LARGEST_GAP = 0.25  # between a component and the main one, as a fraction of the latter's size
+# Between a component and the main one: relative to the size of the latter, and to the root of its own
+# area. A small thing far away is none of the person's: a reflection, a screen, a curtain.
+_LARGEST_GAP, _LARGEST_OWN_GAP = 0.25, 1.0
 # A person's silhouette is mostly twice as high as wide; what is wider counts for less beside it,
 # down to a fraction: a board on the floor, or a box.
 _SLENDER, _LEAST_WEIGHT = 2.0, 0.25
+# Distance from the last place, relative to the root of the usual area, at which a component counts
+# for half: half a person's height, more than anybody moves from one frame to the next.
+_NEAR = 1.0
 _LEAST_PX = 150
 _LEAST_OF_USUAL = 0.2  # of the usual area
 _BORDER_PX = 2
@@ -49,7 +55,7 @@ def find_person(
     """Largest connected component of a foreground image, with those near it.
 
     What is wider than a person mostly is counts for less; and what is larger than the person and
-    wider than high is no piece of it.
+    wider than high, or farther away than it is large, is no piece of it.
 
     Args:
         mask: (h, w) bool, all foreground.
@@ -71,17 +77,26 @@ def find_person(
     weight = area * np.clip(h / (_SLENDER * w), _LEAST_WEIGHT, 1)
     if near_px is not None:
         distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
-        weight *= np.exp(-((distance / (0.5 * mask.shape[0])) ** 2))
+        weight /= 1 + (distance / (_NEAR * np.sqrt(usual_px or area.max()))) ** 2
     main = int(weight.argmax())
     if area[main] < max(_LEAST_PX, _LEAST_OF_USUAL * (usual_px or 0.0)):
         return None
     left, top, width, height = x[main], y[main], w[main], h[main]
-    largest_gap = _LARGEST_GAP * max(width, height)
+    largest_gap = np.minimum(_LARGEST_GAP * max(width, height), _LARGEST_OWN_GAP * np.sqrt(area))
+    # Between the boxes about them, the gap is at most as wide as between themselves.
     gap = np.maximum.reduce(
         [left - (x + w), x - (left + width), top - (y + h), y - (top + height), np.zeros(len(x))]
     )
     piece = (area >= _LEAST_FRACTION * area[main]) & ((area <= area[main]) | (h >= w))
-    kept = np.concatenate([[False], (gap <= largest_gap) & piece])
+    piece &= gap <= largest_gap
+    if np.count_nonzero(piece) > 1:
+        others = (components.labels != main + 1).view(np.uint8)
+        distance_px = cv2.distanceTransform(others, cv2.DIST_L2, cv2.DIST_MASK_3)
+        for k in np.flatnonzero(piece):
+            box = tuple(slice(*ends) for ends in components.bounds[k].T)
+            own = components.labels[box] == k + 1
+            piece[k] = distance_px[box][own].min() <= largest_gap[k] + 1
+    kept = np.concatenate([[False], piece])
     person = np.zeros_like(mask)
     person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = kept.take(components.labels)
     return Person(person, _is_cut(person))

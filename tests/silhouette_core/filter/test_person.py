@@ -30,6 +30,14 @@ def test_the_largest_piece_is_the_person_with_what_lies_beside_it():
     assert result is not None and (result.mask == picture(BODY, hand)).all() and not result.cut
 
 
+@pytest.mark.parametrize("thing", [(66, 200, 78, 212), (100, 234, 112, 246)])
+def test_what_is_farther_away_than_it_is_large_is_no_piece(thing):
+    """A reflection in a window; the first one lies within the box about the body and its arm."""
+    arm = (110, 180, 120, 214)
+    result = find_person(picture(BODY, arm, thing))
+    assert result is not None and (result.mask == picture(BODY, arm)).all()
+
+
 @pytest.mark.parametrize("gap_px", [10, 100])
 def test_a_larger_board_on_the_floor_is_no_person_nor_a_piece_of_one(gap_px):
     board = (200 + gap_px, 100, 270 + gap_px, 230)
@@ -64,6 +72,15 @@ def test_a_piece_where_the_person_was_wins_over_a_larger_one():
     near = find_person(picture(BODY, larger), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
     assert everywhere is not None and (everywhere.mask == picture(larger)).all()
     assert near is not None and (near.mask == picture(BODY)).all()
+
+
+def test_somebody_nearer_to_the_camera_does_not_take_over():
+    """Who passes by is twice as large, a person's height away."""
+    passing = (20, 240, 220, 296)
+    result = find_person(picture(BODY, passing), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    assert result is not None and (result.mask == picture(BODY)).all()
+    gone = find_person(picture(passing), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    assert gone is not None and (gone.mask == picture(passing)).all()
 
 
 @pytest.mark.parametrize(
