@@ -14,8 +14,8 @@ from silhouette_core.image.head_colours import ColourCrop
 
 # Smaller components, as a fraction of the person's area, are noise; a hand behind a gap is larger.
 _LEAST_FRACTION = 0.02
-# Between a component and the main one: relative to the size of the latter, and to the root of its own
-# area. A small thing far away is none of the person's: a reflection, a screen, a curtain.
+# Between a component and the main one: relative to the size of the latter, and to the root of its
+# own area. A small thing far away is none of the person's: a reflection, a screen, a curtain.
 _LARGEST_GAP, _LARGEST_OWN_GAP = 0.25, 1.0
 # A person's silhouette is mostly twice as high as wide; what is wider counts for less beside it,
 # down to a fraction: a board on the floor, or a box.

@@ -55,11 +55,15 @@ def lit_labels(
         brightness += rng.normal(0, deviation, len(faces))
         brightness += rng.normal(0, _OF_PARTS * deviation, len(PART_NAMES))[face_part]
     levels = np.clip(np.rint((brightness - _DARKEST) * _PER_UNIT), 0, _LEVELS - 1)
-    return (_colours(bare)[face_part] * _LEVELS + levels).astype(np.int32)
+    return (part_colours(bare)[face_part] * _LEVELS + levels).astype(np.int32)
 
 
-def _colours(bare: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Number (27,) of every part's colour: 0 of bare ones, 1 above, 2 below, 3 of shoes."""
+def part_colours(bare: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Number (27,) of every part's colour: 0 of bare ones, 1 above, 2 below, 3 of shoes.
+
+    Args:
+        bare: (27,), parts that have the colour of the head.
+    """
     names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
     colours = np.array([2 if name in _BELOW else 3 if name in _SHOES else 1 for name in names])
     return np.where(bare, 0, colours)

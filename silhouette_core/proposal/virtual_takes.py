@@ -27,7 +27,17 @@ from silhouette_core.proposal.silhouette_features import (
     level_axes,
     shading_grid,
 )
-from silhouette_core.proposal.virtual_shading import bare_pixels, lit_labels, relative_brightness
+from silhouette_core.proposal.virtual_defects import (
+    cast_shadow,
+    passing_defects,
+    wall_coloured_places,
+)
+from silhouette_core.proposal.virtual_shading import (
+    bare_pixels,
+    lit_labels,
+    part_colours,
+    relative_brightness,
+)
 
 _FPS = 30.0
 _LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
@@ -72,9 +82,6 @@ _RAISED, _HIGHEST = 0.08, 0.6  # chance that the person hangs or climbs, and how
 _AWAY = 0.35 * _METRE  # deviation of the place from the middle of the room
 # Logarithm of the error of the assumed distance: constant, and how it wanders.
 _WRONG, _STEADY, _WANDER = 0.09, 0.95, 0.008
-# Defects of silhouettes come in bouts of frames.
-_BOUT, _LONGEST_BOUT = 0.04, 20  # chance of a beginning; the two make 30 % of the frames
-_HOLES, _HOLE_PX, _BLOB_PX = 3, (1.5, 4.0), (4.0, 9.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,11 +176,23 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     assumed = pelvis[:, 2] * np.exp(_distance_error(count, rng))
     focal = _STATURE_PX * assumed
     viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
-    labels = lit_labels(surface, model.faces, model.face_part, _bare_parts(rng), rng)
+    bare_parts = _bare_parts(rng)
+    labels = lit_labels(surface, model.faces, model.face_part, bare_parts, rng)
     images = render_many(viewed, model.faces, labels, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
     masks, bare = (images > 0).view(np.uint8), bare_pixels(images)
-    kernels.spoil_silhouettes(masks, *_defects(viewed, rng))
-    edges, discs = _defects(viewed, rng)
+    shadow = cast_shadow(surface, rng)
+    if shadow is not None:
+        fallen = _viewed(shadow - centre.astype(np.float32), camera_from_world, focal)
+        masks |= render_many(
+            fallen, model.faces, labels, _MATRIX, (_CANVAS_PX, _CANVAS_PX), cull_back=False
+        ).astype(np.bool_)
+    places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
+    main = model.skin_weights.argmax(axis=1)[:, None]
+    part = np.take_along_axis(model.skin_parts, main, axis=1)[:, 0]
+    edges, discs = passing_defects(places, rng)
+    alike = wall_coloured_places(places, part_colours(bare_parts)[part], rng)
+    kernels.spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
+    edges, discs = passing_defects(places, rng, strange=False)
     kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
     coverage = np.empty((count, *GRID), np.uint8)
     corners = np.empty((count, 2), np.int32)
@@ -342,33 +361,6 @@ def _viewed(
         camera_from_world * np.column_stack([focal_px, focal_px, np.ones_like(focal_px)])[..., None]
     )
     return np.matmul(surface, scaled.transpose(0, 2, 1).astype(np.float32))
-
-
-def _defects(
-    viewed: NDArray[np.float32], rng: np.random.Generator
-) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """Defects as background subtraction leaves them, at the same places of the body for some
-    frames: edges (T,) and discs (T, D, 3) px for `kernels.spoil_silhouettes`.
-    """
-    count = len(viewed)
-    edges, discs = np.zeros(count, np.int8), np.zeros((count, _HOLES + 1, 3), np.float32)
-    frame = 0
-    while frame < count:
-        if rng.random() >= _BOUT:
-            frame += 1
-            continue
-        bout = slice(frame, frame + int(rng.integers(1, _LONGEST_BOUT + 1)))
-        edges[bout] = rng.integers(-1, 2)
-        radii = np.zeros(_HOLES + 1)
-        holes = int(rng.integers(_HOLES + 1))
-        radii[:holes] = rng.uniform(*_HOLE_PX, holes)
-        if rng.random() < 0.5:
-            radii[-1] = rng.uniform(*_BLOB_PX)
-        points = viewed[bout][:, rng.integers(viewed.shape[1], size=len(radii))]
-        discs[bout, :, :2] = points[..., :2] / points[..., 2:] + (_CANVAS_PX - 1) / 2
-        discs[bout, :, 2] = radii
-        frame = bout.stop
-    return edges, discs
 
 
 def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator) -> list[Motion]:

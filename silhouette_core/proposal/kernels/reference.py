@@ -14,12 +14,12 @@ JOINT_LOG_SIGMA, OFFSET_LOG_SIGMA = (-1.6, 2.2), (-2.0, 3.0)
 def spoil_silhouettes(masks, edges, discs):
     """Neighbours to the left and above of the foreground or of the background, then discs."""
     y, x = np.indices(masks.shape[1:])
-    for mask, edge, erased in zip(masks, edges, discs, strict=True):
+    for mask, edge, changed in zip(masks, edges, discs, strict=True):
         if edge:
             before = mask == (edge > 0)
             mask[1:, 1:][before[:-1, 1:] | before[1:, :-1]] = edge > 0
-        for u, v, radius in erased[erased[:, 2] > 0]:
-            mask[(x - u) ** 2 + (y - v) ** 2 <= radius**2] = 0
+        for u, v, radius in changed[changed[:, 2] != 0]:
+            mask[(x - u) ** 2 + (y - v) ** 2 <= radius**2] = radius < 0
 
 
 def centre_coverage(masks, grids, corners):

@@ -13,8 +13,8 @@ def spoil_silhouettes(masks, edges, discs):
     """Changes silhouettes masks (N, H, W) uint8, 0 or 1, in place.
 
     Where edges (N,) is 1, the silhouette grows by a pixel to the right and down, where it is -1 it
-    shrinks from the left and from above; the image's first row and column stay. Discs (N, D, 3) are
-    then erased: x, y and radius, px; those of radius 0 are none.
+    shrinks from the left and from above; the image's first row and column stay. Discs (N, D, 3) of
+    x, y and radius, px, are then erased in turn, or made foreground where the radius is negative.
     """
     height, width = masks.shape[1], masks.shape[2]
     for n in prange(len(masks)):
@@ -26,15 +26,16 @@ def spoil_silhouettes(masks, edges, discs):
                     if before[y - 1, x] == label or before[y, x - 1] == label:
                         masks[n, y, x] = label
         for d in range(discs.shape[1]):
-            u, v, radius = discs[n, d, 0], discs[n, d, 1], discs[n, d, 2]
-            if radius <= 0:
+            u, v, radius = discs[n, d, 0], discs[n, d, 1], abs(discs[n, d, 2])
+            if radius == 0:
                 continue
+            label = np.uint8(discs[n, d, 2] < 0)
             top, bottom = max(np.int64(v - radius), 0), min(np.int64(v + radius) + 1, height - 1)
             left, right = max(np.int64(u - radius), 0), min(np.int64(u + radius) + 1, width - 1)
             for y in range(top, bottom + 1):
                 for x in range(left, right + 1):
                     if (x - u) ** 2 + (y - v) ** 2 <= radius**2:
-                        masks[n, y, x] = 0
+                        masks[n, y, x] = label
 
 
 @parallel_kernel

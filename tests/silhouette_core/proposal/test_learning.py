@@ -41,6 +41,7 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
     motions = keypose_motions(model)
     unseen = [motions[f"{name} 2"] for name in MOVEMENTS]
     bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
+    offsets: list[float] = []
     for seed, motion in enumerate(unseen * 3):
         take = film_take(motion, bodies, np.random.default_rng([1, seed]))
         grids = {name: getattr(take, name) for name in GRIDS}
@@ -57,7 +58,8 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
             likeliest = found.probability.argmax(axis=1)
             errors[causal].append(wrong[np.arange(len(wrong)), likeliest])
         errors["best"].append(wrong.min(axis=1))
-        assert np.abs(found.offset[:, :2] - take.offset[:, :2]).mean() < 0.05
+        offsets.append(np.abs(found.offset[:, :2] - take.offset[:, :2]).mean())
+    assert np.median(offsets) < 0.03  # shadows pull single ones farther
     error = {name: np.median(np.concatenate(values)) for name, values in errors.items()}
     # The likeliest mode may be the wrong one of two mirrored in depth, the best one is not.
     assert error[False] < 0.75 * error["mean"] and error[True] < 0.75 * error["mean"]

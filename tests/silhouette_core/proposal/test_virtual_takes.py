@@ -9,7 +9,6 @@ from scipy.ndimage import binary_dilation
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.jit import cores, set_threads
 from silhouette_core.motion.motion import Motion
-from silhouette_core.proposal import virtual_takes
 from silhouette_core.proposal.silhouette_features import (
     GRID,
     NEUTRAL,
@@ -110,7 +109,7 @@ def test_the_person_stands_on_the_floor(takes):
     hang in the air.
     """
     heights = np.concatenate([take.anchor[:, 2] for take in takes])
-    assert 0.4 < np.median(heights) < 0.6 and heights.min() > 0.1 and heights.max() < 1.0
+    assert 0.4 < np.median(heights) < 0.65 and heights.min() > 0.1 and heights.max() < 1.0
     errors = np.array([take.offset[:, 2].mean() for take in takes])
     assert 0.03 < errors.std() < 0.2
 
@@ -176,15 +175,6 @@ def test_a_take_depends_on_its_random_numbers_alone(motion, bodies, takes):
         set_threads()
     for name, array in vars(again).items():
         assert (array == getattr(takes[4], name)).all()
-
-
-def test_defects_come_in_a_third_of_the_frames():
-    viewed = np.ones((20_000, 5, 3), np.float32)
-    edges, discs = virtual_takes._defects(viewed, np.random.default_rng(0))
-    spoiled = (edges != 0) | (discs[..., 2] > 0).any(axis=1)
-    assert 0.2 < spoiled.mean() < 0.35
-    changes = np.count_nonzero(np.diff(discs[..., 2].sum(axis=1)))
-    assert changes < 0.5 * spoiled.sum()  # they last
 
 
 def test_frames_are_taken_equally_often(motion):
