@@ -81,22 +81,19 @@ def find_person(
     main = int(weight.argmax())
     if area[main] < max(_LEAST_PX, _LEAST_OF_USUAL * (usual_px or 0.0)):
         return None
-    left, top, width, height = x[main], y[main], w[main], h[main]
-    largest_gap = np.minimum(_LARGEST_GAP * max(width, height), _LARGEST_OWN_GAP * np.sqrt(area))
-    # Between the boxes about them, the gap is at most as wide as between themselves.
-    gap = np.maximum.reduce(
-        [left - (x + w), x - (left + width), top - (y + h), y - (top + height), np.zeros(len(x))]
-    )
     piece = (area >= _LEAST_FRACTION * area[main]) & ((area <= area[main]) | (h >= w))
-    piece &= gap <= largest_gap
-    if np.count_nonzero(piece) > 1:
-        others = (components.labels != main + 1).view(np.uint8)
-        distance_px = cv2.distanceTransform(others, cv2.DIST_L2, cv2.DIST_MASK_3)
-        for k in np.flatnonzero(piece):
+    largest_gap = np.minimum(_LARGEST_GAP * max(w[main], h[main]), _LARGEST_OWN_GAP * np.sqrt(area))
+    kept = np.arange(len(components.sizes)) == main + 1
+    found = np.count_nonzero(piece) > 1
+    while found:  # pieces may hang on pieces
+        apart = (~kept.take(components.labels)).view(np.uint8)
+        distance_px = cv2.distanceTransform(apart, cv2.DIST_L2, cv2.DIST_MASK_3)
+        found = False
+        for k in np.flatnonzero(piece & ~kept[1:]):
             box = tuple(slice(*ends) for ends in components.bounds[k].T)
             own = components.labels[box] == k + 1
-            piece[k] = distance_px[box][own].min() <= largest_gap[k] + 1
-    kept = np.concatenate([[False], piece])
+            if distance_px[box][own].min() <= largest_gap[k] + 1:
+                kept[k + 1] = found = True
     person = np.zeros_like(mask)
     person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = kept.take(components.labels)
     return Person(person, _is_cut(person))
