@@ -21,8 +21,8 @@ from silhouette_core.proposal.proposal_learning import LearningSettings
 # Thresholds as chosen by `silhouette_core.library.thresholds` for these motions; stating them saves
 # a quarter of the time.
 SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
-# A third of the usual takes: somebody waits for it.
-LEARNING = LearningSettings(takes=20)
+# A third of the usual takes: somebody waits for it. All are varied: there is little motion.
+LEARNING = LearningSettings(takes=20, all_varied=True)
 
 
 def default_library(

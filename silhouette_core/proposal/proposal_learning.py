@@ -62,6 +62,7 @@ class LearningSettings:
         frames: largest number of virtual frames.
         takes: largest number of virtual takes of each recorded frame.
         mirror: whether the mirror image of each frame is learned from as well.
+        all_varied: whether the motion of all takes is varied, see `vary_motion`, not of every other.
         passes: how often each virtual frame and mirror image is learned from, if that takes fewer
             steps than `training` allows.
         training: settings of the training.
@@ -71,6 +72,7 @@ class LearningSettings:
     frames: int = 800_000
     takes: int = 60
     mirror: bool = True
+    all_varied: bool = False
     passes: float = 5.0
     training: TrainingSettings = field(default_factory=TrainingSettings)
     seed: int = 0
@@ -124,25 +126,25 @@ def learn_proposal(
     # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
     # products.
     with threadpool_limits(1, user_api="blas"):
-        filmed, bases = _film(stretches, VirtualBodies(model), settings.mirror, film, fit, reporter)
+        filmed, bases = _film(stretches, VirtualBodies(model), settings, film, fit, reporter)
         return PoseProposal(**bases, network=_trained(filmed, settings, train, reporter))
 
 
 def _film(
     stretches: Sequence[Motion],
     bodies: VirtualBodies,
-    mirror: bool,
+    settings: LearningSettings,
     film: np.random.Generator,
     fit: np.random.Generator,
     reporter: Reporter,
 ) -> tuple[FilmedFrames, dict[str, SilhouetteBasis]]:
-    """Frames of all stretches, with or without their mirror images, and the bases of the grids."""
+    """Frames of all stretches and, if asked for, their mirror images, and the bases of the grids."""
     # Each take has random numbers of its own.
     streams = film.spawn(len(stretches))
 
     def filmed(number: int) -> VirtualTake:
         motion, rng = stretches[number], streams[number]
-        if number % 2 == 0:  # the other half as it was recorded
+        if settings.all_varied or number % 2 == 0:
             motion = vary_motion(motion, stretches, rng)
         return film_take(motion, bodies, rng)
 
@@ -153,7 +155,7 @@ def _film(
     for first, end in pairwise(groups):
         new = side_by_side(filmed, range(first, end))
         count = sum(map(len, new))
-        if mirror:
+        if settings.mirror:
             new = [either for take in new for either in (take, mirror_image(take))]
         if not bases:
             chosen = fit.permutation(sum(map(len, new)))[:_BASIS_GRIDS]

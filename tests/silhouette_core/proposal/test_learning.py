@@ -136,3 +136,18 @@ def test_too_little_motion_is_refused():
     motion = swaying(frames=8)
     with pytest.raises(InputError, match="half a second"):
         learn_proposal([motion], motion.model, TINY)
+
+
+def test_every_other_take_is_varied_or_all(monkeypatch):
+    varied = []
+
+    def vary(motion, others, rng):
+        varied.append(motion)
+        return motion
+
+    monkeypatch.setattr("silhouette_core.proposal.proposal_learning.vary_motion", vary)
+    motion, counts = swaying(frames=200), []
+    for every in (False, True):
+        learn_proposal([motion], motion.model, replace(TINY, all_varied=every))
+        counts.append(len(varied) - sum(counts))
+    assert counts[0] == (counts[1] + 1) // 2 > 1
