@@ -45,6 +45,15 @@ def test_a_larger_board_on_the_floor_is_no_person_nor_a_piece_of_one(gap_px):
     assert result is not None and (result.mask == picture(BODY, shape=(480, 320))).all()
 
 
+def test_a_piece_may_hang_on_a_piece():
+    """The shirt has the wall's colour: the head, 45 px above the legs, lies near an arm."""
+    head, arm = (20, 150, 44, 170), (50, 142, 100, 150)
+    result = find_person(picture((110, 140, 230, 174), arm, head))
+    assert result is not None and (result.mask & picture(head)).sum() == picture(head).sum()
+    without = find_person(picture((110, 140, 230, 174), head))
+    assert without is not None and not (without.mask & picture(head)).any()
+
+
 def test_halves_of_a_person_are_one():
     """The shirt has the wall's colour: head and arms, and the smaller legs."""
     above, legs = (40, 120, 120, 200), (130, 140, 230, 174)
