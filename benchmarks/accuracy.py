@@ -30,7 +30,10 @@ from voxelpose.recording.truth import read_truth
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "accuracy"
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))
-ONE_CAMERA = ("swing1:cam_0", "turn1:cam_0", "traffic4:cam_0", "walk4:cam_1")
+ONE_CAMERA = (
+    *("swing1:cam_0", "turn1:cam_0", "traffic4:cam_0", "walk4:cam_1"),
+    *(f"balancing4:cam_{number}" for number in (1, 2, 3, 4)),
+)
 SHARED_ROWS = (
     "walk4",
     "traffic4",
