@@ -5,7 +5,8 @@ true stature and no assumption about the start, and prints a row each, the media
 percentile, and how often hypotheses of a probability are right: within 100 mm of the truth,
 relative to the pelvis. "uncovered" is the share of frames in which something of the true silhouette
 lies 100 mm or more from the drawn body, such as a hand that the pose has elsewhere. Results
-are kept in out/unseen, by the library's and the recording's name, and are not made again.
+are kept in out/unseen, by the names of the library, the recording and its parent folder, and are
+not made again.
 """
 
 import csv
@@ -41,7 +42,7 @@ RIGHT_M = 0.10
 
 def track(library: Path, folder: Path) -> Path:
     """Result of a recording, made if it is not there."""
-    result = OUT / library.stem / folder.name
+    result = OUT / library.stem / f"{folder.parent.name}_{folder.name}"
     if not (result / "joints.csv").exists():
         stature_m = json.loads((folder / "truth.json").read_text())["stature"]
         options: dict[str, bool | int | float | str] = {"library": str(library), "start": "any"}

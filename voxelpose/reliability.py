@@ -12,8 +12,7 @@ _LOST = 0.1  # fraction of frames without a pose
 _RIGHT = 0.5  # probability below which a frame counts as wrong
 _WRONG = 0.25  # fraction of wrong frames
 _APART = 0.75  # outline agreement below which that is the reason, and the measure of one camera
-# With one camera and a learned proposal: the same, and the likeliest pose's probability.
-_APART_ALONE, _OPEN = 0.85, 0.5
+_OPEN_MM = 75.0  # error to expect from one camera above which the pose is open
 _SEAM_MM = 80.0  # mean distance of the joints of two pieces in the frames that they share
 _UNCERTAIN = 0.5  # probability of a joint to be within 30 mm, below which it is named
 _TURN = 1.5  # half-turn ratio below which the heading is the reason
@@ -27,17 +26,24 @@ class Verdict:
         level: `reliable`, `doubtful`, or `failed` where there is no result.
         reason: what speaks against it, and what helps; empty for a reliable one.
         uncertain: joints that are farther off than 30 mm more likely than not, in the mean of the
-            frames; of a doubtful result none, since all may be.
+            frames; of a doubtful result none, since all may be, and of one camera none either.
+        error_mm: of one camera, with a learned proposal: mean error of the joints to be expected
+            relative to the pelvis, in the median frame.
     """
 
     level: Level
     reason: str = ""
     uncertain: tuple[str, ...] = ()
+    error_mm: float | None = None
 
     def __str__(self) -> str:
         """The verdict as a line."""
+        if self.reason:
+            return f"{self.level}: {self.reason}"
+        if self.error_mm is not None:
+            return f"{self.level}: joints are about {self.error_mm:.0f} mm off"
         but = f", but for {', '.join(self.uncertain)}: likely over 30 mm off"
-        return self.level + (f": {self.reason}" if self.reason else but if self.uncertain else "")
+        return self.level + (but if self.uncertain else "")
 
 
 def verdict_of(summary: Mapping[str, Any]) -> Verdict:
@@ -45,10 +51,10 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
 
     A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
     wrong more likely than not (several cameras), or if body and silhouettes have less than three
-    quarters of their union in common (one camera; 85 % where a proposal was learned), or if the
-    likeliest of the poses that one camera leaves is mostly less likely than not, or if it was
-    joined of pieces that do not meet. So is one from which an object was left out that nobody
-    marked: legs that do not move may have been taken for it.
+    quarters of their union in common (one camera), or if the poses that one camera leaves are so
+    far apart that the joints' mean error is likely above 75 mm, or if it was joined of pieces that
+    do not meet. So is one from which an object was left out that nobody marked: legs that do not
+    move may have been taken for it.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
@@ -67,10 +73,8 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             f"two pieces of the recording are {max(apart):.0f} mm apart where they meet: look at"
             " the frames around it (facts in summary.json), or give longer --pieces",
         )
-    likely = quality.get("pose_probability", {}).get("median")
-    apart_below = _APART if likely is None else _APART_ALONE
-    if (right is None and agreement < apart_below) or (right is not None and right < _RIGHT):
-        if agreement >= apart_below and _known(facts.get("half_turn_ratio"), _TURN) < _TURN:
+    if (right is None and agreement < _APART) or (right is not None and right < _RIGHT):
+        if agreement >= _APART and _known(facts.get("half_turn_ratio"), _TURN) < _TURN:
             return Verdict(
                 "doubtful",
                 "turned half round, the body explains the silhouettes nearly as well: look which"
@@ -81,11 +85,13 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
             " sheet, at background and calibration, and at clothes of the walls' colours",
         )
-    if likely is not None and likely < _OPEN:
+    error_mm = quality.get("pose_error_mm", {}).get("median")
+    if error_mm is not None and error_mm > _OPEN_MM:
         return Verdict(
             "doubtful",
-            "one camera leaves several poses open, the likeliest of which has a probability of"
-            f" {likely:.2f}: look at hypotheses.csv, or add a second camera",
+            f"one camera leaves several poses open, and joints are likely {error_mm:.0f} mm off:"
+            " look at hypotheses.csv and at the silhouettes, or add a second camera",
+            error_mm=error_mm,
         )
     if facts.get("objects_share") and not facts.get("objects_apart"):
         return Verdict(
@@ -93,6 +99,8 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             "something that stands beside the person, as a chair does, was left out: look at the"
             " contact sheet whether legs were taken for it; mark it as unknown to be sure",
         )
+    if error_mm is not None:
+        return Verdict("reliable", error_mm=error_mm)
     near = quality.get("landmark_confidence", {})
     uncertain = (name for name in near if _known(near[name], 1.0) < _UNCERTAIN)
     return Verdict("reliable", "", tuple(uncertain))

@@ -72,6 +72,7 @@ class _Verdict(msgspec.Struct):
     level: Literal["failed", "doubtful", "reliable"] = "reliable"
     reason: Annotated[str, Meta(max_length=10_000)] = ""
     uncertain: Annotated[list[_Name], Meta(max_length=100)] = []
+    error_mm: _Number | None = None
 
 
 class _Conditioned(msgspec.Struct):

@@ -23,6 +23,7 @@ from silhouette_core.filter.body_library import (
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.joined_person import JoinedPerson, Sample
+from silhouette_core.filter.joint_error import expected_errors, hypothesis_spread
 from silhouette_core.filter.monocular_stages import (
     LONG_SIDE_PX,
     MonocularOptions,
@@ -253,7 +254,14 @@ def _motion(
         "lost": whole["lost"],
     }
     if trajectory.finder is not None:  # without a proposal they were not compared with the truth
-        quality["pose_probability"] = whole["probability"]
+        hidden = occluded[:, trajectory.model.landmark_part]
+        errors = expected_errors(whole["spread"], agreement, hidden)
+        quality |= {
+            "pose_probability": whole["probability"],
+            "pose_error_mm": errors.pose_mm,
+            "joint_error_mm": errors.joint_mm,
+            "landmark_confidence": errors.near_probability,
+        }
     motion = Motion(
         fps, trajectory.model, root, rotation, angles, numbers, whole["time_s"], quality
     )
@@ -271,6 +279,9 @@ def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
         "time_s": np.array([frame.time_s for frame in frames]),
         "error": np.array([frame.error for frame in frames]),
         "probability": np.array([frame.probability.max() for frame in frames]),
+        "spread": np.stack(
+            [hypothesis_spread(frame.probability[:COUNT], frame.joints[:COUNT]) for frame in frames]
+        ),
         "occluded": np.stack([frame.occluded for frame in frames]),
         "cut": np.array([frame.cut for frame in frames]),
         "lost": np.array([frame.lost for frame in frames]),

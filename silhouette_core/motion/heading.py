@@ -51,7 +51,7 @@ def mirrored(motion: Motion) -> Motion:
     middle = np.array([not name.startswith(("left_", "right_")) for name in model.dof_names])
     sign = np.where(middle & (np.abs(model.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
     columns = {"part_overlap": _exchange(model.names), "part_unsupported": _exchange(model.names)}
-    columns["landmark_confidence"] = _exchange(LANDMARK_NAMES)
+    columns |= dict.fromkeys(("landmark_confidence", "joint_error_mm"), _exchange(LANDMARK_NAMES))
     return replace(
         motion,
         root_m=motion.root_m * (-1, 1, 1),

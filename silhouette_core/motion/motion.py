@@ -41,7 +41,8 @@ class Motion:
             deviation by the outlines; `joint_error_mm` (T, 15), median error to expect;
             `landmark_confidence` (T, 15), probability that a joint is within 30 mm of the truth;
             `right_probability` (T,), that the joints' mean error is below 80 mm; `pose_probability`
-            (T,), of the likeliest hypothesis that one camera leaves.
+            (T,), of the likeliest hypothesis that one camera leaves, and `pose_error_mm` (T,), the
+            mean over the joints of the median error to expect, relative to the pelvis.
         up: (3,) float64, unit, direction of up in the world.
         floor_m: height of the floor in the world, along up, metres.
         filled: (T,) bool, whether the frame's pose is interpolated, since none was found.

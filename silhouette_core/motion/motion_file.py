@@ -44,7 +44,14 @@ _TYPES = {
     **{_UNFILTERED + name: "F64" for name in _POSES},
 }
 _QUALITY_TYPES = ("F64", "F32", "BOOL", "I64", "I32", "U8")
-_FLAT = ("unexplained", "outside", "outline_agreement", "right_probability", "pose_probability")
+_FLAT = (
+    "unexplained",
+    "outside",
+    "outline_agreement",
+    "right_probability",
+    "pose_probability",
+    "pose_error_mm",
+)
 _UNFIT = (
     KeyError,
     TypeError,

@@ -62,7 +62,7 @@ class LearningSettings:
         frames: largest number of virtual frames.
         takes: largest number of virtual takes of each recorded frame.
         mirror: whether the mirror image of each frame is learned from as well.
-        all_varied: whether the motion of all takes is varied, see `vary_motion`, not of every other.
+        all_varied: whether the motion of all takes is varied instead of that of every other one.
         passes: how often each virtual frame and mirror image is learned from, if that takes fewer
             steps than `training` allows.
         training: settings of the training.
@@ -138,7 +138,7 @@ def _film(
     fit: np.random.Generator,
     reporter: Reporter,
 ) -> tuple[FilmedFrames, dict[str, SilhouetteBasis]]:
-    """Frames of all stretches and, if asked for, their mirror images, and the bases of the grids."""
+    """Frames of all stretches and, if wanted, their mirror images, and the bases of the grids."""
     # Each take has random numbers of its own.
     streams = film.spawn(len(stretches))
 

@@ -5,10 +5,10 @@ import pytest
 from voxelpose.reliability import Verdict, verdict_of
 
 
-def summary(lost=0, agreement=0.92, right=None, turn=3.0, likely=None):
+def summary(lost=0, agreement=0.92, right=None, turn=3.0, error=None):
     quality = {"outline_agreement": {"median": agreement}}
-    if likely is not None:
-        quality["pose_probability"] = {"median": likely}
+    if error is not None:
+        quality["pose_error_mm"] = {"median": error}
     if right is not None:
         quality["right_probability"] = {"lower_quarter": right}
     frames = {"with_pose": 100 - lost, "lost": list(range(lost))}
@@ -28,9 +28,9 @@ def summary(lost=0, agreement=0.92, right=None, turn=3.0, likely=None):
         ({"agreement": 0.9}, "reliable", ""),
         ({"agreement": 0.6}, "doubtful", "only 60 % in common"),
         ({"agreement": 0.8}, "reliable", ""),
-        ({"agreement": 0.8, "likely": 0.9}, "doubtful", "only 80 % in common"),
-        ({"agreement": 0.9, "likely": 0.6}, "reliable", ""),
-        ({"agreement": 0.9, "likely": 0.4}, "doubtful", "probability of 0.40"),
+        ({"agreement": 0.7, "error": 60.0}, "doubtful", "only 70 % in common"),
+        ({"agreement": 0.8, "error": 60.0}, "reliable", ""),
+        ({"agreement": 0.9, "error": 76.0}, "doubtful", "joints are likely 76 mm off"),
     ],
 )
 def test_a_result_is_called_what_its_numbers_say(numbers, level, words):
@@ -47,6 +47,14 @@ def test_joints_that_are_likely_wrong_are_named():
     assert str(verdict) == "reliable, but for left_wrist: likely over 30 mm off"
     numbers["quality"]["right_probability"]["lower_quarter"] = 0.1
     assert verdict_of(numbers).uncertain == ()
+
+
+def test_one_camera_tells_how_far_off_the_joints_are():
+    numbers = summary(error=58.4)
+    numbers["quality"]["landmark_confidence"] = {"left_wrist": 0.2, "neck": 0.3}
+    verdict = verdict_of(numbers)
+    assert verdict == Verdict("reliable", error_mm=58.4)
+    assert str(verdict) == "reliable: joints are about 58 mm off"
 
 
 def test_an_object_that_nobody_marked_leaves_a_doubt():

@@ -22,6 +22,7 @@ COVERED = 0.7  # fraction of a part's volume inside the hull
 _LOST = 0.05  # fraction of frames without a pose that is bad
 _MANY = 0.1  # fraction of frames in which a part is uncovered that is reported
 _RANGES = 6  # listed one by one
+_WORST = 3  # joints that are named
 _TRUNK = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "neck", "head")
 _SMALL = ("thumb", "fingers", "toes")
 
@@ -183,6 +184,8 @@ def _parts(result: Result) -> list[Finding]:
 def _joints(result: Result) -> list[Finding]:
     """Joints that are said to be uncertain."""
     verdict: Any = result.summary.get("verdict", {})
+    if verdict.get("error_mm") is not None:
+        return _joints_of_one_camera(result, verdict["error_mm"])
     listed = [display_name(name) for name in verdict.get("uncertain", ())]
     if not listed:
         return []
@@ -193,6 +196,23 @@ def _joints(result: Result) -> list[Finding]:
             f"More likely than not farther than 30 mm from the truth: {', '.join(listed)}.",
             "The outlines say little of them: silhouettes that miss them, a limb that is held"
             " against the body, or unusual proportions. Look at them in the video first.",
+        )
+    ]
+
+
+def _joints_of_one_camera(result: Result, error_mm: float) -> list[Finding]:
+    """How far off the joints are to be expected."""
+    summary: Any = result.summary
+    each: dict[str, float] = summary["quality"].get("joint_error_mm", {})
+    worst = sorted(each, key=lambda name: -each[name])[:_WORST]
+    listed = ", ".join(f"{display_name(name)} ({each[name]:.0f} mm)" for name in worst)
+    return [
+        Finding(
+            "look",
+            "Joints",
+            f"To be expected from one camera: joints {error_mm:.0f} mm off relative to the pelvis"
+            + (f"; in the room, most for {listed}." if listed else "."),
+            "Most of it lies along the line of sight: a second camera from the side settles it.",
         )
     ]
 
