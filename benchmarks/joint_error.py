@@ -20,9 +20,9 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.filter.joint_error import (
     ADDED_MM,
     NEAR_MM,
-    expected_errors,
+    error_evidence,
     hypothesis_spread,
-    regressors,
+    joint_errors,
 )
 from silhouette_core.motion.motion_file import read_motion
 from voxelpose.export.joints import read_joints
@@ -58,11 +58,11 @@ def sample(library: Path, recording: Path) -> dict[str, np.ndarray]:
     agreement = np.asarray(motion.quality["outline_agreement"])
     relative = (estimate - estimate[:, :1]) - (true - true[:, :1])
     evidence = spreads(result, motion.frames), agreement, occluded
-    said = expected_errors(*evidence)
+    said = joint_errors(*evidence)
     summary = json.loads((result / "summary.json").read_text())
     summary["quality"]["pose_error_mm"] = {"median": float(np.median(said.pose_mm))}
     return {
-        "inputs": regressors(*evidence).reshape(estimate.shape[0] * estimate.shape[1], -1),
+        "inputs": error_evidence(*evidence).reshape(estimate.shape[0] * estimate.shape[1], -1),
         "world": 1000 * np.linalg.norm(estimate - true, axis=2).ravel(),
         "pose": 1000 * np.linalg.norm(relative, axis=2).ravel(),
         "said_mm": said.joint_mm.ravel(),

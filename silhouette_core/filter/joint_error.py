@@ -52,7 +52,7 @@ POSE_WEIGHTS = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedErrors:
+class JointErrors:
     """Errors to be expected of the joints of T frames.
 
     Attributes:
@@ -81,12 +81,12 @@ def hypothesis_spread(
     return np.asarray(probability @ away, np.float64)
 
 
-def regressors(
+def error_evidence(
     spread_m: NDArray[np.floating],
     outline_agreement: NDArray[np.floating],
     occluded: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """What the weights are of (T, 15, 19); arguments as of `expected_errors`."""
+    """What the weights are of (T, 15, 19); arguments as of `joint_errors`."""
     frames, joints = spread_m.shape
     spread = np.log(1000 * spread_m + _SPREAD_MM)
     whole = np.log(1000 * spread_m.mean(axis=1, keepdims=True) + _SPREAD_MM)
@@ -96,11 +96,11 @@ def regressors(
     return np.concatenate([constants, evidence], axis=2)
 
 
-def expected_errors(
+def joint_errors(
     spread_m: NDArray[np.floating],
     outline_agreement: NDArray[np.floating],
     occluded: NDArray[np.bool_],
-) -> ExpectedErrors:
+) -> JointErrors:
     """Errors to be expected of T frames.
 
     Args:
@@ -108,10 +108,10 @@ def expected_errors(
         outline_agreement: (T,), share of their union that body and silhouette have in common.
         occluded: (T, 15), whether the joint's part is.
     """
-    inputs = regressors(spread_m, outline_agreement, occluded)
+    inputs = error_evidence(spread_m, outline_agreement, occluded)
     world, pose = inputs @ WORLD_WEIGHTS, inputs @ POSE_WEIGHTS
     near = ndtr((np.log(NEAR_MM + ADDED_MM) - world) / WORLD_DEVIATION)
-    return ExpectedErrors(
+    return JointErrors(
         np.maximum(np.exp(world) - ADDED_MM, 0.0),
         near,
         np.maximum(np.exp(pose) - ADDED_MM, 0.0).mean(axis=1),

@@ -23,7 +23,7 @@ from silhouette_core.filter.body_library import (
 from silhouette_core.filter.forward import FilterFrame
 from silhouette_core.filter.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.filter.joined_person import JoinedPerson, Sample
-from silhouette_core.filter.joint_error import expected_errors, hypothesis_spread
+from silhouette_core.filter.joint_error import hypothesis_spread, joint_errors
 from silhouette_core.filter.monocular_stages import (
     LONG_SIDE_PX,
     MonocularOptions,
@@ -255,7 +255,7 @@ def _motion(
     }
     if trajectory.finder is not None:  # without a proposal they were not compared with the truth
         hidden = occluded[:, trajectory.model.landmark_part]
-        errors = expected_errors(whole["spread"], agreement, hidden)
+        errors = joint_errors(whole["spread"], agreement, hidden)
         quality |= {
             "pose_probability": whole["probability"],
             "pose_error_mm": errors.pose_mm,
