@@ -86,7 +86,7 @@ def error_evidence(
     outline_agreement: NDArray[np.floating],
     occluded: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """What the weights are of (T, 15, 19); arguments as of `joint_errors`."""
+    """Numbers (T, 15, 19) that the weights belong to; arguments as of `joint_errors`."""
     frames, joints = spread_m.shape
     spread = np.log(1000 * spread_m + _SPREAD_MM)
     whole = np.log(1000 * spread_m.mean(axis=1, keepdims=True) + _SPREAD_MM)

@@ -44,6 +44,7 @@ _LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
 _CANVAS_PX = 208
 _STATURE_PX = 2 * STATURE_CELLS
 _HEAD_TOP = LANDMARK_NAMES.index("head_top")
+_SIZE = _CANVAS_PX, _CANVAS_PX
 _MATRIX = np.array([[1, 0, (_CANVAS_PX - 1) / 2], [0, 1, (_CANVAS_PX - 1) / 2], [0, 0, 1]], float)
 _METRE = 1 / 1.75  # in statures
 # Bodies: deviations relative to the spread of adults, and a common one of all girths.
@@ -178,22 +179,13 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
     bare_parts = _bare_parts(rng)
     labels = lit_labels(surface, model.faces, model.face_part, bare_parts, rng)
-    images = render_many(viewed, model.faces, labels, _MATRIX, (_CANVAS_PX, _CANVAS_PX))
+    images = render_many(viewed, model.faces, labels, _MATRIX, _SIZE)
     masks, bare = (images > 0).view(np.uint8), bare_pixels(images)
     shadow = cast_shadow(surface, rng)
     if shadow is not None:
         fallen = _viewed(shadow - centre.astype(np.float32), camera_from_world, focal)
-        masks |= render_many(
-            fallen, model.faces, labels, _MATRIX, (_CANVAS_PX, _CANVAS_PX), cull_back=False
-        ).astype(np.bool_)
-    places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
-    main = model.skin_weights.argmax(axis=1)[:, None]
-    part = np.take_along_axis(model.skin_parts, main, axis=1)[:, 0]
-    edges, discs = passing_defects(places, rng)
-    alike = wall_coloured_places(places, part_colours(bare_parts)[part], rng)
-    kernels.spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
-    edges, discs = passing_defects(places, rng, strange=False)
-    kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
+        masks |= render_many(fallen, model.faces, labels, _MATRIX, _SIZE, cull_back=False) > 0
+    _spoil(masks, bare, viewed, part_colours(bare_parts)[_main_parts(model)], rng)
     coverage = np.empty((count, *GRID), np.uint8)
     corners = np.empty((count, 2), np.int32)
     kernels.centre_coverage(masks, coverage, corners)
@@ -361,6 +353,30 @@ def _viewed(
         camera_from_world * np.column_stack([focal_px, focal_px, np.ones_like(focal_px)])[..., None]
     )
     return np.matmul(surface, scaled.transpose(0, 2, 1).astype(np.float32))
+
+
+def _main_parts(model: BodyModel) -> NDArray[np.integer]:
+    """Part (V,) that moves each vertex most."""
+    main = model.skin_weights.argmax(axis=1)[:, None]
+    return np.take_along_axis(model.skin_parts, main, axis=1)[:, 0]
+
+
+def _spoil(
+    masks: NDArray[np.uint8],
+    bare: NDArray[np.uint8],
+    viewed: NDArray[np.float32],
+    colour: NDArray[np.integer],
+    rng: np.random.Generator,
+) -> None:
+    """Gives silhouettes and bare parts (T, H, W), in place, the defects of real ones, each its own,
+    at the places of vertices (T, V, 3) that have colours (V,).
+    """
+    places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
+    edges, discs = passing_defects(places, rng)
+    alike = wall_coloured_places(places, colour, rng)
+    kernels.spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
+    edges, discs = passing_defects(places, rng, strange=False)
+    kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
 
 
 def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator) -> list[Motion]:
