@@ -35,35 +35,29 @@ def make_library(path: Path, model: BodyModel, tree: str, *, learned: bool) -> N
 
 @cache
 def _proposal():
+    from silhouette_core.proposal import silhouette_features as features
+    from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
     from silhouette_core.proposal.mixture_network import MixtureNetwork
     from silhouette_core.proposal.pose_proposal import PoseProposal
-    from silhouette_core.proposal.silhouette_features import FEET_GRID, GRID, SilhouetteBasis
 
     rng = np.random.default_rng(0)
-
-    def basis(cells: int, components: int) -> SilhouetteBasis:
-        shape = (cells, components)
-        return SilhouetteBasis(
-            rng.random(cells, np.float32), rng.standard_normal(shape, np.float32) / 60
-        )
-
-    from silhouette_core.proposal import silhouette_features as features
-
-    whole, feet = GRID[0] * GRID[1], FEET_GRID[0] * FEET_GRID[1]
-    grids = whole, feet, whole, whole
-    counts = (
-        features.COMPONENTS,
-        features.FEET_COMPONENTS,
-        features.SKIN_COMPONENTS,
-        features.SHADING_COMPONENTS,
+    cells = features.FEET_GRID[0] * features.FEET_GRID[1]
+    shape = cells, features.FEET_COMPONENTS
+    feet = features.SilhouetteBasis(
+        rng.random(cells, np.float32), rng.standard_normal(shape, np.float32) / 60
     )
-    bases = [basis(*pair) for pair in zip(grids, counts, strict=True)]
+    outline = ConvolutionalEncoder.initial(1, 4, features.OUTLINE_CODES, rng)
+    inside = ConvolutionalEncoder.initial(2, 4, features.INSIDE_CODES, rng)
+    readers = outline, feet, inside
     joints = rng.random((len(LANDMARK_NAMES) - 1, 3), np.float32)
     inputs = features.network_inputs(
-        _features(PoseProposal(*bases, None)), np.arange(2), np.zeros((2, 8), int), np.ones(2, bool)
+        _features(PoseProposal(*readers, None)),
+        np.arange(2),
+        np.zeros((2, 8), int),
+        np.ones(2, bool),
     ).shape[1]
     network = MixtureNetwork.initial(inputs, 16, 1, 3, joints, rng)
-    return PoseProposal(*bases, network)
+    return PoseProposal(*readers, network)
 
 
 def _features(proposal):

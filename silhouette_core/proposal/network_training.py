@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,11 +70,13 @@ class LossGradient:
         loss: the mean.
         weights: its gradient, one array per layer.
         biases: likewise.
+        first: (N, K), with respect to what the first layer makes of every sample.
     """
 
     loss: float
     weights: list[NDArray[np.floating]]
     biases: list[NDArray[np.floating]]
+    first: NDArray[np.floating]
 
     def put_before(self, inputs: NDArray[np.floating], gradient: NDArray[np.floating]) -> None:
         """Adds the layer before those that are there, from its inputs (N, I) and the gradient
@@ -133,7 +134,7 @@ def loss_gradient(
         likelihood,
     )
     slope /= len(slope)
-    found = LossGradient(-float(likelihood.mean()), [], [])
+    found = LossGradient(-float(likelihood.mean()), [], [], np.empty_like(state))
     found.put_before(last, slope)
     gradient = _before_normalising(
         product(slope, network.weights[-1].T) * (last > 0), normal, deviation
@@ -145,6 +146,7 @@ def loss_gradient(
         normal_gradient = product(inner, network.weights[block.number].T)
         gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
     found.put_before(batch.inputs, gradient)
+    found.first[:] = gradient
     return found
 
 
@@ -188,34 +190,61 @@ def train_network(
 
     Returns:
         Mean loss of the last tenth of the steps.
+    """
+
+    def gradients(
+        stream: np.random.Generator, samples: int, share: float
+    ) -> tuple[float, list[NDArray]]:
+        batch = draw(stream, samples)
+        noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
+        noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
+        found = loss_gradient(network, noisy, share)
+        return found.loss, [*found.weights, *found.biases]
+
+    return descend([*network.weights, *network.biases], gradients, settings, rng, reporter)
+
+
+def descend(
+    parameters: Sequence[NDArray[np.floating]],
+    gradients: Callable[[np.random.Generator, int, float], tuple[float, list[NDArray]]],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    reporter: Reporter,
+) -> float:
+    """Lets parameters descend along the gradients of random samples, in place.
+
+    Args:
+        parameters: arrays; those of two dimensions decay.
+        gradients: from random numbers, a number of samples to draw and the share of
+            `loss_gradient`: the loss and its gradient with respect to every array; called in
+            several threads.
+        settings: settings of the training.
+        rng: random numbers, on which alone and on the samples the result depends.
+        reporter: informed of every step.
+
+    Returns:
+        Mean loss of the last tenth of the steps.
 
     Source: Kingma and Ba, Adam (2015).
     """
-    parameters = [*network.weights, *network.biases]
     first = [np.zeros_like(array) for array in parameters]
     second = [np.zeros_like(array) for array in parameters]
     streams = rng.spawn(_PARTS)
     losses: list[float] = []
-
-    def part(stream: np.random.Generator, share: float) -> LossGradient:
-        batch = draw(stream, settings.batch // _PARTS)
-        noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
-        noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
-        return loss_gradient(network, noisy, share)
-
     for step in range(settings.steps):
         done = step / settings.steps
         share = max(_SHARE * (1 - done / _CLAIMED), _LEAST_SHARE) if done < _CLAIMED else 0.0
-        parts = side_by_side(partial(part, share=share), streams)
-        gradients = [
+        portion = settings.batch // _PARTS, share
+        parts = side_by_side(lambda stream, portion=portion: gradients(stream, *portion), streams)
+        means = [
             sum(arrays[1:], start=arrays[0]) / np.float32(_PARTS)
-            for arrays in zip(*([*one.weights, *one.biases] for one in parts), strict=True)
+            for arrays in zip(*(found for _, found in parts), strict=True)
         ]
-        length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in gradients))
+        length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in means))
         scale = min(1.0, _LARGEST_GRADIENT / max(length, 1e-9))
         warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
         rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + _LAST_RATE
-        for array, gradient, one, two in zip(parameters, gradients, first, second, strict=True):
+        for array, gradient, one, two in zip(parameters, means, first, second, strict=True):
             kernels.adam_step(
                 array.reshape(-1),
                 gradient.reshape(-1),
@@ -226,6 +255,6 @@ def train_network(
                 settings.decay if array.ndim == 2 else 0.0,
                 scale,
             )
-        losses.append(float(np.mean([one.loss for one in parts])))
+        losses.append(float(np.mean([loss for loss, _ in parts])))
         reporter.advance()
     return float(np.mean(losses[-max(1, settings.steps // 10) :]))

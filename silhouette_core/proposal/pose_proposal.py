@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
+from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.silhouette_features import (
     FEET_GRID,
-    GRID,
     FrameFeatures,
     InsideGrids,
     SilhouetteBasis,
@@ -23,8 +23,10 @@ from silhouette_core.proposal.silhouette_features import (
     coverage_grid,
     feet_grid,
     input_count,
+    inside_images,
     nearby_frames,
     network_inputs,
+    outline_images,
 )
 
 _MOST_MODES = 1000
@@ -59,20 +61,18 @@ class PoseModes:
 
 @dataclass(frozen=True, eq=False)
 class PoseProposal:
-    """Trained network and the basis of its silhouettes, see `proposal_learning.learn_proposal`.
+    """Trained network and the encoders of its silhouettes, see `proposal_learning.learn_proposal`.
 
     Attributes:
-        coverage: basis of the grids of coverage.
+        outline: encoder of the grids of coverage.
         feet: basis of the grids of the lowest parts.
-        skin: basis of the grids of what has the colours of the head.
-        shading: basis of the grids of shading.
+        inside: encoder of what lies inside.
         network: the network, float32.
     """
 
-    coverage: SilhouetteBasis
+    outline: ConvolutionalEncoder
     feet: SilhouetteBasis
-    skin: SilhouetteBasis
-    shading: SilhouetteBasis
+    inside: ConvolutionalEncoder
     network: MixtureNetwork
 
     def codes(self, masks: NDArray[np.bool_]) -> SilhouetteCodes:
@@ -85,10 +85,9 @@ class PoseProposal:
             ValueError: the masks have another shape.
         """
         return SilhouetteCodes(
-            self.coverage.encode(coverage_grid(masks)),
+            self.outline.encode(outline_images(coverage_grid(masks))),
             self.feet.encode(feet_grid(reduce_silhouette(masks))),
-            np.zeros((len(masks), self.skin.components.shape[1]), np.float32),
-            np.zeros((len(masks), self.shading.components.shape[1]), np.float32),
+            np.zeros((len(masks), self.inside.codes), np.float32),
             np.zeros(len(masks), bool),
         )
 
@@ -96,8 +95,7 @@ class PoseProposal:
         """Codes of T silhouettes with what lies inside them, grids (T, 60, 80)."""
         return replace(
             codes,
-            skin=self.skin.encode(inside.skin),
-            shading=self.shading.encode(inside.shading),
+            inside=self.inside.encode(inside_images(inside.skin, inside.shading)),
             coloured=np.ones(len(codes), bool),
         )
 
@@ -147,14 +145,10 @@ class PoseProposal:
         """All arrays by name, for a file; `from_arrays` is the inverse."""
         network = self.network
         return {
-            "mean_coverage": self.coverage.mean,
-            "coverage_basis": self.coverage.components,
+            **self.outline.arrays("outline"),
             "mean_feet": self.feet.mean,
             "feet_basis": self.feet.components,
-            "mean_skin": self.skin.mean,
-            "skin_basis": self.skin.components,
-            "mean_shading": self.shading.mean,
-            "shading_basis": self.shading.components,
+            **self.inside.arrays("inside"),
             "mean_joints": network.mean_joints,
             "modes": np.array([network.modes], np.int32),
             **{f"weight{number}": array for number, array in enumerate(network.weights)},
@@ -172,17 +166,16 @@ class PoseProposal:
                 version.
         """
         layers = range(sum(name.startswith("weight") for name in arrays))
-        # Networks of earlier versions had three layers.
-        if "mean_shading" not in arrays or len(layers) % 2:
+        # Earlier versions read principal components, by networks of three layers.
+        if "inside_weight0" not in arrays or len(layers) % 2:
             raise ValueError("its proposal was learned by an earlier version")
-        cells = {"coverage": GRID, "feet": FEET_GRID, "skin": GRID, "shading": GRID}
-        bases = {}
-        for name, (rows, columns) in cells.items():
-            mean, basis = arrays[f"mean_{name}"], arrays[f"{name}_basis"]
-            check_array(f"proposal.mean_{name}", mean, (rows * columns,), np.float32, finite=True)
-            shape = (rows * columns, "K")
-            check_array(f"proposal.{name}_basis", basis, shape, np.float32, finite=True)
-            bases[name] = SilhouetteBasis(mean, basis)
+        outline = ConvolutionalEncoder.from_arrays("outline", 1, arrays)
+        inside = ConvolutionalEncoder.from_arrays("inside", 2, arrays)
+        cells = FEET_GRID[0] * FEET_GRID[1]
+        feet = SilhouetteBasis(arrays["mean_feet"], arrays["feet_basis"])
+        check_array("proposal.mean_feet", feet.mean, (cells,), np.float32, finite=True)
+        shape = (cells, "K")
+        check_array("proposal.feet_basis", feet.components, shape, np.float32, finite=True)
         check_array("proposal.modes", arrays["modes"], (1,), np.int32)
         joints = arrays["mean_joints"]
         shape = (len(LANDMARK_NAMES) - 1, 3)
@@ -193,8 +186,7 @@ class PoseProposal:
             joints,
             int(arrays["modes"][0]),
         )
-        counts = [basis.components.shape[1] for basis in bases.values()]
-        inputs = input_count(*counts)
+        inputs = input_count(outline.codes, feet.components.shape[1], inside.codes)
         if not 1 <= network.modes <= _MOST_MODES or not layers:
             raise ValueError(f"proposal.modes is {network.modes}, and it has {len(layers)} layers")
         units = network.weights[0].shape[-1] if network.weights[0].ndim else 0
@@ -204,4 +196,4 @@ class PoseProposal:
             name = f"proposal.weight{number}"
             check_array(name, network.weights[number], shape, np.float32, finite=True)
             check_array(f"proposal.bias{number}", bias, shape[1:], np.float32, finite=True)
-        return cls(**bases, network=network)
+        return cls(outline, feet, inside, network)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +13,21 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
+from silhouette_core.proposal.encoder_training import PictureBatch, train_encoders
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.network_training import TrainingBatch, TrainingSettings, train_network
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.silhouette_features import (
-    COMPONENTS,
     FEET_COMPONENTS,
-    SHADING_COMPONENTS,
-    SKIN_COMPONENTS,
     FrameFeatures,
     SilhouetteBasis,
     SilhouetteCodes,
     fit_basis,
+    inside_images,
     nearby_frames,
     network_inputs,
+    outline_images,
 )
 from silhouette_core.proposal.varied_motion import vary_motion
 from silhouette_core.proposal.virtual_takes import (
@@ -41,16 +40,10 @@ from silhouette_core.proposal.virtual_takes import (
 from silhouette_core.read_ahead import side_by_side
 
 _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
-_FIRST_TAKES = 120  # takes in random order, from which the basis is made
 _BASIS_GRIDS = 4000
 _AT_ONCE = 24  # takes that are filmed side by side
 _CAUSAL, _COLOURLESS = 1 / 3, 1 / 3  # of the samples
-_GRIDS = {
-    "coverage": COMPONENTS,
-    "feet": FEET_COMPONENTS,
-    "skin": SKIN_COMPONENTS,
-    "shading": SHADING_COMPONENTS,
-}
+_GRIDS = "coverage", "feet", "skin", "shading"
 _LEAST_STEPS = 200
 
 
@@ -63,9 +56,11 @@ class LearningSettings:
         takes: largest number of virtual takes of each recorded frame.
         mirror: whether the mirror image of each frame is learned from as well.
         all_varied: whether the motion of all takes is varied instead of that of every other one.
+        pictures: number of virtual frames from which the encoders learn.
         passes: how often each virtual frame and mirror image is learned from, if that takes fewer
-            steps than `training` allows.
-        training: settings of the training.
+            steps than `encoding` and `training` allow.
+        encoding: settings of the training of the encoders, and of the network that goes with it.
+        training: settings of the training of the network.
         seed: seed of everything random.
     """
 
@@ -73,7 +68,11 @@ class LearningSettings:
     takes: int = 60
     mirror: bool = True
     all_varied: bool = False
+    pictures: int = 150_000
     passes: float = 5.0
+    encoding: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(steps=5_000, batch=256, units=512)
+    )
     training: TrainingSettings = field(default_factory=TrainingSettings)
     seed: int = 0
 
@@ -114,61 +113,92 @@ def learn_proposal(
         InputError: there is too little motion.
     """
     settings, reporter = settings or LearningSettings(), reporter or SilentReporter()
-    streams = np.random.SeedSequence(settings.seed).spawn(4)
-    plan, film, fit, train = (np.random.default_rng(stream) for stream in streams)
+    streams = np.random.SeedSequence(settings.seed).spawn(5)
+    plan, film, fit, encode, train = (np.random.default_rng(stream) for stream in streams)
     recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
     stretches = plan_takes(motions, min(settings.frames, settings.takes * recorded), plan)
     if not stretches:
         raise InputError(
             "the proposal needs motion of at least half a second: give more, or --no-proposal"
         )
-    reporter.stage("filming the motion", sum(map(len, stretches)))
     # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
     # products.
     with threadpool_limits(1, user_api="blas"):
-        filmed, bases = _film(stretches, VirtualBodies(model), settings, film, fit, reporter)
-        return PoseProposal(**bases, network=_trained(filmed, settings, train, reporter))
+        studio = _Studio(stretches, VirtualBodies(model), settings, film.spawn(len(stretches)))
+        ends = np.cumsum([len(stretch) for stretch in stretches])
+        first = int(np.searchsorted(ends, min(settings.pictures, ends[-1]))) + 1
+        groups = studio.film("filming the first takes", range(first), reporter)
+        takes = [take for group in groups for take in group]
+        encoding = _trained_encoding(takes, settings, (fit, encode), reporter)
+        codes = side_by_side(encoding.codes, takes)
+        takes = [_without_grids(take) for take in takes]
+        others = range(first, len(stretches))
+        for group in studio.film("filming the other takes", others, reporter):
+            codes += side_by_side(encoding.codes, group)
+            takes += [_without_grids(take) for take in group]
+        filmed = _joined(takes, codes)
+        network = _trained(filmed, settings, train, reporter)
+    return PoseProposal(encoding.outline, encoding.feet, encoding.inside, network)
 
 
-def _film(
-    stretches: Sequence[Motion],
-    bodies: VirtualBodies,
-    settings: LearningSettings,
-    film: np.random.Generator,
-    fit: np.random.Generator,
-    reporter: Reporter,
-) -> tuple[FilmedFrames, dict[str, SilhouetteBasis]]:
-    """Frames of all stretches and, if wanted, their mirror images, and the bases of the grids."""
-    # Each take has random numbers of its own.
-    streams = film.spawn(len(stretches))
+@dataclass(frozen=True, eq=False)
+class _Studio:
+    """Films stretches of motion, each with random numbers of its own."""
 
-    def filmed(number: int) -> VirtualTake:
-        motion, rng = stretches[number], streams[number]
-        if settings.all_varied or number % 2 == 0:
-            motion = vary_motion(motion, stretches, rng)
-        return film_take(motion, bodies, rng)
+    stretches: Sequence[Motion]
+    bodies: VirtualBodies
+    settings: LearningSettings
+    streams: Sequence[np.random.Generator]
 
-    takes: list[VirtualTake] = []
-    codes: list[SilhouetteCodes] = []
-    bases: dict[str, SilhouetteBasis] = {}
-    groups = [0, *range(_FIRST_TAKES, len(stretches), _AT_ONCE), len(stretches)]
-    for first, end in pairwise(groups):
-        new = side_by_side(filmed, range(first, end))
-        count = sum(map(len, new))
-        if settings.mirror:
-            new = [either for take in new for either in (take, mirror_image(take))]
-        if not bases:
-            chosen = fit.permutation(sum(map(len, new)))[:_BASIS_GRIDS]
-            for name, components in _GRIDS.items():
-                grids = np.concatenate([getattr(take, name) for take in new])
-                bases[name] = fit_basis(grids[chosen], components, fit)
-        codes += side_by_side(partial(_codes, bases), new)
-        # Grids would fill the memory.
-        takes += [
-            replace(take, **{name: getattr(take, name)[:0].copy() for name in _GRIDS})
-            for take in new
-        ]
-        reporter.advance(count)
+    def film(self, name: str, numbers: range, reporter: Reporter) -> Iterator[list[VirtualTake]]:
+        """Takes of stretches and, if wanted, their mirror images, a few at a time."""
+        if not numbers:
+            return
+        reporter.stage(name, sum(len(self.stretches[number]) for number in numbers))
+        for start in range(0, len(numbers), _AT_ONCE):
+            takes = side_by_side(self._take, numbers[start : start + _AT_ONCE])
+            count = sum(map(len, takes))
+            if self.settings.mirror:
+                takes = [either for take in takes for either in (take, mirror_image(take))]
+            yield takes
+            reporter.advance(count)
+
+    def _take(self, number: int) -> VirtualTake:
+        motion, rng = self.stretches[number], self.streams[number]
+        if self.settings.all_varied or number % 2 == 0:
+            motion = vary_motion(motion, self.stretches, rng)
+        return film_take(motion, self.bodies, rng)
+
+
+@dataclass(frozen=True, eq=False)
+class _Encoding:
+    """What makes codes of grids, as in `PoseProposal`."""
+
+    outline: ConvolutionalEncoder
+    feet: SilhouetteBasis
+    inside: ConvolutionalEncoder
+
+    def codes(self, take: VirtualTake) -> SilhouetteCodes:
+        """Codes of a take, float16: half the memory, and rounded less than the noise in
+        training.
+        """
+        encoded = (
+            self.outline.encode(outline_images(take.coverage)),
+            self.feet.encode(take.feet),
+            self.inside.encode(inside_images(take.skin, take.shading)),
+        )
+        return SilhouetteCodes(
+            *(one.astype(np.float16) for one in encoded), coloured=np.ones(len(take), bool)
+        )
+
+
+def _without_grids(take: VirtualTake) -> VirtualTake:
+    """A take without its grids, which would fill the memory."""
+    return replace(take, **{name: getattr(take, name)[:0].copy() for name in _GRIDS})
+
+
+def _joined(takes: Sequence[VirtualTake], codes: Sequence[SilhouetteCodes]) -> FilmedFrames:
+    """Frames of all takes."""
     starts = [0.0, *np.cumsum([take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes])]
     time_s = [
         take.time_s - take.time_s[0] + start for take, start in zip(takes, starts[:-1], strict=True)
@@ -183,15 +213,58 @@ def _film(
     joints, offset = (
         np.concatenate([getattr(take, name) for take in takes]) for name in ("joints", "offset")
     )
-    return FilmedFrames(features, joints, offset), bases
+    return FilmedFrames(features, joints, offset)
 
 
-def _codes(bases: dict[str, SilhouetteBasis], take: VirtualTake) -> SilhouetteCodes:
-    """Codes of a take, float16: half the memory, and rounded less than the noise in training."""
-    encoded = {
-        name: basis.encode(getattr(take, name)).astype(np.float16) for name, basis in bases.items()
-    }
-    return SilhouetteCodes(**encoded, coloured=np.ones(len(take), bool))
+def _trained_encoding(
+    takes: Sequence[VirtualTake],
+    settings: LearningSettings,
+    streams: tuple[np.random.Generator, np.random.Generator],
+    reporter: Reporter,
+) -> _Encoding:
+    """Basis and encoders, learned from takes, each with random numbers of its own."""
+    fit, encode = streams
+    ends = np.cumsum([len(take) for take in takes])
+    count = int(ends[-1])
+    starts = ends - [len(take) for take in takes]
+
+    def gathered(frames: NDArray[np.integer], name: str) -> NDArray:
+        numbers = np.searchsorted(ends, frames, side="right")
+        return np.stack(
+            [
+                getattr(takes[number], name)[frame - starts[number]]
+                for number, frame in zip(numbers, frames, strict=True)
+            ]
+        )
+
+    chosen = fit.permutation(count)[:_BASIS_GRIDS]
+    feet = fit_basis(gathered(chosen, "feet"), FEET_COMPONENTS, fit)
+
+    def draw(rng: np.random.Generator, samples: int) -> PictureBatch:
+        frames = rng.integers(0, count, samples)
+        others = (
+            feet.encode(gathered(frames, "feet")),
+            2 * gathered(frames, "pitch_rad")[:, None],
+            gathered(frames, "anchor")[:, 2:],
+        )
+        return PictureBatch(
+            *(gathered(frames, name) for name in ("coverage", "skin", "shading")),
+            coloured=rng.random(samples) >= _COLOURLESS,
+            others=np.concatenate(others, axis=1, dtype=np.float32),
+            joints=gathered(frames, "joints"),
+            offset=gathered(frames, "offset"),
+        )
+
+    training = _shortened(settings.encoding, settings.passes * count)
+    reporter.stage("learning the encoders", training.steps)
+    encoders = train_encoders(draw, training, encode, reporter)
+    return _Encoding(encoders.outline, feet, encoders.inside)
+
+
+def _shortened(training: TrainingSettings, samples: float) -> TrainingSettings:
+    """Settings for a number of samples, if that takes fewer steps."""
+    steps = max(round(samples / training.batch), _LEAST_STEPS)
+    return replace(training, steps=min(training.steps, steps))
 
 
 def _trained(
@@ -201,9 +274,8 @@ def _trained(
     reporter: Reporter,
 ) -> MixtureNetwork:
     """Network trained on frames."""
-    training, count = settings.training, len(filmed.features)
-    steps = round(settings.passes * count / training.batch)
-    training = replace(training, steps=min(training.steps, max(steps, _LEAST_STEPS)))
+    count = len(filmed.features)
+    training = _shortened(settings.training, settings.passes * count)
     nearby = nearby_frames(filmed.features.time_s)
 
     def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:

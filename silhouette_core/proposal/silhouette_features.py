@@ -1,12 +1,13 @@
 """From silhouettes over time to what the network of the proposal reads.
 
-A silhouette becomes a grid of coverage and a finer one of its lowest part, the grids a few
-principal components, and these are read at several instants within 0.4 s, stated in seconds so that
-any frame rate will do. The feet tell whether a person is seen from the front or from behind. Where
-colours are known, a third grid holds what has the colours of the head: mostly the hands and arms,
-which a silhouette does not show before the trunk; and a fourth one how bright every place is
-relative to others of its colour, which tells limbs that point toward the camera from those that
-point away.
+A silhouette becomes a grid of coverage and a finer one of its lowest part, the first a few codes of
+a convolutional encoder and the second a few principal components, and these are read at several
+instants within 0.4 s, stated in seconds so that any frame rate will do. The feet tell whether a
+person is seen from the front or from behind. Where colours are known, a third grid holds what has
+the colours of the head: mostly the hands and arms, which a silhouette does not show before the
+trunk; and a fourth one how bright every place is relative to others of its colour, which tells
+limbs that point toward the camera from those that point away, and those before the trunk from those
+behind it. Both are read by a second encoder.
 """
 
 from __future__ import annotations
@@ -32,34 +33,33 @@ NEUTRAL = 32
 """Shading of a cell that is as bright as others of its colour, or outside the silhouette."""
 OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
 """Instants that are read beside a frame's own, s."""
-COMPONENTS, FEET_COMPONENTS, SKIN_COMPONENTS, SHADING_COMPONENTS = 120, 48, 64, 96
-"""Principal components of the four grids."""
+OUTLINE_CODES, FEET_COMPONENTS, INSIDE_CODES = 128, 48, 96
+"""Codes of the outline, principal components of the feet, codes of what lies inside."""
 _FUTURE = OFFSETS_S > 0
 _WINDOW_PX = (240, 320)
-# Components that are read of the instants beside a frame's own.
-_COMPONENTS_BESIDE, _SKIN_BESIDE, _SHADING_BESIDE = 40, 16, 24
+# Codes that are read of the instants beside a frame's own.
+_OUTLINE_BESIDE, _INSIDE_BESIDE = 48, 40
 _SHADES = 48  # levels of a factor of e
+_CONTRAST = 1 / 16  # of levels, as the second encoder reads them
 _SPARE, _ROUNDS = 20, 3  # of the randomised decomposition
 _BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with other threads
 
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteCodes:
-    """Principal components of the grids of T silhouettes, from `PoseProposal.codes`: float32, or
-    float16 while a proposal is learned, which takes half the memory.
+    """Codes of T silhouettes, from `PoseProposal.codes`: float32, or float16 while a proposal is
+    learned, which takes half the memory.
 
     Attributes:
-        coverage: (T, K), of the whole silhouette.
+        outline: (T, K), of the whole silhouette.
         feet: (T, K'), of its lowest part.
-        skin: (T, K''), of what has the colours of the head; 0 where they are not known.
-        shading: (T, K'''), of how bright each place is; 0 where colours are not known.
+        inside: (T, K''), of what lies inside it; 0 where colours are not known.
         coloured: (T,) bool, where they are known.
     """
 
-    coverage: NDArray[np.floating]
+    outline: NDArray[np.floating]
     feet: NDArray[np.floating]
-    skin: NDArray[np.floating]
-    shading: NDArray[np.floating]
+    inside: NDArray[np.floating]
     coloured: NDArray[np.bool_]
 
     @classmethod
@@ -68,23 +68,19 @@ class SilhouetteCodes:
         return cls(
             *(
                 np.concatenate([getattr(part, name) for part in parts])
-                for name in ("coverage", "feet", "skin", "shading", "coloured")
+                for name in ("outline", "feet", "inside", "coloured")
             )
         )
 
     def __getitem__(self, rows: NDArray[np.integer] | slice) -> SilhouetteCodes:
         """Codes of some of the silhouettes."""
         return SilhouetteCodes(
-            self.coverage[rows],
-            self.feet[rows],
-            self.skin[rows],
-            self.shading[rows],
-            self.coloured[rows],
+            self.outline[rows], self.feet[rows], self.inside[rows], self.coloured[rows]
         )
 
     def __len__(self) -> int:
         """Number of silhouettes."""
-        return len(self.coverage)
+        return len(self.outline)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +127,7 @@ class FrameFeatures:
             ValueError: an array has another shape than stated, or holds NaN.
         """
         count = len(self.codes)
-        check_array("coverage", self.codes.coverage, ("T", "K"), finite=True)
+        check_array("outline", self.codes.outline, ("T", "K"), finite=True)
         check_array("anchor", self.anchor, (count, 3), finite=True)
         for name in ("pitch_rad", "heading_rad", "time_s"):
             check_array(name, getattr(self, name), (count,), finite=True)
@@ -181,6 +177,20 @@ def shading_grid(sums: NDArray[np.floating]) -> NDArray[np.uint8]:
     e, from 0 to 64.
     """
     return np.clip(np.rint(NEUTRAL + _SHADES / FULL * sums), 0, 2 * NEUTRAL).astype(np.uint8)
+
+
+def outline_images(coverage: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """What the first encoder reads (N, 60, 80, 1) of grids of coverage (N, 60, 80)."""
+    return coverage[..., None].astype(np.float32) / np.float32(FULL)
+
+
+def inside_images(skin: NDArray[np.uint8], shading: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """What the second encoder reads (N, 60, 80, 2) of grids (N, 60, 80) as in `InsideGrids`."""
+    images = np.empty((*skin.shape, 2), np.float32)
+    np.divide(skin, FULL, out=images[..., 0])
+    np.subtract(shading, NEUTRAL, out=images[..., 1], dtype=np.float32)
+    images[..., 1] *= _CONTRAST
+    return images
 
 
 def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -262,14 +272,12 @@ def network_inputs(
     moved = features.anchor[nearby] - features.anchor[frames][:, None]
     return np.concatenate(
         [
-            codes.coverage[frames],
-            codes.coverage[nearby, :_COMPONENTS_BESIDE].reshape(len(frames), -1),
+            codes.outline[frames],
+            codes.outline[nearby, :_OUTLINE_BESIDE].reshape(len(frames), -1),
             codes.feet[frames],
-            codes.skin[frames] * known,
-            codes.skin[nearby, :_SKIN_BESIDE].reshape(len(frames), -1) * known,
+            codes.inside[frames] * known,
+            codes.inside[nearby, :_INSIDE_BESIDE].reshape(len(frames), -1) * known,
             known,
-            codes.shading[frames] * known,
-            codes.shading[nearby, :_SHADING_BESIDE].reshape(len(frames), -1) * known,
             3 * np.matmul(moved, axes.transpose(0, 2, 1)).reshape(len(frames), -1),
             2 * features.pitch_rad[frames][:, None],
             features.anchor[frames, 2:],
@@ -281,12 +289,10 @@ def network_inputs(
     )
 
 
-def input_count(coverage: int, feet: int, skin: int, shading: int) -> int:
-    """Number I of the inputs of `network_inputs` from the numbers of components of the codes."""
-    instants = len(OFFSETS_S)
-    beside = min(coverage, _COMPONENTS_BESIDE) + min(skin, _SKIN_BESIDE)
-    beside += min(shading, _SHADING_BESIDE) + 3
-    return coverage + feet + skin + shading + instants * beside + 4
+def input_count(outline: int, feet: int, inside: int) -> int:
+    """Number I of the inputs of `network_inputs` from the numbers of codes."""
+    beside = min(outline, _OUTLINE_BESIDE) + min(inside, _INSIDE_BESIDE) + 3
+    return outline + feet + inside + len(OFFSETS_S) * beside + 4
 
 
 def fit_basis(
@@ -315,10 +321,17 @@ def fit_basis(
         directions = product(rows.T, seen).astype(np.float64)
     directions = _orthonormal(directions)
     seen = product(rows, directions.astype(np.float32)).astype(np.float64)
-    variance, turn = np.linalg.eigh(_exact_product(seen.T, seen) / len(rows))
-    deviation = np.sqrt(np.maximum(variance[::-1][:count], 1e-12))
-    basis = _exact_product(directions, turn[:, ::-1][:, :count]) / np.sqrt(deviation * deviation[0])
+    basis = _exact_product(directions, scaled_components(seen)[:, :count])
     return SilhouetteBasis(mean, basis.astype(np.float32))
+
+
+def scaled_components(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Principal components (K, K) of rows (N, K) whose mean is 0, the largest first, divided by the
+    square root of their deviation relative to that of the first.
+    """
+    variance, turn = np.linalg.eigh(_exact_product(rows.T, rows) / len(rows))
+    deviation = np.sqrt(np.maximum(variance[::-1], 1e-12))
+    return turn[:, ::-1] / np.sqrt(deviation * deviation[0])
 
 
 def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,7 @@
 """A proposal that has learned one performance of every movement, made once."""
 
+from dataclasses import replace
+
 import pytest
 
 from silhouette_core.motion.keyposes import keypose_motions
@@ -12,5 +14,7 @@ from tests.silhouette_core.filter.filming import MOVEMENTS, body
 def learned_proposal():
     motions = keypose_motions(body())
     training = TrainingSettings(steps=800, batch=256, units=192, blocks=1, modes=4, rate=2e-3)
-    settings = LearningSettings(frames=12_000, takes=30, passes=20, training=training)
+    settings = LearningSettings(
+        frames=12_000, takes=30, passes=20, encoding=replace(training, steps=400), training=training
+    )
     return learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)

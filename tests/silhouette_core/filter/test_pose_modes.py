@@ -98,7 +98,7 @@ def test_without_a_floor_the_person_stands_at_the_usual_height():
             np.zeros((0, 0), bool), np.zeros((0, 0), bool), np.eye(3)[:, [0, 2, 1]] * [1, -1, 1],
             np.array([0.0, -4.0, height_m]), 360.0, np.array([159.5, 119.5]), 4.0,
         )  # fmt: skip
-        codes = SilhouetteCodes(*np.zeros((4, 2, 3), np.float32), np.zeros(2, bool))
+        codes = SilhouetteCodes(*np.zeros((3, 2, 3), np.float32), np.zeros(2, bool))
         return _features([ModeView(window, codes, 0.1 * k) for k in range(3)], 1.75)
 
     assert features(0.9).anchor[:, 2] == pytest.approx(0.9 / 1.75)

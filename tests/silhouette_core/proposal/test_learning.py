@@ -15,13 +15,18 @@ from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from silhouette_core.proposal.network_training import TrainingSettings
 from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
-from silhouette_core.proposal.silhouette_features import FrameFeatures, SilhouetteCodes
+from silhouette_core.proposal.silhouette_features import (
+    FrameFeatures,
+    SilhouetteCodes,
+    inside_images,
+    outline_images,
+)
 from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take
 from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import SETTINGS, swaying
 
-GRIDS = "coverage", "feet", "skin", "shading"
-TINY = LearningSettings(frames=400, training=TrainingSettings(steps=3, modes=2, units=8, blocks=1))
+STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
+TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS)
 
 
 class Stages(SilentReporter):
@@ -44,9 +49,10 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
     offsets: list[float] = []
     for seed, motion in enumerate(unseen * 3):
         take = film_take(motion, bodies, np.random.default_rng([1, seed]))
-        grids = {name: getattr(take, name) for name in GRIDS}
         codes = SilhouetteCodes(
-            **{name: getattr(proposal, name).encode(grid) for name, grid in grids.items()},
+            proposal.outline.encode(outline_images(take.coverage)),
+            proposal.feet.encode(take.feet),
+            proposal.inside.encode(inside_images(take.skin, take.shading)),
             coloured=np.arange(len(take)) % 2 == 0,
         )
         geometry = take.pitch_rad, take.heading_rad, take.anchor, take.time_s
@@ -69,7 +75,10 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
 def test_every_step_is_reported():
     motion, stages = swaying(frames=200), Stages()
     learn_proposal([motion], motion.model, TINY, stages)
-    assert stages.totals == stages.counts and stages.totals["learning the proposal"] == 3
+    assert stages.totals == stages.counts
+    assert stages.totals["learning the encoders"] == stages.totals["learning the proposal"] == 3
+    first, others = (stages.totals[f"filming the {which} takes"] for which in ("first", "other"))
+    assert first >= TINY.pictures and 0 < others < TINY.frames
 
 
 _HASH = """
@@ -79,7 +88,12 @@ from silhouette_core.proposal.proposal_learning import LearningSettings, learn_p
 from tests.silhouette_core.filter.filming import MOVEMENTS, body
 from tests.silhouette_core.library.small_library import swaying
 motion = swaying(frames=200)
-settings = LearningSettings(frames=600, training=TrainingSettings(steps=4, batch=320))
+settings = LearningSettings(
+    frames=600,
+    pictures=300,
+    encoding=TrainingSettings(steps=4, batch=64),
+    training=TrainingSettings(steps=4, batch=320),
+)
 arrays = learn_proposal([motion], motion.model, settings).arrays()
 print(hashlib.sha256(b"".join(array.tobytes() for array in arrays.values())).hexdigest())
 """

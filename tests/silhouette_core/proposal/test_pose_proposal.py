@@ -11,6 +11,7 @@ from calib.errors import InputError
 from silhouette_core.library.build import build_library
 from silhouette_core.library.rendering import STATURE_PX, WINDOW_PX, silhouette_levels
 from silhouette_core.library.store import read_library, write_library
+from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.pose_proposal import PoseProposal
 from silhouette_core.proposal.silhouette_features import (
@@ -39,8 +40,8 @@ def rng():
 def features(rng, count=40, fps=30.0):
     return FrameFeatures(
         SilhouetteCodes(
-            *(rng.normal(size=(count, k)).astype(np.float32) for k in (120, 48, 64, 96)),
-            np.arange(count) % 3 > 0,
+            *(rng.normal(size=(count, k)).astype(np.float32) for k in (128, 48, 96)),
+            coloured=np.arange(count) % 3 > 0,
         ),
         rng.uniform(-0.2, 0.5, count),
         rng.uniform(-3, 3, count),
@@ -54,14 +55,17 @@ def proposal(rng):
     """Untrained."""
     mean = rng.normal(size=(14, 3)).astype(np.float32)
     inputs = network_inputs(features(rng, 1), np.arange(1), np.zeros((1, 8), int), np.ones(1, bool))
-    bases = [
-        SilhouetteBasis(np.zeros(rows * columns, np.float32), components.astype(np.float32))
-        for (rows, columns), count in ((GRID, 120), (FEET_GRID, 48), (GRID, 64), (GRID, 96))
-        for components in [rng.normal(size=(rows * columns, count))]
-    ]
+    cells = FEET_GRID[0] * FEET_GRID[1]
+    feet = SilhouetteBasis(
+        np.zeros(cells, np.float32), rng.normal(size=(cells, 48)).astype(np.float32)
+    )
+    outline, inside = (
+        ConvolutionalEncoder.initial(channels, 4, codes, rng)
+        for channels, codes in ((1, 128), (2, 96))
+    )
     network = MixtureNetwork.initial(inputs.shape[1], 64, 1, 4, mean, rng)
     network.weights[-1][:] *= 3
-    return PoseProposal(*bases, network)
+    return PoseProposal(outline, feet, inside, network)
 
 
 def test_modes_have_the_pelvis_at_the_origin(proposal, rng):
@@ -191,10 +195,9 @@ def test_the_lowest_part_ends_with_the_lowest_pixel(rng):
     assert grids[1].sum() == 4 * 50 and grids[1, -1].any() and not grids[1, :18].any()
 
 
-@pytest.mark.parametrize("name", ["skin", "shading"])
-def test_colours_are_read_only_where_they_are_known(proposal, rng, name):
+def test_colours_are_read_only_where_they_are_known(proposal, rng):
     given = features(rng)
-    plain = replace(given, codes=replace(given.codes, **{name: getattr(given.codes, name) * 2}))
+    plain = replace(given, codes=replace(given.codes, inside=given.codes.inside * 2))
     one, other = proposal.modes(given).joints, proposal.modes(plain).joints
     same = (one == other).reshape(40, -1).all(axis=1)
     assert (same == ~given.codes.coloured).all()
@@ -247,15 +250,16 @@ def test_a_library_of_before_has_none(library, tmp_path):
 
 def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path):
     arrays = proposal.arrays()
-    for name in ("weight1", "bias0", "bias2", "feet_basis", "mean_shading", "mean_joints"):
+    names = "outline_weight3", "outline_bias0", "inside_weight0", "inside_bias2", "feet_basis"
+    for name in ("weight1", "bias0", "bias2", "mean_feet", "mean_joints", *names):
         with pytest.raises(ValueError, match=r"proposal\.\w+ must be"):
             PoseProposal.from_arrays(arrays | {name: arrays[name][:-1]})
-    for names in (("mean_shading",), ("weight3", "bias3")):  # as they once were
+    for names in (("inside_weight0",), ("weight3", "bias3")):  # as they once were
         few = {name: array for name, array in arrays.items() if name not in names}
         with pytest.raises(ValueError, match="an earlier version"):
             PoseProposal.from_arrays(few)
-    cut = replace(proposal.skin, components=proposal.skin.components[:-1])
-    broken = replace(proposal, skin=cut)
+    cut = replace(proposal.feet, components=proposal.feet.components[:-1])
+    broken = replace(proposal, feet=cut)
     write_library(replace(library, proposal=broken), tmp_path / "me.vplib")
     with pytest.raises(InputError, match=r"proposal\.\w+ must be"):
         read_library(tmp_path / "me.vplib")
