@@ -192,6 +192,29 @@ class _Encoding:
         )
 
 
+class FramePool:
+    """Frames of several takes, one after the other; nothing is copied before it is asked for."""
+
+    def __init__(self, takes: Sequence[VirtualTake]) -> None:
+        """Keeps the takes."""
+        self._takes = takes
+        self._ends = np.cumsum([len(take) for take in takes])
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return int(self._ends[-1])
+
+    def gathered(self, frames: NDArray[np.integer], name: str) -> NDArray:
+        """An attribute (n, ...) of the takes in frames (n,)."""
+        numbers = np.searchsorted(self._ends, frames, side="right")
+        return np.stack(
+            [
+                getattr(self._takes[number], name)[frame - self._ends[number]]
+                for number, frame in zip(numbers, frames, strict=True)
+            ]
+        )
+
+
 def _without_grids(take: VirtualTake) -> VirtualTake:
     """A take without its grids, which would fill the memory."""
     return replace(take, **{name: getattr(take, name)[:0].copy() for name in _GRIDS})
@@ -224,38 +247,26 @@ def _trained_encoding(
 ) -> _Encoding:
     """Basis and encoders, learned from takes, each with random numbers of its own."""
     fit, encode = streams
-    ends = np.cumsum([len(take) for take in takes])
-    count = int(ends[-1])
-    starts = ends - [len(take) for take in takes]
-
-    def gathered(frames: NDArray[np.integer], name: str) -> NDArray:
-        numbers = np.searchsorted(ends, frames, side="right")
-        return np.stack(
-            [
-                getattr(takes[number], name)[frame - starts[number]]
-                for number, frame in zip(numbers, frames, strict=True)
-            ]
-        )
-
-    chosen = fit.permutation(count)[:_BASIS_GRIDS]
-    feet = fit_basis(gathered(chosen, "feet"), FEET_COMPONENTS, fit)
+    pool = FramePool(takes)
+    chosen = fit.permutation(len(pool))[:_BASIS_GRIDS]
+    feet = fit_basis(pool.gathered(chosen, "feet"), FEET_COMPONENTS, fit)
 
     def draw(rng: np.random.Generator, samples: int) -> PictureBatch:
-        frames = rng.integers(0, count, samples)
+        frames = rng.integers(0, len(pool), samples)
         others = (
-            feet.encode(gathered(frames, "feet")),
-            2 * gathered(frames, "pitch_rad")[:, None],
-            gathered(frames, "anchor")[:, 2:],
+            feet.encode(pool.gathered(frames, "feet")),
+            2 * pool.gathered(frames, "pitch_rad")[:, None],
+            pool.gathered(frames, "anchor")[:, 2:],
         )
         return PictureBatch(
-            *(gathered(frames, name) for name in ("coverage", "skin", "shading")),
+            *(pool.gathered(frames, name) for name in ("coverage", "skin", "shading")),
             coloured=rng.random(samples) >= _COLOURLESS,
             others=np.concatenate(others, axis=1, dtype=np.float32),
-            joints=gathered(frames, "joints"),
-            offset=gathered(frames, "offset"),
+            joints=pool.gathered(frames, "joints"),
+            offset=pool.gathered(frames, "offset"),
         )
 
-    training = _shortened(settings.encoding, settings.passes * count)
+    training = _shortened(settings.encoding, settings.passes * len(pool))
     reporter.stage("learning the encoders", training.steps)
     encoders = train_encoders(draw, training, encode, reporter)
     return _Encoding(encoders.outline, feet, encoders.inside)

@@ -59,7 +59,9 @@ _GIRTHS = np.array(
 _LOOSE = ("pelvis", "lumbar", "abdomen", "thorax", "thigh", "shin", "upper_arm", "clavicle")
 _CLOTHED = np.array([any(name in part for name in _LOOSE) for part in PART_NAMES])
 _CLOTHES = (0.005 * _METRE, 0.035 * _METRE)  # distance of wide clothes from the skin
-# What has the colours of the head, each with its chance if all before have: sleeves differ.
+# What has the colours of the head: under a cap or much hair nothing else, otherwise these, each
+# with its chance if all before have: sleeves differ.
+_CAP = 0.2
 _BARE_PARTS = (
     (("hand", "thumb", "fingers"), 0.96),
     (("forearm",), 0.6),
@@ -259,15 +261,17 @@ def _performed(
 
 def _bare_parts(rng: np.random.Generator) -> NDArray[np.bool_]:
     """Whether every part (27,) has the colours of the head."""
-    bare = {"neck", "head"}
-    for parts, chance in _BARE_PARTS:
-        if rng.random() >= chance:
-            break
-        bare |= set(parts)
-    if rng.random() < _BARE_LEGS:
-        bare |= {"shin"}
-    if rng.random() < _BARE_FEET:
-        bare |= {"foot", "toes"}
+    bare = {"head"}
+    if rng.random() >= _CAP:
+        bare |= {"neck"}
+        for parts, chance in _BARE_PARTS:
+            if rng.random() >= chance:
+                break
+            bare |= set(parts)
+        if rng.random() < _BARE_LEGS:
+            bare |= {"shin"}
+        if rng.random() < _BARE_FEET:
+            bare |= {"foot", "toes"}
     if rng.random() < _SKIN_LIKE:  # clothes of the same colours
         bare |= set(_SKIN_LIKE_PARTS[int(rng.integers(len(_SKIN_LIKE_PARTS)))])
     names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]

@@ -14,7 +14,11 @@ from silhouette_core.library.store import read_library
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from silhouette_core.proposal.network_training import TrainingSettings
-from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
+from silhouette_core.proposal.proposal_learning import (
+    FramePool,
+    LearningSettings,
+    learn_proposal,
+)
 from silhouette_core.proposal.silhouette_features import (
     FrameFeatures,
     SilhouetteCodes,
@@ -165,3 +169,17 @@ def test_every_other_take_is_varied_or_all(monkeypatch):
         learn_proposal([motion], motion.model, replace(TINY, all_varied=every))
         counts.append(len(varied) - sum(counts))
     assert counts[0] == (counts[1] + 1) // 2 > 1
+
+
+def test_a_pool_gives_the_frames_of_its_takes():
+    bodies = VirtualBodies(body())
+    takes = [
+        film_take(swaying(frames=length), bodies, np.random.default_rng(length))
+        for length in (20, 13, 17)
+    ]
+    pool = FramePool(takes)
+    frames = np.array([0, 19, 20, 32, 33, 49, 5])
+    assert len(pool) == 50
+    for name in ("coverage", "skin", "joints", "pitch_rad"):
+        whole = np.concatenate([getattr(take, name) for take in takes])
+        np.testing.assert_array_equal(pool.gathered(frames, name), whole[frames])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.jit import cores, set_threads
 from silhouette_core.motion.motion import Motion
 from silhouette_core.proposal.silhouette_features import (
@@ -18,6 +18,7 @@ from silhouette_core.proposal.silhouette_features import (
 )
 from silhouette_core.proposal.virtual_takes import (
     VirtualBodies,
+    _bare_parts,
     film_take,
     mirror_image,
     plan_takes,
@@ -147,7 +148,18 @@ def test_hands_have_the_colours_of_the_head_and_clothes_do_not(takes):
                 rows, columns = (slice(max(int(p) - 2, 0), int(p) + 3) for p in (v, u))
                 values.append(skin[rows, columns].max(initial=0))
     head, wrist, hip = (np.mean(values) for values in found.values())
-    assert head > 1.7 and wrist > 1.5 and hip < 0.5 * wrist
+    assert head > 1.7 and wrist > 1.2 and hip < 0.5 * wrist
+
+
+def test_under_a_cap_nothing_else_has_the_colours_of_the_head(rng):
+    drawn = np.array([_bare_parts(rng) for _ in range(2000)])
+    head, neck, hand, forearm, shin = (
+        drawn[:, PART_NAMES.index(name)]
+        for name in ("head", "neck", "left_hand", "left_forearm", "left_shin")
+    )
+    assert head.all() and (~neck).mean() == pytest.approx(0.2, abs=0.03)
+    assert hand[neck].mean() == pytest.approx(0.96, abs=0.02) and (hand | ~forearm).all()
+    assert not hand[~neck].any() and shin[~neck].mean() < 0.06 < shin[neck].mean()
 
 
 def test_what_faces_up_is_brighter(takes):
