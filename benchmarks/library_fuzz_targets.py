@@ -39,6 +39,7 @@ def _proposal():
     from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
     from silhouette_core.proposal.mixture_network import MixtureNetwork
     from silhouette_core.proposal.pose_proposal import PoseProposal
+    from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
 
     rng = np.random.default_rng(0)
     cells = features.FEET_GRID[0] * features.FEET_GRID[1]
@@ -48,16 +49,16 @@ def _proposal():
     )
     outline = ConvolutionalEncoder.initial(1, 4, features.OUTLINE_CODES, rng)
     inside = ConvolutionalEncoder.initial(2, 4, features.INSIDE_CODES, rng)
-    readers = outline, feet, inside
+    encoding = SilhouetteEncoding(outline, feet, inside)
     joints = rng.random((len(LANDMARK_NAMES) - 1, 3), np.float32)
     inputs = features.network_inputs(
-        _features(PoseProposal(*readers, None)),
+        _features(PoseProposal(encoding, None)),
         np.arange(2),
         np.zeros((2, 8), int),
         np.ones(2, bool),
     ).shape[1]
     network = MixtureNetwork.initial(inputs, 16, 1, 3, joints, rng)
-    return PoseProposal(*readers, network)
+    return PoseProposal(encoding, network)
 
 
 def _features(proposal):

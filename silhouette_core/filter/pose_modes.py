@@ -130,7 +130,7 @@ class ModeFinder:
         """
         if inside is None:
             return view
-        codes = self.proposal.with_inside(view.codes, inside.with_mirror_image())
+        codes = self.proposal.encoding.with_inside(view.codes, inside.with_mirror_image())
         return replace(view, codes=codes)
 
     def corrected(

@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.atomic_folder import claimed
 from calib.errors import InputError
@@ -144,15 +145,15 @@ def _learned(
     partial: Path,
     reporter: Reporter,
 ) -> PoseProposal:
-    """Proposal learned from all motion, with a checkpoint once it is learned."""
+    """Proposal learned from all motion, with checkpoints of its encoding and of all of it."""
     digest = hashlib.sha256(json.dumps([asdict(settings), asdict(model.sizes)]).encode())
     for motion in motions.values():
         for array in (motion.root_m, motion.root_quaternion, motion.angles_rad, motion.time_s):
             digest.update(np.ascontiguousarray(array).tobytes())
     checkpoint = Checkpoint(partial / "proposal", digest.hexdigest())
-    return PoseProposal.from_arrays(
-        checkpoint.step(
-            "proposal",
-            lambda: learn_proposal(list(motions.values()), model, settings, reporter).arrays(),
-        )
-    )
+
+    def learned() -> Mapping[str, NDArray]:
+        found = learn_proposal(list(motions.values()), model, settings, reporter, checkpoint.step)
+        return found.arrays()
+
+    return PoseProposal.from_arrays(checkpoint.step("proposal", learned))

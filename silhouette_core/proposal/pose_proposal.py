@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -12,21 +12,16 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
-from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.proposal.mixture_network import MixtureNetwork
+from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
 from silhouette_core.proposal.silhouette_features import (
-    FEET_GRID,
     FrameFeatures,
-    InsideGrids,
-    SilhouetteBasis,
     SilhouetteCodes,
     coverage_grid,
     feet_grid,
     input_count,
-    inside_images,
     nearby_frames,
     network_inputs,
-    outline_images,
 )
 
 _MOST_MODES = 1000
@@ -61,18 +56,14 @@ class PoseModes:
 
 @dataclass(frozen=True, eq=False)
 class PoseProposal:
-    """Trained network and the encoders of its silhouettes, see `proposal_learning.learn_proposal`.
+    """Trained network and encoding of silhouettes, see `proposal_learning.learn_proposal`.
 
     Attributes:
-        outline: encoder of the grids of coverage.
-        feet: basis of the grids of the lowest parts.
-        inside: encoder of what lies inside.
+        encoding: makes what the network reads of silhouettes.
         network: the network, float32.
     """
 
-    outline: ConvolutionalEncoder
-    feet: SilhouetteBasis
-    inside: ConvolutionalEncoder
+    encoding: SilhouetteEncoding
     network: MixtureNetwork
 
     def codes(self, masks: NDArray[np.bool_]) -> SilhouetteCodes:
@@ -84,20 +75,7 @@ class PoseProposal:
         Raises:
             ValueError: the masks have another shape.
         """
-        return SilhouetteCodes(
-            self.outline.encode(outline_images(coverage_grid(masks))),
-            self.feet.encode(feet_grid(reduce_silhouette(masks))),
-            np.zeros((len(masks), self.inside.codes), np.float32),
-            np.zeros(len(masks), bool),
-        )
-
-    def with_inside(self, codes: SilhouetteCodes, inside: InsideGrids) -> SilhouetteCodes:
-        """Codes of T silhouettes with what lies inside them, grids (T, 60, 80)."""
-        return replace(
-            codes,
-            inside=self.inside.encode(inside_images(inside.skin, inside.shading)),
-            coloured=np.ones(len(codes), bool),
-        )
+        return self.encoding.codes(coverage_grid(masks), feet_grid(reduce_silhouette(masks)))
 
     def modes(
         self,
@@ -145,10 +123,7 @@ class PoseProposal:
         """All arrays by name, for a file; `from_arrays` is the inverse."""
         network = self.network
         return {
-            **self.outline.arrays("outline"),
-            "mean_feet": self.feet.mean,
-            "feet_basis": self.feet.components,
-            **self.inside.arrays("inside"),
+            **self.encoding.arrays(),
             "mean_joints": network.mean_joints,
             "modes": np.array([network.modes], np.int32),
             **{f"weight{number}": array for number, array in enumerate(network.weights)},
@@ -169,13 +144,7 @@ class PoseProposal:
         # Earlier versions read principal components, by networks of three layers.
         if "inside_weight0" not in arrays or len(layers) % 2:
             raise ValueError("its proposal was learned by an earlier version")
-        outline = ConvolutionalEncoder.from_arrays("outline", 1, arrays)
-        inside = ConvolutionalEncoder.from_arrays("inside", 2, arrays)
-        cells = FEET_GRID[0] * FEET_GRID[1]
-        feet = SilhouetteBasis(arrays["mean_feet"], arrays["feet_basis"])
-        check_array("proposal.mean_feet", feet.mean, (cells,), np.float32, finite=True)
-        shape = (cells, "K")
-        check_array("proposal.feet_basis", feet.components, shape, np.float32, finite=True)
+        encoding = SilhouetteEncoding.from_arrays(arrays)
         check_array("proposal.modes", arrays["modes"], (1,), np.int32)
         joints = arrays["mean_joints"]
         shape = (len(LANDMARK_NAMES) - 1, 3)
@@ -186,7 +155,9 @@ class PoseProposal:
             joints,
             int(arrays["modes"][0]),
         )
-        inputs = input_count(outline.codes, feet.components.shape[1], inside.codes)
+        inputs = input_count(
+            encoding.outline.codes, encoding.feet.components.shape[1], encoding.inside.codes
+        )
         if not 1 <= network.modes <= _MOST_MODES or not layers:
             raise ValueError(f"proposal.modes is {network.modes}, and it has {len(layers)} layers")
         units = network.weights[0].shape[-1] if network.weights[0].ndim else 0
@@ -196,4 +167,4 @@ class PoseProposal:
             name = f"proposal.weight{number}"
             check_array(name, network.weights[number], shape, np.float32, finite=True)
             check_array(f"proposal.bias{number}", bias, shape[1:], np.float32, finite=True)
-        return cls(outline, feet, inside, network)
+        return cls(encoding, network)

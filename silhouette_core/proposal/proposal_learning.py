@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +14,19 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
-from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.proposal.encoder_training import PictureBatch, train_encoders
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.network_training import TrainingBatch, TrainingSettings, train_network
 from silhouette_core.proposal.pose_proposal import PoseProposal
+from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
 from silhouette_core.proposal.silhouette_features import (
     FEET_COMPONENTS,
     FrameFeatures,
-    SilhouetteBasis,
+    InsideGrids,
     SilhouetteCodes,
     fit_basis,
-    inside_images,
     nearby_frames,
     network_inputs,
-    outline_images,
 )
 from silhouette_core.proposal.varied_motion import vary_motion
 from silhouette_core.proposal.virtual_takes import (
@@ -39,6 +38,7 @@ from silhouette_core.proposal.virtual_takes import (
 )
 from silhouette_core.read_ahead import side_by_side
 
+Arrays = Mapping[str, NDArray]
 _BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
 _BASIS_GRIDS = 4000
 _AT_ONCE = 24  # takes that are filmed side by side
@@ -97,6 +97,7 @@ def learn_proposal(
     model: BodyModel,
     settings: LearningSettings | None = None,
     reporter: Reporter | None = None,
+    step: Callable[[str, Callable[[], Arrays]], Arrays] | None = None,
 ) -> PoseProposal:
     """Proposal that has learned to tell recorded motion from its silhouettes.
 
@@ -105,6 +106,8 @@ def learn_proposal(
         model: the body of the library; random bodies around it are filmed.
         settings: settings; None: the usual ones.
         reporter: informed of the stages.
+        step: keeps the arrays of a named step, made by a function, and gives them again after an
+            interruption, such as `Checkpoint.step`; None: nothing is kept.
 
     Returns:
         The proposal; the same inputs give the same one, for any number of threads.
@@ -113,6 +116,7 @@ def learn_proposal(
         InputError: there is too little motion.
     """
     settings, reporter = settings or LearningSettings(), reporter or SilentReporter()
+    step = step or _made
     streams = np.random.SeedSequence(settings.seed).spawn(5)
     plan, film, fit, encode, train = (np.random.default_rng(stream) for stream in streams)
     recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
@@ -129,16 +133,25 @@ def learn_proposal(
         first = int(np.searchsorted(ends, min(settings.pictures, ends[-1]))) + 1
         groups = studio.film("filming the first takes", range(first), reporter)
         takes = [take for group in groups for take in group]
-        encoding = _trained_encoding(takes, settings, (fit, encode), reporter)
-        codes = side_by_side(encoding.codes, takes)
+        encoding = SilhouetteEncoding.from_arrays(
+            step(
+                "encoding",
+                lambda: _trained_encoding(takes, settings, (fit, encode), reporter).arrays(),
+            )
+        )
+        codes = side_by_side(partial(_codes, encoding), takes)
         takes = [_without_grids(take) for take in takes]
         others = range(first, len(stretches))
         for group in studio.film("filming the other takes", others, reporter):
-            codes += side_by_side(encoding.codes, group)
+            codes += side_by_side(partial(_codes, encoding), group)
             takes += [_without_grids(take) for take in group]
         filmed = _joined(takes, codes)
         network = _trained(filmed, settings, train, reporter)
-    return PoseProposal(encoding.outline, encoding.feet, encoding.inside, network)
+    return PoseProposal(encoding, network)
+
+
+def _made(name: str, make: Callable[[], Arrays]) -> Arrays:
+    return make()
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,28 +183,6 @@ class _Studio:
         return film_take(motion, self.bodies, rng)
 
 
-@dataclass(frozen=True, eq=False)
-class _Encoding:
-    """What makes codes of grids, as in `PoseProposal`."""
-
-    outline: ConvolutionalEncoder
-    feet: SilhouetteBasis
-    inside: ConvolutionalEncoder
-
-    def codes(self, take: VirtualTake) -> SilhouetteCodes:
-        """Codes of a take, float16: half the memory, and rounded less than the noise in
-        training.
-        """
-        encoded = (
-            self.outline.encode(outline_images(take.coverage)),
-            self.feet.encode(take.feet),
-            self.inside.encode(inside_images(take.skin, take.shading)),
-        )
-        return SilhouetteCodes(
-            *(one.astype(np.float16) for one in encoded), coloured=np.ones(len(take), bool)
-        )
-
-
 class FramePool:
     """Frames of several takes, one after the other; nothing is copied before it is asked for."""
 
@@ -213,6 +204,19 @@ class FramePool:
                 for number, frame in zip(numbers, frames, strict=True)
             ]
         )
+
+
+def _codes(encoding: SilhouetteEncoding, take: VirtualTake) -> SilhouetteCodes:
+    """Codes of a take, float16: half the memory, and rounded less than the noise in training."""
+    codes = encoding.with_inside(
+        encoding.codes(take.coverage, take.feet), InsideGrids(take.skin, take.shading)
+    )
+    return replace(
+        codes,
+        outline=codes.outline.astype(np.float16),
+        feet=codes.feet.astype(np.float16),
+        inside=codes.inside.astype(np.float16),
+    )
 
 
 def _without_grids(take: VirtualTake) -> VirtualTake:
@@ -244,7 +248,7 @@ def _trained_encoding(
     settings: LearningSettings,
     streams: tuple[np.random.Generator, np.random.Generator],
     reporter: Reporter,
-) -> _Encoding:
+) -> SilhouetteEncoding:
     """Basis and encoders, learned from takes, each with random numbers of its own."""
     fit, encode = streams
     pool = FramePool(takes)
@@ -269,7 +273,7 @@ def _trained_encoding(
     training = _shortened(settings.encoding, settings.passes * len(pool))
     reporter.stage("learning the encoders", training.steps)
     encoders = train_encoders(draw, training, encode, reporter)
-    return _Encoding(encoders.outline, feet, encoders.inside)
+    return SilhouetteEncoding(encoders.outline, feet, encoders.inside)
 
 
 def _shortened(training: TrainingSettings, samples: float) -> TrainingSettings:

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from silhouette_core.library.from_motion import make_library
 from silhouette_core.library.store import read_library
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
+from silhouette_core.proposal.encoder_training import train_encoders
 from silhouette_core.proposal.network_training import TrainingSettings
 from silhouette_core.proposal.proposal_learning import (
     FramePool,
@@ -21,9 +23,7 @@ from silhouette_core.proposal.proposal_learning import (
 )
 from silhouette_core.proposal.silhouette_features import (
     FrameFeatures,
-    SilhouetteCodes,
-    inside_images,
-    outline_images,
+    InsideGrids,
 )
 from silhouette_core.proposal.virtual_takes import VirtualBodies, film_take
 from tests.silhouette_core.filter.filming import MOVEMENTS, body
@@ -53,10 +53,11 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
     offsets: list[float] = []
     for seed, motion in enumerate(unseen * 3):
         take = film_take(motion, bodies, np.random.default_rng([1, seed]))
-        codes = SilhouetteCodes(
-            proposal.outline.encode(outline_images(take.coverage)),
-            proposal.feet.encode(take.feet),
-            proposal.inside.encode(inside_images(take.skin, take.shading)),
+        codes = replace(
+            proposal.encoding.with_inside(
+                proposal.encoding.codes(take.coverage, take.feet),
+                InsideGrids(take.skin, take.shading),
+            ),
             coloured=np.arange(len(take)) % 2 == 0,
         )
         geometry = take.pitch_rad, take.heading_rad, take.anchor, take.time_s
@@ -120,9 +121,9 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
 def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
     calls = []
 
-    def learn(motions, model, settings, reporter):
+    def learn(motions, model, settings, reporter, step):
         calls.append(settings)
-        return learn_proposal(motions, model, TINY, reporter)
+        return learn_proposal(motions, model, TINY, reporter, step)
 
     monkeypatch.setattr("silhouette_core.library.from_motion.learn_proposal", learn)
     settings = replace(SETTINGS, poses=24, proposal=True)
@@ -148,6 +149,36 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
     settings = replace(settings, proposal=False)
     assert make(tmp_path / "none.vplib").proposal is None and len(calls) == 2
     assert read_library(tmp_path / "none.vplib").settings.proposal is False
+
+
+def test_an_interrupted_training_keeps_its_encoders(monkeypatch):
+    motion, kept, trained = swaying(frames=200), {}, []
+
+    def step(name, make):
+        if name not in kept:
+            kept[name] = make()
+        return kept[name]
+
+    def train(*given):
+        trained.append(given)
+        return train_encoders(*given)
+
+    monkeypatch.setattr("silhouette_core.proposal.proposal_learning.train_encoders", train)
+
+    def learn():
+        return learn_proposal([motion], motion.model, TINY, step=step).arrays()
+
+    with monkeypatch.context() as broken, pytest.raises(KeyboardInterrupt):
+        broken.setattr(
+            "silhouette_core.proposal.proposal_learning.train_network",
+            Mock(side_effect=KeyboardInterrupt),
+        )
+        learn()
+    resumed = learn()
+    assert len(trained) == 1 and list(kept) == ["encoding"]
+    kept.clear()
+    for name, array in learn().items():
+        assert (resumed[name] == array).all()
 
 
 def test_too_little_motion_is_refused():

@@ -14,6 +14,7 @@ from silhouette_core.library.store import read_library, write_library
 from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.proposal.mixture_network import MixtureNetwork
 from silhouette_core.proposal.pose_proposal import PoseProposal
+from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
 from silhouette_core.proposal.silhouette_features import (
     FEET_GRID,
     GRID,
@@ -65,7 +66,7 @@ def proposal(rng):
     )
     network = MixtureNetwork.initial(inputs.shape[1], 64, 1, 4, mean, rng)
     network.weights[-1][:] *= 3
-    return PoseProposal(outline, feet, inside, network)
+    return PoseProposal(SilhouetteEncoding(outline, feet, inside), network)
 
 
 def test_modes_have_the_pelvis_at_the_origin(proposal, rng):
@@ -258,8 +259,9 @@ def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path
         few = {name: array for name, array in arrays.items() if name not in names}
         with pytest.raises(ValueError, match="an earlier version"):
             PoseProposal.from_arrays(few)
-    cut = replace(proposal.feet, components=proposal.feet.components[:-1])
-    broken = replace(proposal, feet=cut)
+    feet = proposal.encoding.feet
+    cut = replace(proposal.encoding, feet=replace(feet, components=feet.components[:-1]))
+    broken = replace(proposal, encoding=cut)
     write_library(replace(library, proposal=broken), tmp_path / "me.vplib")
     with pytest.raises(InputError, match=r"proposal\.\w+ must be"):
         read_library(tmp_path / "me.vplib")
