@@ -59,7 +59,7 @@ number of processes and machines build together.
     weighting: Literal["xor", "wxor", "nwxor", "balanced"] = "xor"
     """Silhouette distance of the tree: Okada and Stenger's eq. (6), (7)-(8), (9), or balanced."""
     proposal: bool = True
-    """Learn a proposal of poses from the motion, up to a quarter of an hour on two cores."""
+    """Learn a proposal of poses from the motion, up to half an hour on two cores."""
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
     """Names of the joints, for a skeleton whose names are not recognised."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
