@@ -16,13 +16,17 @@ from silhouette_core.library.from_motion import make_library
 from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.library.store import VERSION, read_library
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.proposal.network_training import TrainingSettings
 from silhouette_core.proposal.proposal_learning import LearningSettings
 
 # Thresholds as chosen by `silhouette_core.library.thresholds` for these motions; stating them saves
 # a quarter of the time.
 SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
-# A third of the usual takes: somebody waits for it. All are varied: there is little motion.
-LEARNING = LearningSettings(takes=20, all_varied=True)
+# A third of the usual takes, and a fifth of the encoders' samples: somebody waits for it. All takes
+# are varied: there is little motion.
+LEARNING = LearningSettings(
+    takes=20, all_varied=True, encoding=TrainingSettings(steps=2_000, batch=128, units=512)
+)
 
 
 def default_library(
