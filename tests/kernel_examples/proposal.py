@@ -35,10 +35,10 @@ def adam_step(rng):
 
 def gather_patches(rng):
     images = rng.normal(size=(3, 9, 12, 2))
-    filled = np.empty((3, 5, 6, 3, 3, 2))
+    filled = np.empty((3, 5, 7, 3, 3, 2))  # the last ones reach beyond the right edge
     return Example((images, *rng.integers(0, 3, 2), 2, filled))
 
 
 def scatter_patches(rng):
-    given, images = rng.normal(size=(3, 5, 6, 3, 3, 2)), rng.normal(size=(3, 9, 12, 2))
+    given, images = rng.normal(size=(3, 5, 7, 3, 3, 2)), rng.normal(size=(3, 9, 12, 2))
     return Example((given, *rng.integers(0, 3, 2), 2, images), rtol=1e-12)
