@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from silhouette_core.proposal.network_training import (
     descend,
     loss_gradient,
 )
+from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
 from silhouette_core.proposal.silhouette_features import (
     INSIDE_CODES,
     OUTLINE_CODES,
+    SilhouetteBasis,
     inside_images,
     outline_images,
     product,
@@ -38,44 +40,23 @@ class PictureBatch:
         skin: (N, 60, 80) uint8, likewise.
         shading: (N, 60, 80) uint8, likewise.
         coloured: (N,) bool, whether what lies inside the silhouettes is read.
-        others: (N, I), what the network reads beside the codes.
-        joints: (N, J, 3), statures.
-        offset: (N, 3), as in `VirtualTake`.
+        samples: what is to be told, and as inputs what the network reads beside the codes.
     """
 
     coverage: NDArray[np.uint8]
     skin: NDArray[np.uint8]
     shading: NDArray[np.uint8]
     coloured: NDArray[np.bool_]
-    others: NDArray[np.float32]
-    joints: NDArray[np.floating]
-    offset: NDArray[np.floating]
-
-
-@dataclass(frozen=True, eq=False)
-class SilhouetteEncoders:
-    """The two encoders of a proposal.
-
-    Attributes:
-        outline: reads `outline_images`.
-        inside: reads `inside_images`.
-    """
-
-    outline: ConvolutionalEncoder
-    inside: ConvolutionalEncoder
-
-    @property
-    def parameters(self) -> list[NDArray[np.float32]]:
-        """Weights and biases of both."""
-        return [*self.outline.parameters, *self.inside.parameters]
+    samples: TrainingBatch
 
 
 def train_encoders(
     draw: Callable[[np.random.Generator, int], PictureBatch],
+    feet: SilhouetteBasis,
     settings: TrainingSettings,
     rng: np.random.Generator,
     reporter: Reporter,
-) -> SilhouetteEncoders:
+) -> SilhouetteEncoding:
     """Encoders trained together with a mixture density network that reads the codes of one frame
     and is thrown away.
 
@@ -83,60 +64,63 @@ def train_encoders(
 
     Args:
         draw: draws a number of samples; called in several threads.
+        feet: basis of the grids of the feet, which is not changed.
         settings: settings of the training and of the network; its noise is not used.
         rng: random numbers, on which alone and on the samples the result depends.
         reporter: informed of every step.
 
     Returns:
-        The encoders. Their codes have no correlation over a sample of frames and fall in variance;
-        they are scaled like those of `fit_basis`.
+        The encoding. The codes of its encoders have no correlation over a sample of frames and fall
+        in variance; they are scaled like those of `fit_basis`.
     """
-    encoders = SilhouetteEncoders(
+    encoding = SilhouetteEncoding(
         ConvolutionalEncoder.initial(1, _FILTERS, OUTLINE_CODES, rng),
+        feet,
         ConvolutionalEncoder.initial(2, _INSIDE_FILTERS, INSIDE_CODES, rng),
     )
-    sample = draw(rng, _SAMPLE)
+    first = draw(rng, _SAMPLE)
     network = MixtureNetwork.initial(
-        OUTLINE_CODES + INSIDE_CODES + 1 + sample.others.shape[1],
+        OUTLINE_CODES + INSIDE_CODES + 1 + first.samples.inputs.shape[1],
         settings.units,
         settings.blocks,
         settings.modes,
-        sample.joints.mean(axis=0),
+        first.samples.joints.mean(axis=0),
         rng,
     )
 
     def gradients(
         stream: np.random.Generator, samples: int, share: float
     ) -> tuple[float, list[NDArray]]:
-        return encoder_gradients(encoders, network, draw(stream, samples), share)
+        return encoder_gradients(encoding, network, draw(stream, samples), share)
 
-    parameters = [*encoders.parameters, *network.weights, *network.biases]
+    parameters = [*encoding.parameters, *network.weights, *network.biases]
     descend(parameters, gradients, settings, rng, reporter)
-    return SilhouetteEncoders(
-        encoders.outline.ordered(outline_images(sample.coverage)),
-        encoders.inside.ordered(inside_images(sample.skin, sample.shading)),
+    return SilhouetteEncoding(
+        encoding.outline.ordered(outline_images(first.coverage)),
+        feet,
+        encoding.inside.ordered(inside_images(first.skin, first.shading)),
     )
 
 
 def encoder_gradients(
-    encoders: SilhouetteEncoders, network: MixtureNetwork, batch: PictureBatch, share: float
+    encoding: SilhouetteEncoding, network: MixtureNetwork, batch: PictureBatch, share: float
 ) -> tuple[float, list[NDArray]]:
     """Loss of a batch, see `loss_gradient`, and its gradients with respect to the parameters of the
     encoders, the network's weights and its biases.
 
     Args:
-        encoders: the encoders.
+        encoding: the encoders.
         network: reads the codes of the outline, those of the inside, or 0 where colours are not
-            known, whether they are, and the batch's other inputs.
+            known, whether they are, and the samples' inputs.
         batch: the samples.
         share: as for `loss_gradient`.
     """
-    outline, inside = encoders.outline, encoders.inside
+    outline, inside = encoding.outline, encoding.inside
     known = batch.coloured[:, None].astype(np.float32)
     seen, seen_trace = outline.traced(outline_images(batch.coverage))
     read, read_trace = inside.traced(inside_images(batch.skin, batch.shading))
-    inputs = np.concatenate([seen, read * known, known, batch.others], axis=1)
-    found = loss_gradient(network, TrainingBatch(inputs, batch.joints, batch.offset), share)
+    inputs = np.concatenate([seen, read * known, known, batch.samples.inputs], axis=1)
+    found = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
     ends = outline.codes, outline.codes + inside.codes
     slope = product(found.first, network.weights[0][: ends[1]].T)
     return found.loss, [

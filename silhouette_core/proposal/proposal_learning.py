@@ -265,15 +265,16 @@ def _trained_encoding(
         return PictureBatch(
             *(pool.gathered(frames, name) for name in ("coverage", "skin", "shading")),
             coloured=rng.random(samples) >= _COLOURLESS,
-            others=np.concatenate(others, axis=1, dtype=np.float32),
-            joints=pool.gathered(frames, "joints"),
-            offset=pool.gathered(frames, "offset"),
+            samples=TrainingBatch(
+                np.concatenate(others, axis=1, dtype=np.float32),
+                pool.gathered(frames, "joints"),
+                pool.gathered(frames, "offset"),
+            ),
         )
 
     training = _shortened(settings.encoding, settings.passes * len(pool))
     reporter.stage("learning the encoders", training.steps)
-    encoders = train_encoders(draw, training, encode, reporter)
-    return SilhouetteEncoding(encoders.outline, feet, encoders.inside)
+    return train_encoders(draw, feet, training, encode, reporter)
 
 
 def _shortened(training: TrainingSettings, samples: float) -> TrainingSettings:

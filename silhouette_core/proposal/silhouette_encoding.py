@@ -34,6 +34,11 @@ class SilhouetteEncoding:
     feet: SilhouetteBasis
     inside: ConvolutionalEncoder
 
+    @property
+    def parameters(self) -> list[NDArray[np.float32]]:
+        """Weights and biases of both encoders."""
+        return [*self.outline.parameters, *self.inside.parameters]
+
     def codes(self, coverage: NDArray[np.uint8], feet: NDArray[np.uint8]) -> SilhouetteCodes:
         """Codes of T silhouettes without colours.
 

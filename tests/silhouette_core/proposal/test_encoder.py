@@ -10,19 +10,24 @@ from silhouette_core.progress import SilentReporter
 from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.proposal.encoder_training import (
     PictureBatch,
-    SilhouetteEncoders,
     encoder_gradients,
     train_encoders,
 )
 from silhouette_core.proposal.mixture_network import MixtureNetwork
-from silhouette_core.proposal.network_training import TrainingSettings
+from silhouette_core.proposal.network_training import TrainingBatch, TrainingSettings
+from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
 from silhouette_core.proposal.silhouette_features import (
+    FEET_GRID,
     GRID,
     INSIDE_CODES,
     OUTLINE_CODES,
+    SilhouetteBasis,
     inside_images,
     outline_images,
 )
+
+CELLS = FEET_GRID[0] * FEET_GRID[1]
+FEET = SilhouetteBasis(np.zeros(CELLS, np.float32), np.zeros((CELLS, 1), np.float32))
 
 
 @pytest.fixture
@@ -43,9 +48,11 @@ def batch(rng, count):
         rng.integers(0, 5, (count, *GRID)).astype(np.uint8),
         rng.integers(20, 45, (count, *GRID)).astype(np.uint8),
         np.arange(count) % 3 > 0,
-        rng.normal(size=(count, 3)).astype(np.float32),
-        rng.normal(0, 0.2, (count, 2, 3)).astype(np.float32),
-        rng.normal(0, 0.2, (count, 3)).astype(np.float32),
+        TrainingBatch(
+            rng.normal(size=(count, 3)).astype(np.float32),
+            rng.normal(0, 0.2, (count, 2, 3)).astype(np.float32),
+            rng.normal(0, 0.2, (count, 3)).astype(np.float32),
+        ),
     )
 
 
@@ -86,9 +93,8 @@ def test_codes_of_many_images_are_those_of_each(rng):
 
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_gradients_are_those_of_the_loss(rng, share):
-    encoders = SilhouetteEncoders(
-        *(in_double(ConvolutionalEncoder.initial(c, 2, 4, rng)) for c in (1, 2))
-    )
+    outline, inside = (in_double(ConvolutionalEncoder.initial(c, 2, 4, rng)) for c in (1, 2))
+    encoders = SilhouetteEncoding(outline, FEET, inside)
     network = MixtureNetwork.initial(4 + 4 + 1 + 3, 16, 1, 2, np.zeros((2, 3)), rng)
     given = batch(rng, 18)  # more than are worked on at once
     _, gradients = encoder_gradients(encoders, network, given, 0.0)
@@ -139,13 +145,13 @@ def test_trained_encoders_tell_places_that_are_seen(rng):
             skin.astype(np.uint8),
             np.full((samples, *GRID), 32, np.uint8),
             np.ones(samples, bool),
-            np.zeros((samples, 1), np.float32),
-            joints,
-            np.zeros((samples, 3), np.float32),
+            TrainingBatch(
+                np.zeros((samples, 1), np.float32), joints, np.zeros((samples, 3), np.float32)
+            ),
         )
 
     settings = TrainingSettings(steps=60, batch=64, rate=5e-3, units=32, blocks=1, modes=1)
-    encoders = train_encoders(draw, settings, rng, SilentReporter())
+    encoders = train_encoders(draw, FEET, settings, rng, SilentReporter())
     assert encoders.outline.codes == OUTLINE_CODES and encoders.inside.codes == INSIDE_CODES
     seen = draw(rng, 400)
     codes = (
@@ -154,6 +160,6 @@ def test_trained_encoders_tell_places_that_are_seen(rng):
     )
     for own, axis in zip(codes, (0, 2), strict=True):
         rows = np.pad(own, ((0, 0), (0, 1)), constant_values=1)
-        place = seen.joints[:, 0, axis]
+        place = seen.samples.joints[:, 0, axis]
         fitted = rows @ np.linalg.lstsq(rows, place, rcond=None)[0]
         assert np.std(fitted - place) < 0.25 * np.std(place)
