@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.filter.bare_parts import BareParts, SkinEvidence
+from silhouette_core.filter.limb_silhouette import SignedWeights
 from silhouette_core.filter.person import Person
 from silhouette_core.filter.window import Window
 from silhouette_core.image.head_colours import ColourCrop, HeadColours
@@ -47,6 +49,7 @@ class ColourEvidence:
         self._likelihood: NDArray[np.float32] | None = None
         self._brightness = ColourBrightness()
         self._mean = self._brightness.mean()
+        self._bare = BareParts()
 
     def learn(
         self, people: Sequence[Person], joints_m: Sequence[NDArray[np.float64]], memory: float
@@ -68,7 +71,15 @@ class ColourEvidence:
                 self._brightness.add(crop.chromaticity[inside], crop.grey[inside])
         self._likelihood = self._colours.likelihood()
         self._mean = self._brightness.mean()
-        return self._likelihood is not None
+        if self._likelihood is None:
+            return False
+        self._bare.fade(memory)
+        for person, joints in zip(people, joints_m, strict=True):
+            if person.colours is not None:
+                crop = person.colours
+                seen = self._likelihood[crop.bins], crop.part(person.mask), crop.corner
+                self._bare.add(*seen, self.camera, joints)
+        return True
 
     def inside(self, window: Window, person: Person) -> InsideGrids | None:
         """Grids (60, 80) of what lies inside the silhouette in a window.
@@ -84,33 +95,49 @@ class ColourEvidence:
             return None
         crop = person.colours
         mask = crop.part(person.mask)
-        skin = self._warped(self._likelihood[crop.bins] * mask, window, crop.corner)
+        view = _half_size(window)
+        skin = self._warped(self._likelihood[crop.bins] * mask, crop.corner, *view)
         relative = relative_shading(crop.chromaticity, crop.grey, self._mean, mask)
         return InsideGrids(
             np.clip(np.rint(counted(skin)), 0, FULL).astype(np.uint8),
-            shading_grid(counted(self._warped(relative, window, crop.corner))),
+            shading_grid(counted(self._warped(relative, crop.corner, *view))),
         )
 
+    def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
+        """Where the person has the colours of the head, in the window of a frame's pixel weights;
+        None if they are not known.
+        """
+        if self._likelihood is None or person.colours is None:
+            return None
+        crop = person.colours
+        image = self._likelihood[crop.bins] * crop.part(person.mask)
+        view = weights.matrix, weights.rotation, weights.signed.shape
+        return SkinEvidence(self._warped(image, crop.corner, *view), self._bare.probability())
+
     def _warped(
-        self, image: NDArray[np.float32], window: Window, corner: tuple[int, int]
+        self,
+        image: NDArray[np.float32],
+        corner: tuple[int, int],
+        matrix: NDArray[np.float64],
+        rotation: NDArray[np.float64],
+        shape: tuple[int, ...],
     ) -> NDArray[np.float32]:
-        """Window (120, 160) of a part (h, w) of the picture, whose first pixel is at a corner."""
+        """Part (h, w) of the picture, whose first pixel is at a corner, as a virtual camera sees
+        it: its matrix, rotation from the world, and height and width.
+        """
         left, top = corner
-        rows, columns = 2 * GRID[0], 2 * GRID[1]
-        focal = window.focal_px / 2
-        from_window = np.array(
-            [[focal, 0, (columns - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]]
-        )
-        camera_from_window = (
+        camera_from_virtual = (
             np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1]])
             @ self.camera.matrix
             @ self.camera.rotation
-            @ window.world_from_virtual
-            @ np.linalg.inv(from_window)
+            @ rotation.T
+            @ np.linalg.inv(matrix)
         )
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        seen = cv2.warpPerspective(image, camera_from_window, (columns, rows), flags=flags)
-        return np.asarray(seen, np.float32)
+        size = shape[1], shape[0]
+        return np.asarray(
+            cv2.warpPerspective(image, camera_from_virtual, size, flags=flags), np.float32
+        )
 
     def _head(self, joints_m: NDArray[np.float64], crop: ColourCrop) -> NDArray[np.bool_]:
         """Pixels (h, w) bool of the head in a crop."""
@@ -124,3 +151,15 @@ class ColourEvidence:
         one, other = (tuple(int(v) for v in np.round(end - crop.corner)) for end in ends)
         cv2.line(head, one, other, 1, max(1, round(2 * radius)))
         return head.astype(bool)
+
+
+def _half_size(
+    window: Window,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, int]]:
+    """Matrix, rotation from the world, height and width of a window's virtual camera at half the
+    size.
+    """
+    rows, columns = 2 * GRID[0], 2 * GRID[1]
+    focal = window.focal_px / 2
+    matrix = np.array([[focal, 0, (columns - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])
+    return matrix, window.world_from_virtual.T, (rows, columns)

@@ -126,7 +126,10 @@ class HypothesisTracker:
         joints = joints_of(self.model, poses)
         own = settings.cost(distance) + self.costs.off_floor(poses, self.surface)
         if self.model.person is not None:
-            own += _uncovered_cost(weights.uncovered(self.model, poses, _MOST_UNCOVERED_M))
+            drawn = weights.part_images(self.model, poses)
+            own += _uncovered_cost(weights.uncovered(poses, drawn, _MOST_UNCOVERED_M))
+            if observed.skin is not None:
+                own += observed.skin.cost(drawn, weights.mask)
         own += (
             self.costs.novelty(poses, joints) if modes is None else modes.cost(joints)
         ) + self.costs.walking_backward(poses, time_s)

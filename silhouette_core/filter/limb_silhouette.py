@@ -129,6 +129,11 @@ class SignedWeights:
             backend,
         )
 
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """The silhouette (h, w)."""
+        return self.signed < 0
+
     def distances(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Silhouette distances (K,) of whole poses, eq. (7)-(9)."""
         meshes = self._in_camera(model, poses)
@@ -179,24 +184,24 @@ class SignedWeights:
 
     def part_areas_many(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Areas (K, 27) of the parts in K poses, see `part_areas`."""
-        drawn = self._drawn(model, poses)
+        drawn = self.part_images(model, poses)
         counts = [np.bincount(one.ravel(), minlength=len(model.names) + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
 
     def covered(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.bool_]:
         """Pixels (K, h, w) that the body covers in K poses."""
-        return self._drawn(model, poses) > 0
+        return self.part_images(model, poses) > 0
 
     def uncovered(
-        self, model: BodyModel, poses: Sequence[Pose], most_m: float
+        self, poses: Sequence[Pose], drawn: NDArray[np.uint8], most_m: float
     ) -> NDArray[np.float64]:
         """How far the silhouette stands out of the body in K poses (K,), m: the largest distance of
-        its pixels from the drawn body, at most `most_m`.
+        its pixels from the drawn body, `part_images`, at most `most_m`.
         """
-        mask = (self.signed < 0).view(np.uint8)
+        mask = self.mask.view(np.uint8)
         left, top, width, height = cv2.boundingRect(mask)
         far = np.empty(len(poses))
-        for k, (pose, covered) in enumerate(zip(poses, self.covered(model, poses), strict=True)):
+        for k, (pose, covered) in enumerate(zip(poses, drawn > 0, strict=True)):
             depth = float(self.rotation[2] @ pose.root_m + self.translation_m[2])
             m_per_px = max(depth, NEAR_M) / float(self.matrix[0, 0])
             near = max(1, int(np.ceil(most_m / m_per_px)))  # what is farther away is too far
@@ -208,8 +213,8 @@ class SignedWeights:
             far[k] = min(px * m_per_px, most_m)
         return far
 
-    def _drawn(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
-        """Part images (K, h, w) of K poses."""
+    def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
+        """Part images (K, h, w) of K poses: 0 for background, part number + 1 elsewhere."""
         meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
         return render_many(meshes, model.faces, model.face_part, self.matrix, size)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.filter.bare_parts import SkinEvidence
 from silhouette_core.filter.limb_silhouette import SignedWeights
 from silhouette_core.filter.window import Window, look_at
 from silhouette_core.image.distance import Weighting
@@ -26,6 +27,7 @@ class ObservedFrame:
         contour: points of the contour, and distances from the silhouette.
         distance_m: distance of the person from the camera, about.
         time_s: time of the frame.
+        skin: where the person has the colours of the head, if these are known.
     """
 
     mask: NDArray[np.bool_]
@@ -33,6 +35,7 @@ class ObservedFrame:
     contour: Observation
     distance_m: float
     time_s: float
+    skin: SkinEvidence | None = None
 
 
 class FrameObserver:

@@ -165,15 +165,14 @@ class PoseTrajectory:
     def _decide(self, count: int) -> list[FrameEstimate]:
         masks = [self._mask(frame) for frame in self._pending]
         modes = self._modes(masks)
+        people = [
+            replace(frame.filter_frame.person, mask=mask)
+            for frame, mask in zip(self._pending, masks, strict=True)
+        ]
         with self.clock("several poses"):
             observed = [
-                self.tracker.observer.observe(
-                    mask,
-                    frame.filter_frame.distance_m if own is None else own.distance_m,
-                    frame.filter_frame.time_s,
-                    frame.window,
-                )
-                for frame, mask, own in zip(self._pending, masks, modes, strict=True)
+                self._observed(frame, person, own)
+                for frame, person, own in zip(self._pending, people, modes, strict=True)
             ]
             beams = self._beams(observed, modes)
         chosen = backtrack(beams)
@@ -186,8 +185,7 @@ class PoseTrajectory:
                 pose_frames = self._refined(pose_frames, beams, chosen)
         if not self.smooth and self._pending[0].filter_frame.number % _COLOURS_EVERY == 0:
             joints = [beam.joints[k] for beam, k in zip(beams, chosen, strict=True)]
-            person = replace(self._pending[0].filter_frame.person, mask=masks[0])
-            self._colours.learn([person], joints, _FRAMES_KEPT)
+            self._colours.learn(people[:1], joints, _FRAMES_KEPT)
         decided = [
             self._estimate(frame, pose_frame, beam, k)
             for frame, pose_frame, beam, k in zip(
@@ -199,6 +197,16 @@ class PoseTrajectory:
         self._decided = [*self._decided, *(pose_frames[k] for k in ends)][-2:]
         del self._pending[:count]
         return decided
+
+    def _observed(
+        self, frame: _PendingFrame, person: Person, modes: FrameModes | None
+    ) -> ObservedFrame:
+        """A pending frame, prepared for its hypotheses."""
+        filter_frame = frame.filter_frame
+        distance_m = filter_frame.distance_m if modes is None else modes.distance_m
+        observer = self.tracker.observer
+        observed = observer.observe(person.mask, distance_m, filter_frame.time_s, frame.window)
+        return replace(observed, skin=self._colours.skin(observed.weights, person))
 
     def _modes(self, masks: list[NDArray[np.bool_]]) -> list[FrameModes] | list[None]:
         """Modes of all pending frames; the first time, the body is adapted to them."""

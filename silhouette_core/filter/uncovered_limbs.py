@@ -138,7 +138,7 @@ def _aims(
     projected = projected[:, :2] / projected[:, 2:]
     px_per_m = float(weights.matrix[0, 0] / in_camera[0, 2])
     found = []
-    for end in uncovered_ends(weights.signed < 0, covered, px_per_m):
+    for end in uncovered_ends(weights.mask, covered, px_per_m):
         gap_m = np.linalg.norm(projected[_LIMBS[:, 2]] - end, axis=1) / px_per_m
         if gap_m.min() < _NEAR_M:
             continue

@@ -125,10 +125,15 @@ def test_the_tracker_covers_what_the_proposal_missed(tree, observed, raised, han
 
 def test_what_stands_out_is_measured(observed, raised, hanging):
     """The raised arm stands out of a body whose arm hangs; more than asked is not told."""
-    covered, out = observed.weights.uncovered(MODEL, [raised, hanging], 1.0)
+    weights = observed.weights
+
+    def uncovered(poses, most_m):
+        return weights.uncovered(poses, weights.part_images(MODEL, poses), most_m)
+
+    covered, out = uncovered([raised, hanging], 1.0)
     assert covered < 0.03 and 0.25 < out < 0.8
     away = Pose(raised.root_m + np.array([5.0, 0, 0]), raised.root_rotation, raised.angles_rad)
-    assert observed.weights.uncovered(MODEL, [hanging, away], 0.2) == pytest.approx([0.2, 0.2])
+    assert uncovered([hanging, away], 0.2) == pytest.approx([0.2, 0.2])
 
 
 def test_an_uncovered_hand_outweighs_what_is_proposed(tree, observed, raised, hanging, monkeypatch):

@@ -1,0 +1,147 @@
+"""Which parts of a person have the colours of the head, and what a pose costs that shows them
+elsewhere.
+
+A bare forearm before the trunk shows the colours of the head there, one behind the trunk does not:
+that tells the near arm from the far one in poses that the proposal has hardly learned. Whether
+sleeves and trousers are short is learned from the frames. Beyond paper A, which names the inside of
+the outline as further work (section 7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
+
+_LIMBS = {  # part: the joints between which it lies
+    "upper_arm": ("shoulder", "elbow"),
+    "forearm": ("elbow", "wrist"),
+    "thigh": ("hip", "knee"),
+    "shin": ("knee", "ankle"),
+}
+_JOINTS = np.array(
+    [
+        [
+            [LANDMARK_NAMES.index(f"{side}_{joint}") for joint in joints]
+            for side in ("left", "right")
+        ]
+        for joints in _LIMBS.values()
+    ]
+)
+_PELVIS, _NECK = LANDMARK_NAMES.index("pelvis"), LANDMARK_NAMES.index("neck")
+_ALONG = np.linspace(0.3, 0.9, 7)  # places along a part, from its upper joint
+# Half the trunk's width relative to its length, and how much farther away than the trunk's axis
+# something has to be that is hidden by it.
+_TRUNK_WIDTH, _BEHIND_M = 0.37, -0.05
+_LEAST_PLACES, _LEAST_FRAMES = 3, 5.0
+_BINS = 20
+_SHARE = 0.75  # of the frames: in the others the part is not where the pose has it
+_KNOWN = {"head": 0.9, "neck": 0.5, "hand": 0.8, "thumb": 0.8, "fingers": 0.8}
+_CLOTHED, _UNKNOWN = 0.05, 0.3
+_NATS = 0.12  # a pixel: neighbours are not independent
+_MOST_NATS = 5.0  # a frame
+
+
+class BareParts:
+    """How often the visible parts of limbs have the colours of the head, in the frames so far."""
+
+    def __init__(self) -> None:
+        """Starts without any frame."""
+        self._counts = np.zeros((len(_LIMBS), _BINS))
+
+    def fade(self, factor: float) -> None:
+        """Multiplies the weight of all frames so far by a factor."""
+        self._counts *= factor
+
+    def add(
+        self,
+        likelihood: NDArray[np.float32],
+        mask: NDArray[np.bool_],
+        corner: tuple[int, int],
+        camera: Camera,
+        joints_m: NDArray[np.float64],
+    ) -> None:
+        """Adds a frame.
+
+        Args:
+            likelihood: (h, w), how much likelier each pixel's colour is on the head, 0 to 1.
+            mask: (h, w) bool, the silhouette.
+            corner: column and row of their first pixel in the picture.
+            camera: pinhole camera without distortion.
+            joints_m: (15, 3), joints of a probable pose, in the world.
+        """
+        pixel, depth = camera.project(joints_m)
+        if not np.isfinite(pixel).all():  # behind the camera
+            return
+        joints = np.column_stack([pixel - corner, depth])
+        upper, lower = joints[_JOINTS[..., 0]], joints[_JOINTS[..., 1]]
+        places = upper[..., None, :] + _ALONG[:, None] * (lower - upper)[..., None, :]
+        column, row = np.moveaxis(np.round(places[..., :2]).astype(int), -1, 0)
+        height, width = mask.shape
+        seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        column, row = column.clip(0, width - 1), row.clip(0, height - 1)
+        seen &= mask[row, column] & ~_behind_trunk(places, joints[_PELVIS], joints[_NECK])
+        number = seen.sum(axis=-1)
+        mean = (likelihood[row, column] * seen).sum(axis=-1) / np.maximum(number, 1)
+        bins = np.minimum((mean * _BINS).astype(int), _BINS - 1)
+        limb, side = np.nonzero(number >= _LEAST_PLACES)
+        np.add.at(self._counts, (limb, bins[limb, side]), 1.0)
+
+    def probability(self) -> NDArray[np.float64]:
+        """Probability (27,) that a pixel of each part has the colours of the head."""
+        total = self._counts.sum(axis=1, keepdims=True)
+        rank = (np.cumsum(self._counts, axis=1) >= _SHARE * total).argmax(axis=1)
+        limbs = np.where(total[:, 0] < _LEAST_FRAMES, _UNKNOWN, (rank + 0.5) / _BINS)
+        known = {**_KNOWN, **dict(zip(_LIMBS, limbs, strict=True))}
+        parts = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
+        chance = np.array([known.get(part, _CLOTHED) for part in parts], float)
+        return np.clip(chance, _CLOTHED, 1 - _CLOTHED)
+
+
+@dataclass(frozen=True, eq=False)
+class SkinEvidence:
+    """Where a frame shows the colours of the head.
+
+    Attributes:
+        likelihood: (h, w) float32, how much likelier each pixel's colour is on the head, 0 to 1.
+        bare: (27,) float64, probability that a pixel of each part has these colours.
+    """
+
+    likelihood: NDArray[np.float32]
+    bare: NDArray[np.float64]
+
+    def cost(self, drawn: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        r"""Cost (K,), nats, of poses above the best of them.
+
+        .. math:: c = -w \sum_{x} L(x) \log b(x) + (1 - L(x)) \log (1 - b(x))
+
+        over the pixels of the silhouette that the body covers, where b(x) is the probability of the
+        part drawn there; it saturates, for what the head's colours tell may be wrong.
+
+        Args:
+            drawn: (K, h, w), part images of K poses, 0 where there is none.
+            mask: (h, w), the silhouette.
+        """
+        bare = np.concatenate([[0.5], self.bare])  # elsewhere anything may be seen
+        parts, likelihood = drawn[:, mask], self.likelihood[mask]
+        cost = -np.log1p(-bare)[parts].sum(axis=1)
+        cost += np.log((1 - bare) / bare)[parts] @ likelihood
+        above = _NATS * (cost - cost.min())
+        return _MOST_NATS * -np.expm1(-above / _MOST_NATS)
+
+
+def _behind_trunk(
+    places: NDArray[np.float64], pelvis: NDArray[np.float64], neck: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Whether places (..., 3), px and m away, of the limbs are hidden by the trunk's."""
+    axis = (neck - pelvis)[:2]
+    length = float(axis @ axis) + 1e-9
+    share = np.clip((places[..., :2] - pelvis[:2]) @ axis / length, 0.0, 1.0)
+    nearest = pelvis + share[..., None] * (neck - pelvis)
+    aside = np.linalg.norm(places[..., :2] - nearest[..., :2], axis=-1)
+    deeper = places[..., 2] - nearest[..., 2] > _BEHIND_M
+    return (aside < _TRUNK_WIDTH * np.sqrt(length)) & deeper
