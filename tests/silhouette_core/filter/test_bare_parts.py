@@ -87,6 +87,16 @@ def test_sleeves_are_learned(observed, bare_names):
     assert skin.bare[PART_NAMES.index("head")] == 0.9
 
 
+def test_earlier_sleeves_are_forgotten(observed):
+    evidence = ColourEvidence(CAMERA)
+    joints = [joints_of(MODEL, NEAR_FORWARD)] * 5
+    person = pictured(NEAR_FORWARD, LONG_SLEEVES)
+    evidence.learn([pictured(NEAR_FORWARD, SHORT_SLEEVES)] * 5, joints, 1.0)
+    evidence.learn([person] * 5, joints, 0.1)
+    skin = evidence.skin(observed.weights, person)
+    assert skin is not None and skin.bare[FOREARM] < 0.15
+
+
 def test_a_bare_forearm_before_the_trunk_is_the_near_one(observed):
     skin = skin_of(NEAR_FORWARD, SHORT_SLEEVES, observed)
     right, wrong = costs(skin, observed, [NEAR_FORWARD, FAR_FORWARD])
@@ -136,6 +146,17 @@ def test_an_arm_behind_the_trunk_teaches_nothing():
     assert learned.probability()[FOREARM] == 0.05
 
 
+def test_sleeves_are_those_of_the_frames_in_which_a_bare_arm_is_found():
+    """In two of five frames the forearm is not where the pose has it."""
+    pose = standing(0)
+    person, joints = pictured(pose, SHORT_SLEEVES), joints_of(MODEL, pose)
+    learned = BareParts()
+    for found in (1, 0, 1, 0, 1):
+        likelihood = np.full(person.mask.shape, found, np.float32)
+        learned.add(likelihood, person.mask, (0, 0), CAMERA, joints)
+    assert learned.probability()[FOREARM] == 0.95
+
+
 def test_too_few_frames_or_a_person_behind_the_camera_teach_nothing():
     pose = standing(0)
     person, joints = pictured(pose, SHORT_SLEEVES), joints_of(MODEL, pose)
@@ -150,7 +171,7 @@ def test_too_few_frames_or_a_person_behind_the_camera_teach_nothing():
 
 def test_what_is_neither_drawn_nor_silhouette_costs_nothing():
     drawn = np.zeros((2, 4, 4), np.uint8)
-    drawn[0, 0, 0], drawn[1, 3, 3] = 1 + FOREARM, 1 + FOREARM
+    drawn[0, 0, 0] = 1 + THIGH
     mask = np.zeros((4, 4), bool)
     mask[1] = True
     skin = SkinEvidence(np.ones((4, 4), np.float32), np.full(27, 0.05))

@@ -11,6 +11,7 @@ from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.filter import trajectory
+from silhouette_core.filter.bare_parts import SkinEvidence
 from silhouette_core.filter.colour_evidence import ColourEvidence
 from silhouette_core.filter.monocular import MonocularEstimator
 from silhouette_core.library.store import write_library
@@ -157,7 +158,14 @@ def test_colours_are_read_unless_the_outline_is_to_do(
         learned.append([person.colours is not None for person in people])
         return learn(self, people, *args)
 
+    asked, cost = [], SkinEvidence.cost
+
+    def asking(self, *args):
+        asked.append(self.likelihood.max())
+        return cost(self, *args)
+
     monkeypatch.setattr(ColourEvidence, "learn", counted)
+    monkeypatch.setattr(SkinEvidence, "cost", asking)
     options = {
         "library": str(library_with_proposal), "start": "any", "outline_only": outline_only,
     }  # fmt: skip
@@ -166,5 +174,7 @@ def test_colours_are_read_unless_the_outline_is_to_do(
     estimate = MonocularEstimator().estimate(source, settings, SilentReporter())
     assert estimate.facts["colours"] is not outline_only
     assert learned == [[not outline_only] * 8]
+    # All of this person has one colour: of no place it is likelier to be the head's.
+    assert len(asked) == (0 if outline_only else 8) and all(0.4 < most < 0.6 for most in asked)
     if not outline_only:  # of eight outlines this small library leaves the heading open
         assert root_mm(estimate, filmed[0][:8]) < 140
