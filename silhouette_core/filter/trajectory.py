@@ -159,16 +159,13 @@ class PoseTrajectory:
             self.distance_m = self.finder.distance(self._views)
         return view
 
-    def _mask(self, frame: _PendingFrame) -> NDArray[np.bool_]:
-        return np.unpackbits(frame.bits, axis=1, count=self.camera.size[0]).view(bool)
+    def _person(self, frame: _PendingFrame) -> Person:
+        mask = np.unpackbits(frame.bits, axis=1, count=self.camera.size[0]).view(bool)
+        return replace(frame.filter_frame.person, mask=mask)
 
     def _decide(self, count: int) -> list[FrameEstimate]:
-        masks = [self._mask(frame) for frame in self._pending]
-        modes = self._modes(masks)
-        people = [
-            replace(frame.filter_frame.person, mask=mask)
-            for frame, mask in zip(self._pending, masks, strict=True)
-        ]
+        people = [self._person(frame) for frame in self._pending]
+        modes = self._modes(people)
         with self.clock("several poses"):
             observed = [
                 self._observed(frame, person, own)
@@ -208,17 +205,18 @@ class PoseTrajectory:
         observed = observer.observe(person.mask, distance_m, filter_frame.time_s, frame.window)
         return replace(observed, skin=self._colours.skin(observed.weights, person))
 
-    def _modes(self, masks: list[NDArray[np.bool_]]) -> list[FrameModes] | list[None]:
+    def _modes(self, people: list[Person]) -> list[FrameModes] | list[None]:
         """Modes of all pending frames; the first time, the body is adapted to them."""
         if self.finder is None:
-            return [None] * len(masks)
+            return [None] * len(people)
         with self.clock("proposal"):
             if self.smooth:
-                modes = self._modes_over_time(masks)
+                modes = self._modes_over_time(people)
             else:
                 modes = [self.finder.newest(self._views, self.settings.facing)]
                 self.distance_m = modes[0].distance_m
         if self.sexes and self.smooth:
+            masks = [person.mask for person in people]
             with self.clock("body"):
                 self.tracker.set_body(
                     adapted_body(self.model, self.sexes, self.tracker.views, masks, modes)
@@ -226,17 +224,13 @@ class PoseTrajectory:
             self.sexes = ()
         return modes
 
-    def _modes_over_time(self, masks: list[NDArray[np.bool_]]) -> list[FrameModes]:
+    def _modes_over_time(self, people: list[Person]) -> list[FrameModes]:
         """Modes of all pending frames, with the colours of the head as soon as that is found."""
         assert self.finder is not None
         facing = self.settings.facing and not self._decided
         views = [frame.view for frame in self._pending if frame.view is not None]
-        views = self.finder.corrected(views, masks)
+        views = self.finder.corrected(views, [person.mask for person in people])
         modes = self.finder.find(views, facing=facing)
-        people = [
-            replace(frame.filter_frame.person, mask=mask)
-            for frame, mask in zip(self._pending, masks, strict=True)
-        ]
         if not self._colours.learn(people, [one.likeliest for one in modes], _BLOCKS_KEPT):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
