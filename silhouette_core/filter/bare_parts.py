@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 
-_LIMBS = {  # part: the joints between which it lies
-    "upper_arm": ("shoulder", "elbow"),
-    "forearm": ("elbow", "wrist"),
-    "thigh": ("hip", "knee"),
-    "shin": ("knee", "ankle"),
+_LIMBS = {  # parts: the joints between which they lie, and from where to where on that way
+    ("upper_arm",): ("shoulder", "elbow", 0.3, 0.9),
+    ("forearm",): ("elbow", "wrist", 0.3, 0.9),
+    ("hand", "thumb", "fingers"): ("elbow", "wrist", 1.1, 1.4),
+    ("thigh",): ("hip", "knee", 0.3, 0.9),
+    ("shin",): ("knee", "ankle", 0.3, 0.9),
 }
 _JOINTS = np.array(
     [
@@ -29,18 +30,18 @@ _JOINTS = np.array(
             [LANDMARK_NAMES.index(f"{side}_{joint}") for joint in joints]
             for side in ("left", "right")
         ]
-        for joints in _LIMBS.values()
+        for *joints, _, _ in _LIMBS.values()
     ]
 )
+_ALONG = np.array([np.linspace(first, last, 7) for *_, first, last in _LIMBS.values()])
 _PELVIS, _NECK = LANDMARK_NAMES.index("pelvis"), LANDMARK_NAMES.index("neck")
-_ALONG = np.linspace(0.3, 0.9, 7)  # places along a part, from its upper joint
 # Half the trunk's width relative to its length, and how much farther away than the trunk's axis
 # something has to be that is hidden by it.
 _TRUNK_WIDTH, _BEHIND_M = 0.37, -0.05
 _LEAST_PLACES, _LEAST_FRAMES = 3, 5.0
 _BINS = 20
 _SHARE = 0.75  # of the frames: in the others the part is not where the pose has it
-_KNOWN = {"head": 0.9, "neck": 0.5, "hand": 0.8, "thumb": 0.8, "fingers": 0.8}
+_KNOWN = {"head": 0.9, "neck": 0.5}
 _CLOTHED, _UNKNOWN = 0.05, 0.3
 _NATS = 0.12  # a pixel: neighbours are not independent
 _MOST_NATS = 5.0  # a frame
@@ -79,7 +80,7 @@ class BareParts:
             return
         joints = np.column_stack([pixel - corner, depth])
         upper, lower = joints[_JOINTS[..., 0]], joints[_JOINTS[..., 1]]
-        places = upper[..., None, :] + _ALONG[:, None] * (lower - upper)[..., None, :]
+        places = upper[:, :, None] + _ALONG[:, None, :, None] * (lower - upper)[:, :, None]
         column, row = np.moveaxis(np.round(places[..., :2]).astype(int), -1, 0)
         height, width = mask.shape
         seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
@@ -96,7 +97,9 @@ class BareParts:
         total = self._counts.sum(axis=1, keepdims=True)
         rank = (np.cumsum(self._counts, axis=1) >= _SHARE * total).argmax(axis=1)
         limbs = np.where(total[:, 0] < _LEAST_FRAMES, _UNKNOWN, (rank + 0.5) / _BINS)
-        known = {**_KNOWN, **dict(zip(_LIMBS, limbs, strict=True))}
+        known = dict(_KNOWN)
+        for names, limb in zip(_LIMBS, limbs, strict=True):
+            known |= dict.fromkeys(names, float(limb))
         parts = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
         chance = np.array([known.get(part, _CLOTHED) for part in parts], float)
         return np.clip(chance, _CLOTHED, 1 - _CLOTHED)

@@ -85,6 +85,13 @@ def test_sleeves_are_learned(observed, bare_names):
         assert skin.bare[FOREARM] < 0.15
     assert skin.bare[THIGH] == pytest.approx(0.05, abs=0.03)
     assert skin.bare[PART_NAMES.index("head")] == 0.9
+    assert skin.bare[PART_NAMES.index("right_fingers")] > 0.8
+
+
+def test_hands_are_no_head_under_a_cap(observed):
+    """Nothing but the head has its colours."""
+    skin = skin_of(NEAR_FORWARD, ("head",), observed)
+    assert skin.bare[PART_NAMES.index("right_fingers")] < 0.15
 
 
 def test_earlier_sleeves_are_forgotten(observed):
@@ -138,7 +145,7 @@ def test_an_arm_behind_the_trunk_teaches_nothing():
     for _ in range(5):
         learned.add(everywhere, person.mask, (0, 0), CAMERA, joints)
     assert learned.probability()[FOREARM] == 0.95
-    both = learned._counts[list(bare_parts._LIMBS).index("forearm")].sum()
+    both = learned._counts[list(bare_parts._LIMBS).index(("forearm",))].sum()
     assert both == 5  # the near one alone
     learned.fade(0.1)
     for _ in range(5):
