@@ -35,6 +35,7 @@ from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
+from silhouette_core.library.default import LEARNING
 from silhouette_core.library.from_motion import make_library
 from silhouette_core.library.pose_library import LibrarySettings
 from silhouette_core.library.rendering import STATURE_PX, masks_of
@@ -129,7 +130,7 @@ def library_file() -> Path:
         print(f"making {_MADE} once, which takes some minutes ...", file=sys.stderr, flush=True)
         _MADE.parent.mkdir(parents=True, exist_ok=True)
         model = BodyModel.from_sizes(BodySizes(_STATURE_M))
-        make_library(keypose_motions(model), model, _MADE, _SETTINGS)
+        make_library(keypose_motions(model), model, _MADE, _SETTINGS, learning=LEARNING)
     return _MADE
 
 
