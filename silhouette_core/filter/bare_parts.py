@@ -35,9 +35,9 @@ _JOINTS = np.array(
 )
 _ALONG = np.array([np.linspace(first, last, 7) for *_, first, last in _LIMBS.values()])
 _PELVIS, _NECK = LANDMARK_NAMES.index("pelvis"), LANDMARK_NAMES.index("neck")
-# Half the trunk's width relative to its length, and how much farther away than the trunk's axis
-# something has to be that is hidden by it.
-_TRUNK_WIDTH, _BEHIND_M = 0.37, -0.05
+# Half the trunk's width relative to its length, and how far before its axis, along the line of
+# sight, its surface is: what is farther away there is hidden by it.
+_TRUNK_WIDTH, _TRUNK_DEPTH_M = 0.37, 0.05
 _LEAST_PLACES, _LEAST_FRAMES = 3, 5.0
 _BINS = 20
 _SHARE = 0.75  # of the frames: in the others the part is not where the pose has it
@@ -146,5 +146,5 @@ def _behind_trunk(
     share = np.clip((places[..., :2] - pelvis[:2]) @ axis / length, 0.0, 1.0)
     nearest = pelvis + share[..., None] * (neck - pelvis)
     aside = np.linalg.norm(places[..., :2] - nearest[..., :2], axis=-1)
-    deeper = places[..., 2] - nearest[..., 2] > _BEHIND_M
+    deeper = places[..., 2] > nearest[..., 2] - _TRUNK_DEPTH_M
     return (aside < _TRUNK_WIDTH * np.sqrt(length)) & deeper

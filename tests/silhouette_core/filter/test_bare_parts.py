@@ -41,7 +41,7 @@ def standing(forward_deg):
     return Pose(np.array([0.0, 0, 0.95]), np.eye(3), np.clip(angles, low, high))
 
 
-NEAR_FORWARD, FAR_FORWARD = standing(30), standing(-30)
+NEAR_FORWARD, FAR_FORWARD, HANGING = standing(30), standing(-30), standing(0)
 
 
 def pictured(pose, bare_names):
@@ -134,45 +134,37 @@ def test_the_tracker_asks_for_it(tree, library, observed, monkeypatch):
     assert chosen(replace(observed, skin=skin))
 
 
+def teach(learned, found, moved_m=(0, 0, 0)):
+    """Frames of somebody with hanging arms, all of whose pixels have a likelihood in each."""
+    joints = joints_of(MODEL, HANGING) + moved_m
+    mask = pictured(HANGING, ()).mask
+    for one in found:
+        learned.add(np.full(mask.shape, one, np.float32), mask, (0, 0), CAMERA, joints)
+
+
 def test_an_arm_behind_the_trunk_teaches_nothing():
     """Skin in the middle of the trunk, over which the far arm hangs in the picture."""
-    pose = standing(0)
-    joints = joints_of(MODEL, pose)
-    person = pictured(pose, SHORT_SLEEVES)
-    everywhere = np.ones(person.mask.shape, np.float32)
-    nowhere = 0 * everywhere
     learned = BareParts()
-    for _ in range(5):
-        learned.add(everywhere, person.mask, (0, 0), CAMERA, joints)
+    teach(learned, [1] * 5)
     assert learned.probability()[FOREARM] == 0.95
     both = learned._counts[list(bare_parts._LIMBS).index(("forearm",))].sum()
     assert both == 5  # the near one alone
     learned.fade(0.1)
-    for _ in range(5):
-        learned.add(nowhere, person.mask, (0, 0), CAMERA, joints)
+    teach(learned, [0] * 5)
     assert learned.probability()[FOREARM] == 0.05
 
 
 def test_sleeves_are_those_of_the_frames_in_which_a_bare_arm_is_found():
     """In two of five frames the forearm is not where the pose has it."""
-    pose = standing(0)
-    person, joints = pictured(pose, SHORT_SLEEVES), joints_of(MODEL, pose)
     learned = BareParts()
-    for found in (1, 0, 1, 0, 1):
-        likelihood = np.full(person.mask.shape, found, np.float32)
-        learned.add(likelihood, person.mask, (0, 0), CAMERA, joints)
+    teach(learned, [1, 0, 1, 0, 1])
     assert learned.probability()[FOREARM] == 0.95
 
 
 def test_too_few_frames_or_a_person_behind_the_camera_teach_nothing():
-    pose = standing(0)
-    person, joints = pictured(pose, SHORT_SLEEVES), joints_of(MODEL, pose)
     learned = BareParts()
-    for _ in range(4):
-        learned.add(np.ones(person.mask.shape, np.float32), person.mask, (0, 0), CAMERA, joints)
-    for _ in range(9):
-        behind = joints - (9, 0, 0)
-        learned.add(np.ones(person.mask.shape, np.float32), person.mask, (0, 0), CAMERA, behind)
+    teach(learned, [1] * 4)
+    teach(learned, [1] * 9, (-9, 0, 0))
     assert learned.probability()[FOREARM] == 0.3
 
 
