@@ -125,8 +125,9 @@ class HypothesisTracker:
         distance = weights.distances(self.model, poses)
         joints = joints_of(self.model, poses)
         own = settings.cost(distance) + self.costs.off_floor(poses, self.surface)
+        drawn = weights.part_images(self.model, poses)
+        areas = weights.part_areas(drawn, len(self.model.names))
         if self.model.person is not None:
-            drawn = weights.part_images(self.model, poses)
             own += _uncovered_cost(weights.uncovered(poses, drawn, _MOST_UNCOVERED_M))
             if observed.skin is not None:
                 own += observed.skin.cost(drawn, weights.mask)
@@ -157,13 +158,11 @@ class HypothesisTracker:
             restarted,
             time_s,
             own,
-            np.zeros((len(poses), len(self.model.names)), bool),
+            np.stack([occluded_parts(one, self._usual_areas) for one in areas]),
             priors,
             settings.temperature,
         )
         kept = self._pruned(beam, settings)
-        for row, areas in enumerate(weights.part_areas_many(self.model, kept.poses)):
-            kept.occluded[row] = occluded_parts(areas, self._usual_areas)
         self.costs.add_position(time_s, kept.poses[kept.best].root_m)
         return kept
 

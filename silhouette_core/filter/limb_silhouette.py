@@ -178,14 +178,11 @@ class SignedWeights:
         added = self.backend.drawn_weights(free, meshes, limb.faces, self.matrix, cull_back=True)
         return self.base + float(self.signed[covered].sum()) + added
 
-    def part_areas(self, model: BodyModel, pose: Pose) -> NDArray[np.float64]:
-        """Area of every part (27,), A_j of eq. (3), in pixels of the library's full resolution."""
-        return self.part_areas_many(model, [pose])[0]
-
-    def part_areas_many(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
-        """Areas (K, 27) of the parts in K poses, see `part_areas`."""
-        drawn = self.part_images(model, poses)
-        counts = [np.bincount(one.ravel(), minlength=len(model.names) + 1)[1:] for one in drawn]
+    def part_areas(self, drawn: NDArray[np.uint8], parts: int) -> NDArray[np.float64]:
+        """Area of every part (K, parts), A_j of eq. (3), in pixels of the library's full
+        resolution, in K part images (K, h, w), see `part_images`.
+        """
+        counts = [np.bincount(one.ravel(), minlength=parts + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
 
     def covered(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.bool_]:

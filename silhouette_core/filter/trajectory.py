@@ -320,8 +320,10 @@ class PoseTrajectory:
         )[0]
         occluded = beam.occluded[chosen]
         if self.finder is None:  # other limbs have been chosen
-            areas = observed.weights.part_areas(self.model, pose)
-            occluded = occluded_parts(areas, self._usual_areas)
+            weights = observed.weights
+            drawn = weights.part_images(self.model, [pose])
+            areas = weights.part_areas(drawn, len(self.model.names))
+            occluded = occluded_parts(areas[0], self._usual_areas)
         filter_frame = frame.filter_frame
         probability, joints = beam.probabilities()
         return FrameEstimate(

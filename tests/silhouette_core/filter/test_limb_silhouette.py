@@ -82,7 +82,7 @@ def test_areas_are_pixels_of_the_librarys_resolution(seen):
     pose, window = seen
     for reduction in (1, 2):
         picture = SignedWeights.from_window(window, "balanced", reduction)
-        areas = picture.part_areas(MODEL, pose)
+        areas = picture.part_areas(picture.part_images(MODEL, [pose]), len(MODEL.names))[0]
         fine = np.bincount(
             drawn(SignedWeights.from_window(window, "balanced", 1), pose).ravel(), minlength=28
         )[1:]
