@@ -28,8 +28,8 @@ from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Settings
 from silhouette_core.image.raster import render_parts
-from silhouette_core.library.from_motion import make_library
-from silhouette_core.library.pose_library import LibrarySettings
+from silhouette_core.monocular.making.from_motion import make_library
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion, write_motion
@@ -38,18 +38,21 @@ from silhouette_core.progress import SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.carving.carver import carve
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.demo.example_bodies import QUADRUPED_LENGTH_M, spider
 from voxelpose.demo.example_motions import BODY, EXAMPLES, TRUE_MOTION, example_motion, film_example
 from voxelpose.demo.room import demo_rig
 from voxelpose.fitting import Output, fit, track
-from voxelpose.matching.matcher import MatchSettings, match
-from voxelpose.matching.observation_store import ObservationStore
-from voxelpose.matching.observe import FrameObservation
-from voxelpose.matching.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fit
-from voxelpose.matching.prepared_silhouettes import PreparationSettings, prepare_silhouettes
-from voxelpose.multiview import VOXEL_M
+from voxelpose.multiview.carving.carver import carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.matching.matcher import MatchSettings, match
+from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fit
+from voxelpose.multiview.multiview_estimator import VOXEL_M
+from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.silhouettes.prepared_silhouettes import (
+    PreparationSettings,
+    prepare_silhouettes,
+)
 from voxelpose.recording.folder import Recording
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "bodies"

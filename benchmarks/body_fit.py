@@ -28,7 +28,7 @@ from silhouette_core.progress import SilentReporter
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.evaluation import evaluate
 from voxelpose.fitting import Output, fit
-from voxelpose.matching.body_estimate import estimate_body, posed_frames
+from voxelpose.multiview.person.body_estimate import estimate_body, posed_frames
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import TRUTH, read_truth
 

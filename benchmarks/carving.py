@@ -9,8 +9,8 @@ from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring, silhouettes
 from calib.camera import Rig
 from silhouette_core.jit import parallel_kernel, prange
-from voxelpose.carving.carver import CarveRule, carve
-from voxelpose.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.view.open3d_import import import_open3d
 
 VIEWS = 8

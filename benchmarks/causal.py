@@ -23,7 +23,7 @@ from benchmarks.cases import Case, Timed, case
 from benchmarks.filter import against_dense, clip, library_file
 from calib.camera import Camera, Rig
 from silhouette_core.estimator import Settings
-from silhouette_core.filter.monocular import MonocularEstimator
+from silhouette_core.monocular.monocular_estimator import MonocularEstimator
 from silhouette_core.progress import SilentReporter
 from voxelpose.recording.folder import Recording
 

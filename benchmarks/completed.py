@@ -17,12 +17,12 @@ from benchmarks.without_empty_view import overlap
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import SilentReporter, StageClock
-from voxelpose.matching.prepared_silhouettes import (
+from voxelpose.multiview.multiview_estimator import VOXEL_M
+from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     LONG_SIDE_PX,
     PreparationSettings,
     prepare_silhouettes,
 )
-from voxelpose.multiview import VOXEL_M
 from voxelpose.recording.folder import Recording
 
 

@@ -3,8 +3,8 @@
 `python -m benchmarks.expected_error OUT RECORDING ...` fits each recording into OUT (those that are
 there are kept; the truth is read from truth.json) and prints what was said beside what was: a
 reliability table over the joints and one over the frames, and a line per recording. With `--fit`
-the weights of `voxelpose.matching.expected_error` are estimated anew from these recordings,
-printed, and judged on recordings left out (each seventh).
+the weights of `voxelpose.multiview.quality.expected_error` are estimated anew from these
+recordings, printed, and judged on recordings left out (each seventh).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from calib.errors import InputError
 from voxelpose.fitting import Output, fit
-from voxelpose.matching.expected_error import (
+from voxelpose.multiview.quality.expected_error import (
     ADDED_MM,
     NEAR_MM,
     RIGHT_MM,

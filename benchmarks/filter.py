@@ -26,21 +26,21 @@ from benchmarks.scene import ring
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
-from silhouette_core.filter.evidence import SHIFTS_PX, Alignment, Evidence, relative_weights
-from silhouette_core.filter.forward import FilterFrame, ForwardFilter
-from silhouette_core.filter.person import find_person
-from silhouette_core.filter.tree_filter import SIGMA_SCALE, Posterior, TreeFilter
-from silhouette_core.filter.window import look_at
 from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
-from silhouette_core.library.default import LEARNING
-from silhouette_core.library.from_motion import make_library
-from silhouette_core.library.pose_library import LibrarySettings
-from silhouette_core.library.rendering import STATURE_PX, masks_of
-from silhouette_core.library.store import read_library
-from silhouette_core.library.transitions import transitions
+from silhouette_core.monocular.making.default import LEARNING
+from silhouette_core.monocular.making.from_motion import make_library
+from silhouette_core.monocular.person import find_person
+from silhouette_core.monocular.tree.evidence import SHIFTS_PX, Alignment, Evidence, relative_weights
+from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of
+from silhouette_core.monocular.tree.store import read_library
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, Posterior, TreeFilter
+from silhouette_core.monocular.window import look_at
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.keyposes import keypose_motions
 

@@ -18,13 +18,13 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.carving.grid import VoxelGrid
-from voxelpose.matching.mask_store import MaskStore
-from voxelpose.matching.matcher import MatchSettings
-from voxelpose.matching.observation_store import ObservationStore
-from voxelpose.matching.observe import HullObserver
-from voxelpose.matching.pose_search import BodyGeometry
-from voxelpose.matching.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.matching.pose_search import BodyGeometry
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 
 VIEWS, SHAPE_SEED = 4, 5
 VOXEL_M = 0.025

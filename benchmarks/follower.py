@@ -24,8 +24,8 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import PoseArrays
-from voxelpose.matching.follower import PoseFollower
-from voxelpose.matching.track_jobs import FollowSettings
+from voxelpose.multiview.tracking.follower import PoseFollower
+from voxelpose.multiview.tracking.track_jobs import FollowSettings
 from voxelpose.recording.folder import Recording
 
 _PLAYED_S, _COUNTED_S = 18.0, 5.0

@@ -3,8 +3,8 @@
 `python -m benchmarks.joint_error LIB RECORDING ...` tracks the only camera of every RECORDING as
 `benchmarks.unseen` does (results that are there are kept) and prints what was said beside what was:
 probabilities of joints to be within 30 mm, errors below the median that was said, and verdicts by
-the true error. With `--fit`, the weights of `silhouette_core.filter.joint_error` are estimated from
-these recordings and printed.
+the true error. With `--fit`, the weights of
+`silhouette_core.monocular.tracking.joint_error` are estimated from these recordings and printed.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.expected_error import reliability
 from benchmarks.unseen import track
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.filter.joint_error import (
+from silhouette_core.monocular.tracking.joint_error import (
     ADDED_MM,
     NEAR_MM,
     error_evidence,

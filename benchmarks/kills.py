@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.files import read_rig
-from silhouette_core.library.store import read_library
+from silhouette_core.monocular.tree.store import read_library
 from voxelpose.demo.filming import make_recording
 from voxelpose.results import Result
 

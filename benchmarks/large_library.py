@@ -29,17 +29,17 @@ from benchmarks.scene import ring
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
-from silhouette_core.filter.evidence import Evidence
-from silhouette_core.filter.forward import ForwardFilter
-from silhouette_core.filter.person import Person
-from silhouette_core.filter.tree_filter import SIGMA_SCALE, FilterSettings, Posterior
-from silhouette_core.filter.view_tree_filter import SparsePrior, ViewTreeFilter
 from silhouette_core.image.raster import render_parts
 from silhouette_core.jit import set_threads
-from silhouette_core.library.from_motion import make_library, read_clips
-from silhouette_core.library.pose_library import LibrarySettings, PoseLibrary
-from silhouette_core.library.store import read_library
-from silhouette_core.library.transitions import NeighbourWeights
+from silhouette_core.monocular.making.from_motion import make_library, read_clips
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.tree.evidence import Evidence
+from silhouette_core.monocular.tree.forward import ForwardFilter
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.store import read_library
+from silhouette_core.monocular.tree.transitions import NeighbourWeights
+from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, FilterSettings, Posterior
+from silhouette_core.monocular.tree.view_tree_filter import SparsePrior, ViewTreeFilter
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.mocap.load import motion_files
 from silhouette_core.workers import open_workers

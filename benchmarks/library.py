@@ -9,13 +9,13 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import parallel_kernel, prange
-from silhouette_core.library.rendering import (
+from silhouette_core.monocular.tree.rendering import (
     pose_surfaces,
     render_views,
     silhouette_levels,
     spans_of,
 )
-from silhouette_core.library.tree import PoseSpace, Scorer, Split
+from silhouette_core.monocular.tree.tree import PoseSpace, Scorer, Split
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 

@@ -18,10 +18,10 @@ from silhouette_core.motion.keyposes.perform import perform
 
 def make_library(path: Path, model: BodyModel, tree: str, *, learned: bool) -> None:
     """Writes a library of one movement of a body, with a proposal that learned nothing or none."""
-    from silhouette_core.library.base_poses import base_poses
-    from silhouette_core.library.build import build_library
-    from silhouette_core.library.pose_library import LibrarySettings
-    from silhouette_core.library.store import write_library
+    from silhouette_core.monocular.making.base_poses import base_poses
+    from silhouette_core.monocular.making.build import build_library
+    from silhouette_core.monocular.tree.pose_library import LibrarySettings
+    from silhouette_core.monocular.tree.store import write_library
 
     settings = LibrarySettings(
         poses=60, yaw_step_deg=60, tolerance_deg=12.0, mirror=False, proposal=False, tree=tree
@@ -35,11 +35,11 @@ def make_library(path: Path, model: BodyModel, tree: str, *, learned: bool) -> N
 
 @cache
 def _proposal():
-    from silhouette_core.proposal import silhouette_features as features
-    from silhouette_core.proposal.convolutional_encoder import ConvolutionalEncoder
-    from silhouette_core.proposal.mixture_network import MixtureNetwork
-    from silhouette_core.proposal.pose_proposal import PoseProposal
-    from silhouette_core.proposal.silhouette_encoding import SilhouetteEncoding
+    from silhouette_core.monocular.proposal import silhouette_features as features
+    from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
+    from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
+    from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+    from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
 
     rng = np.random.default_rng(0)
     cells = features.FEET_GRID[0] * features.FEET_GRID[1]
@@ -62,7 +62,7 @@ def _proposal():
 
 
 def _features(proposal):
-    from silhouette_core.proposal.silhouette_features import FrameFeatures
+    from silhouette_core.monocular.proposal.silhouette_features import FrameFeatures
 
     masks = np.zeros((2, 240, 320), bool)
     masks[:, 40:200, 140:180] = True
@@ -73,8 +73,8 @@ def _features(proposal):
 
 @cache
 def _evidence():
-    from silhouette_core.filter.evidence import Evidence
-    from silhouette_core.filter.window import look_at
+    from silhouette_core.monocular.tree.evidence import Evidence
+    from silhouette_core.monocular.window import look_at
 
     camera = Camera(
         "cam", (320, 240), ring(1, (320, 240)).cameras[0].matrix, np.zeros(0), np.eye(3), np.ones(3)
@@ -87,12 +87,12 @@ def _evidence():
 
 def use_library(path: Path) -> None:
     """Reads a library and works with it as `track` does."""
-    from silhouette_core.filter.tree_filter import TreeFilter
-    from silhouette_core.filter.view_tree_filter import ViewTreeFilter
-    from silhouette_core.library.pose_library import require_body
-    from silhouette_core.library.store import read_library
-    from silhouette_core.library.summary import summary
-    from silhouette_core.library.transitions import NeighbourWeights, transitions
+    from silhouette_core.monocular.tree.pose_library import require_body
+    from silhouette_core.monocular.tree.store import read_library
+    from silhouette_core.monocular.tree.summary import summary
+    from silhouette_core.monocular.tree.transitions import NeighbourWeights, transitions
+    from silhouette_core.monocular.tree.tree_filter import TreeFilter
+    from silhouette_core.monocular.tree.view_tree_filter import ViewTreeFilter
 
     library = read_library(path)
     summary(library, path)

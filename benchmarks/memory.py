@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.filter import clip, library_file
 from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.estimator import Settings
-from silhouette_core.filter.monocular import MonocularEstimator
+from silhouette_core.monocular.monocular_estimator import MonocularEstimator
 from silhouette_core.progress import SilentReporter
 
 _EVERY = 150

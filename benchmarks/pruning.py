@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from silhouette_core.image.spans import Spans
-from silhouette_core.library.base_poses import BasePoses
-from silhouette_core.library.build import build_library
-from silhouette_core.library.pose_library import PoseLibrary
-from silhouette_core.library.rendering import (
+from silhouette_core.monocular.making.base_poses import BasePoses
+from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tree.rendering import (
     pose_surfaces,
     render_views,
     silhouette_levels,
     spans_of,
 )
-from silhouette_core.library.store import read_library
+from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 

@@ -15,11 +15,11 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
-from silhouette_core.scoring.reference import ReferenceBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from silhouette_core.scoring.target import Target
-from voxelpose.carving.carver import carve
-from voxelpose.carving.grid import VoxelGrid
+from tests.oracles.reference_backend import ReferenceBackend
+from voxelpose.multiview.carving.carver import carve
+from voxelpose.multiview.carving.grid import VoxelGrid
 
 _PLACEMENTS = 2000
 

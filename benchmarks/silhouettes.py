@@ -7,7 +7,7 @@ from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring
 from benchmarks.scene import silhouettes as drawn
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.image.kernels import reference
+from tests.oracles import image as reference
 
 
 def _synthetic() -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from voxelpose.experiments.swings import arm_angles, count, split_swings
+from papers.swings import arm_angles, count, split_swings
 from voxelpose.export.joints import read_joints
 from voxelpose.recording.truth import read_truth
 

@@ -30,7 +30,7 @@ from voxelpose.batch.batch_tables import write_tables
 from voxelpose.batch.jobs import jobs_of
 from voxelpose.batch.run import BatchSettings, Outcome, run_batch
 from voxelpose.demo.recipes import read_recipes
-from voxelpose.matching.expected_error import NEAR_MM
+from voxelpose.multiview.quality.expected_error import NEAR_MM
 from voxelpose.reliability import verdict_of
 
 ROOT = Path(__file__).resolve().parents[1]

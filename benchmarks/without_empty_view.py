@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.silhouettes import scaled_size
-from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.folder import Recording
 
 _SAMPLES, _COMPARED = 40, 8

@@ -9,8 +9,8 @@ from common import out_folder, recording_folder
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.library.from_motion import make_library
-from silhouette_core.library.pose_library import LibrarySettings
+from silhouette_core.monocular.making.from_motion import make_library
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.motion.keyposes import keypose_motions
 from voxelpose import Output, Recording, Settings, track
 

@@ -16,7 +16,12 @@ SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parent
 # Name of this worker process of pytest-xdist; None where one process runs all tests.
 WORKER = os.environ.get("PYTEST_XDIST_WORKER")
 # Their session fixtures take long to make: one worker runs them all.
-TOGETHER = ("tests/silhouette_core/filter/", "tests/silhouette_core/proposal/test_learning.py")
+TOGETHER = (
+    "tests/silhouette_core/monocular/test_",
+    "tests/silhouette_core/monocular/tree/",
+    "tests/silhouette_core/monocular/tracking/",
+    "tests/silhouette_core/monocular/making/test_learning.py",
+)
 
 if WORKER:
     # Before NumPy is loaded: the other cores have workers of their own.

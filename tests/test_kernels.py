@@ -1,8 +1,8 @@
 """Every compiled kernel gives what its NumPy reference gives.
 
 Kernels are the compiled functions without an underscore in the `kernels` folders. The reference is
-the function of the same name in `kernels/reference.py`: it takes the same arguments and fills the
-same arrays. Example arguments come from `tests/kernel_examples`, one file per package.
+the function of the same name in `tests/oracles`: it takes the same arguments and fills the same
+arrays. Example arguments come from `tests/kernel_examples`, one file per folder.
 """
 
 import ast
@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(
     path
     for package in ("silhouette_core", "voxelpose")
-    for path in (ROOT / package).glob("*/kernels/*.py")
-    if path.stem not in ("__init__", "reference")
+    for path in (ROOT / package).rglob("kernels/*.py")
+    if path.stem != "__init__"
 )
 
 
@@ -39,9 +39,13 @@ def kernels() -> list[tuple[str, str]]:
     return pairs
 
 
+def room(module: str) -> str:
+    """Returns the folder that a kernel module belongs to."""
+    return module.split(".")[-3]
+
+
 def example(module: str, name: str, seed: int) -> Example:
-    package = module.split(".")[1]
-    examples = importlib.import_module(f"tests.kernel_examples.{package}")
+    examples = importlib.import_module(f"tests.kernel_examples.{room(module)}")
     return getattr(examples, name)(np.random.default_rng(seed))
 
 
@@ -49,7 +53,7 @@ def example(module: str, name: str, seed: int) -> Example:
 @pytest.mark.parametrize(("module", "name"), kernels())
 def test_a_kernel_gives_what_its_reference_gives(module, name, seed):
     kernel = getattr(importlib.import_module(module), name)
-    reference = getattr(importlib.import_module(f"{module.rpartition('.')[0]}.reference"), name)
+    reference = getattr(importlib.import_module(f"tests.oracles.{room(module)}"), name)
     given = example(module, name, seed)
     ours, expected = copy.deepcopy(given.arguments), copy.deepcopy(given.arguments)
     results = (kernel(*ours), *ours), (reference(*expected), *expected)

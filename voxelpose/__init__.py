@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from silhouette_core.image.silhouettes import Silhouettes
     from silhouette_core.motion.conditioning import Conditioning, conditioned
     from silhouette_core.motion.motion import Motion
-    from voxelpose.carving.hull import CarveSettings, Hull, carve_recording
     from voxelpose.demo.filming import make_recording
     from voxelpose.evaluation import Score, evaluate
     from voxelpose.export.formats import export_motion
     from voxelpose.fitting import Output, fit, track
+    from voxelpose.hull import CarveSettings, Hull, carve_recording
     from voxelpose.recording.folder import Recording
     from voxelpose.results import Result
 
@@ -45,9 +45,9 @@ __all__ = [
 ]
 
 _MODULES = {
-    "CarveSettings": "voxelpose.carving.hull",
+    "CarveSettings": "voxelpose.hull",
     "Conditioning": "silhouette_core.motion.conditioning",
-    "Hull": "voxelpose.carving.hull",
+    "Hull": "voxelpose.hull",
     "InputError": "calib.errors",
     "Motion": "silhouette_core.motion.motion",
     "Output": "voxelpose.fitting",
@@ -56,7 +56,7 @@ _MODULES = {
     "Score": "voxelpose.evaluation",
     "Settings": "silhouette_core.estimator",
     "Silhouettes": "silhouette_core.image.silhouettes",
-    "carve_recording": "voxelpose.carving.hull",
+    "carve_recording": "voxelpose.hull",
     "conditioned": "silhouette_core.motion.conditioning",
     "evaluate": "voxelpose.evaluation",
     "export_motion": "voxelpose.export.formats",

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from docs.figures.drawing import INK, POSITIVE, QUIET, blank, centred, save
 from silhouette_core.image.raster import render_parts
-from voxelpose.carving.carver import carve
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.demo.choreography import PERFORMANCES
 from voxelpose.demo.mannequin import Mannequin
+from voxelpose.multiview.carving.carver import carve
+from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.view.images.canvas import LEFT, Image, dot, stroke, tint
 
 VOLUME_RADIUS_M, REACH_M = 1.0, 2.2  # of the floor that is used; of raised hands

@@ -28,11 +28,11 @@ from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.carving.carver import carve
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
-from voxelpose.matching.body_volume import BodyVolume
-from voxelpose.matching.matcher import Match, MatchSettings, match
+from voxelpose.multiview.carving.carver import carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.matcher import Match, MatchSettings, match
 from voxelpose.view.images.canvas import colour_of, text_width, write_text
 
 PICTURE = Path(__file__).parents[1] / "images" / "interference.png"

@@ -17,7 +17,6 @@ from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.template_warp import Changes, warp_template
 from silhouette_core.body.volume import sample_volume
 
-_TEMPLATES = Path(__file__).parent / "template"
 _USUAL_CHEST = 0.55  # chest girth over stature, both templates
 
 
@@ -265,7 +264,7 @@ def read_template(sex: str) -> BodyModel:
         InputError: its file is missing from the installation.
     """
     name = "woman" if sex == "female" else "man"
-    path = _TEMPLATES / f"{name}.safetensors"
+    path = Path(__file__).with_name(f"{name}.safetensors")
     try:
         with safe_open(str(path), framework="numpy") as file:
             data = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)

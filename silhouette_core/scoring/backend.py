@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Grid(Protocol):
-    """Cubic voxels in the world, for example a `voxelpose.carving.grid.VoxelGrid`."""
+    """Cubic voxels in the world, for example a `voxelpose.multiview.carving.grid.VoxelGrid`."""
 
     @property
     def origin_m(self) -> FloatArray:

@@ -35,7 +35,18 @@ class CpuBackend:
         which: NDArray[np.integer] | None = None,
         parallel: bool = True,
     ) -> FloatArray:
-        """See `Backend.span_distances`."""
+        r"""Weighted disagreement of silhouettes, see `Backend.span_distances`.
+
+        .. math::
+            :label: okada-7
+
+            d_{wXOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} d_P(x) \, |P(x) - Q(x)|
+
+        1 / |W| is the target's scale. The sum is that of d P over the window, and of d (1 - 2 P)
+        over the runs of pixels of Q, read from sums along rows: exact.
+
+        Source: Okada and Stenger, eq. (7).
+        """
         chosen = chosen_spans(spans, which)
         runs = spans.rows, spans.starts, spans.ends, spans.offsets
         prefixes, bases = target.prefixes
@@ -52,6 +63,7 @@ class CpuBackend:
             if parallel and distances.size >= _FEW
             else span_kernels.span_distances
         )
+        # eq. (7), rearranged into runs
         score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
         return distances
 

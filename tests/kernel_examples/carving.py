@@ -3,10 +3,10 @@ import numpy as np
 
 from calib.camera import Rig
 from tests.kernel_examples import Example
-from tests.voxelpose.carving.carving_scenes import look_at
-from voxelpose.carving.grid import VoxelGrid
-from voxelpose.carving.kernels.blocks import BLIND, LARGEST, OBJECTS
-from voxelpose.carving.views import block_order, pack_masks, pack_rig
+from tests.voxelpose.multiview.carving.carving_scenes import look_at
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.kernels.blocks import BLIND, LARGEST, OBJECTS
+from voxelpose.multiview.carving.views import block_order, pack_masks, pack_rig
 
 LENSES = (
     {},

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from silhouette_core.monocular.making.network_training import TrainingSettings
+from silhouette_core.monocular.making.proposal_learning import LearningSettings, learn_proposal
 from silhouette_core.motion.keyposes import keypose_motions
-from silhouette_core.proposal.network_training import TrainingSettings
-from silhouette_core.proposal.proposal_learning import LearningSettings, learn_proposal
-from tests.silhouette_core.filter.filming import MOVEMENTS, body
+from tests.silhouette_core.monocular.filming import MOVEMENTS, body
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ from voxelpose.demo.filming import make_recording
 from voxelpose.demo.measurements import person_of
 from voxelpose.evaluation import score_motion
 from voxelpose.fitting import Output, fit
-from voxelpose.multiview import MultiViewEstimator
+from voxelpose.multiview.multiview_estimator import MultiViewEstimator
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 

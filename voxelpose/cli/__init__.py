@@ -36,7 +36,6 @@ COMMANDS = {
     "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ",
     "report": "write a page about a result: joint angles, quality, advice",
     "evaluate": "score a result against known joint positions",
-    "experiment": "repeat the experiments of Okada and Stenger",
     "settings": "show the settings that voxelpose.toml files give, and where from",
     "doctor": "check what works on this machine, with remedies for the rest",
 }

@@ -235,7 +235,7 @@ file is taken by --body of fit, which finds the clothes again, and of track, whi
         from silhouette_core.body.mesh_measurements import measure_body
         from silhouette_core.estimator import Settings
         from voxelpose.cli.progress import Progress
-        from voxelpose.matching.body_estimate import estimate_body, posed_frames
+        from voxelpose.multiview.person.body_estimate import estimate_body, posed_frames
         from voxelpose.recording.folder import Recording
 
         settings = Settings(stature_m=self.stature, sex=self.sex)

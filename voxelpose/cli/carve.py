@@ -55,8 +55,8 @@ class Carve:
 
     def run(self) -> int:
         """Carves the frame; returns the exit code."""
-        from voxelpose.carving.carver import CarveRule
-        from voxelpose.carving.hull import CarveSettings, carve_recording
+        from voxelpose.hull import CarveSettings, carve_recording
+        from voxelpose.multiview.carving.carver import CarveRule
 
         if self.tolerance < 0:
             raise InputError(f"--tolerance {self.tolerance} is impossible: give 0 or more cameras")

@@ -82,8 +82,8 @@ number of processes and machines build together.
             from silhouette_core.body.model import BodyModel
             from silhouette_core.body.sizes import BodySizes
             from silhouette_core.jit import set_threads
-            from silhouette_core.library.from_motion import make_library, read_clips
-            from silhouette_core.library.pose_library import LARGEST_WHOLE, LibrarySettings
+            from silhouette_core.monocular.making.from_motion import make_library, read_clips
+            from silhouette_core.monocular.tree.pose_library import LARGEST_WHOLE, LibrarySettings
             from silhouette_core.motion.body_source import load_body
             from silhouette_core.workers import open_workers
 
@@ -105,7 +105,7 @@ number of processes and machines build together.
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
             with open_workers(self.workers, self.cluster) as workers:
                 library = make_library(clips, model, self.out, settings, progress, workers)
-        from silhouette_core.library.summary import summary
+        from silhouette_core.monocular.tree.summary import summary
 
         print(summary(library, self.out))
         return 0
@@ -128,13 +128,13 @@ class Info:
 
     def run(self) -> int:
         """Prints the description; returns the exit code."""
-        from silhouette_core.library.store import read_library
-        from silhouette_core.library.summary import summary
+        from silhouette_core.monocular.tree.store import read_library
+        from silhouette_core.monocular.tree.summary import summary
 
         library = read_library(self.library)
         print(summary(library, self.library))
         if self.png is not None:
-            from silhouette_core.library.tree_sheet import write_sheet
+            from silhouette_core.monocular.tree.tree_sheet import write_sheet
 
             write_sheet(library, self.png)
             print(f"contact sheet: {self.png}")

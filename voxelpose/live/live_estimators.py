@@ -16,27 +16,27 @@ from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
-from silhouette_core.filter.forward import FilterFrame
-from silhouette_core.filter.monocular_stages import (
+from silhouette_core.image.raster import render_parts
+from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
     MonocularStages,
     library_for,
 )
-from silhouette_core.image.raster import render_parts
-from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.monocular.tree.forward import FilterFrame
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
-from voxelpose.carving.carver import carve
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.live.estimator_process import EstimatorProcess
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
 from voxelpose.live.remote_object import begin_process
-from voxelpose.matching.body_track import Moment
-from voxelpose.matching.follower import PoseFollower
-from voxelpose.matching.observe import body_rule
-from voxelpose.matching.track_jobs import FollowSettings, adapt_body, search, search_limbs
+from voxelpose.multiview.carving.carver import carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import body_rule
+from voxelpose.multiview.tracking.body_track import Moment
+from voxelpose.multiview.tracking.follower import PoseFollower
+from voxelpose.multiview.tracking.track_jobs import FollowSettings, adapt_body, search, search_limbs
 
 Masks = Mapping[str, NDArray[np.bool_]]
 Pictures = Mapping[str, NDArray[np.uint8]]

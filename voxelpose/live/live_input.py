@@ -13,7 +13,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.upright import axis_name
 from silhouette_core.estimator import Settings, read_options
-from silhouette_core.filter.monocular_stages import MonocularOptions
+from silhouette_core.monocular.monocular_stages import MonocularOptions
 from silhouette_core.progress import Reporter
 from voxelpose.live.camera_source import CameraSource
 from voxelpose.live.live_estimators import (
@@ -23,7 +23,7 @@ from voxelpose.live.live_estimators import (
     MonocularSetup,
 )
 from voxelpose.live.session import SessionSettings
-from voxelpose.matching.track_jobs import FollowSettings
+from voxelpose.multiview.tracking.track_jobs import FollowSettings
 from voxelpose.recording.folder import Recording, default_camera
 from voxelpose.recording.subject import Subject
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.components import label_components
-from silhouette_core.filter.monocular_stages import LONG_SIDE_PX
 from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX
 
 Mask = NDArray[np.bool_]
 Picture = NDArray[np.uint8]

@@ -24,7 +24,7 @@ from voxelpose.live.live_silhouettes import EmptyView, long_side_px
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
 from voxelpose.live.silhouette_process import SilhouetteProcess
 from voxelpose.live.stage_times import StageTimes
-from voxelpose.matching.body_track import Moment
+from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.recording.subject import Subject
 
 Picture = NDArray[np.uint8]

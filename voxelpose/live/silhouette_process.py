@@ -15,7 +15,7 @@ from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.live.live_silhouettes import LiveSilhouettes
 from voxelpose.live.remote_object import RemoteObject
-from voxelpose.matching.body_track import Moment
+from voxelpose.multiview.tracking.body_track import Moment
 
 Picture = NDArray[np.uint8]
 _Shapes = dict[str, tuple[int, int, int]]

@@ -1,7 +1,7 @@
 """Statistics of the background and its subtraction, pixel by pixel.
 
 Source: Okada and Stenger, section 5.1; the median is ours. Called by
-`silhouette_core.image.background`. Reference: `silhouette_core.image.kernels.reference`.
+`silhouette_core.image.background`. Reference: `tests.oracles.image`.
 """
 
 import numpy as np

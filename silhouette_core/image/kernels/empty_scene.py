@@ -1,7 +1,7 @@
 """Colours of a pixel over time, and which of them continues the background around it.
 
 Source: ours; the paths are Dijkstra's. Called by `silhouette_core.image.empty_scene`. Reference:
-`silhouette_core.image.kernels.reference`.
+`tests.oracles.image`.
 """
 
 import heapq

@@ -1,7 +1,7 @@
 """Residuals of a frame against the background, and the sharpening of a silhouette's edges.
 
 Source: own, see `silhouette_core.image.foreground`, which calls them. Reference:
-`silhouette_core.image.kernels.reference`.
+`tests.oracles.image`.
 """
 
 import numpy as np

@@ -6,7 +6,7 @@ gives every pixel centre on it to exactly one of them.
 
 Source: Okada and Stenger, section 3.1; edge functions as in Pineda, "A parallel algorithm for
 polygon rasterization" (1988), the clipping is that of Sutherland and Hodgman. Reference:
-`silhouette_core.image.kernels.reference.draw`.
+`tests.oracles.image.draw`.
 """
 
 import numpy as np

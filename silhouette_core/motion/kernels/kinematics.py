@@ -2,7 +2,7 @@
 
 Source: Rodrigues' formula and the left Jacobian of SO(3) as in Barfoot, "State Estimation for
 Robotics" (2017), section 7.1; linear blend skinning and the Gauss-Newton method are textbook.
-Reference: `silhouette_core.motion.kernels.reference`.
+Reference: `tests.oracles.motion`.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 Source: articulated iterative closest points on contours, as in Rosenhahn, Brox and Weickert,
 "Three-dimensional shape knowledge for joint image segmentation and pose tracking" (2007); the
 tangent planes and the choice of the rim are ours. Reference:
-`silhouette_core.refinement.kernels.reference`.
+`tests.oracles.refinement`.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 Source: Gauss-Newton is textbook; sums of products of wrenches by part, as the composite rigid
 bodies of Featherstone, "Rigid body dynamics algorithms" (2008). Reference:
-`silhouette_core.refinement.kernels.reference`.
+`tests.oracles.refinement`.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 Source: textbook Gauss-Newton; reweighting for Student's t as by Lange, Little and
 Taylor (1989); rotations by Rodrigues' formula. Reference:
-`silhouette_core.refinement.kernels.reference`.
+`tests.oracles.refinement`.
 """
 
 import numpy as np

@@ -11,10 +11,10 @@ import trimesh
 from safetensors import safe_open
 from scipy.spatial import ConvexHull, cKDTree
 
-import silhouette_core.body.template as template
+import silhouette_core.body as body
 from silhouette_core.body.joints import LANDMARK_NAMES, PARENTS, PART_NAMES
 
-FOLDER = Path(template.__file__).parent
+FOLDER = Path(body.__file__).parent
 LEFT = np.array([n.startswith("left") for n in PART_NAMES])
 RIGHT = np.array([n.startswith("right") for n in PART_NAMES])
 MIRROR = np.array(
@@ -136,8 +136,8 @@ def test_the_maker_makes_such_bodies_again():
     pytest.importorskip(
         "skimage", reason="the maker of the templates needs scikit-image (the dev extra)"
     )
-    from silhouette_core.body.template.figures import MAN
-    from silhouette_core.body.template.make_templates import make_template
+    from tools.templates.figures import MAN
+    from tools.templates.make_templates import make_template
 
     arrays, about = make_template(MAN, triangles=1800, spacing=0.007)
     assert_body(arrays, about, tolerance=0.015)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel, BackgroundSettings
-from silhouette_core.image.kernels import reference
+from tests.oracles import image as reference
 
 SIZE = (48, 64)
 

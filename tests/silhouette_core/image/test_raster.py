@@ -6,8 +6,8 @@ import pytest
 import trimesh
 
 from silhouette_core import jit
-from silhouette_core.image.kernels import reference
 from silhouette_core.image.raster import NEAR_M, render_many, render_parts
+from tests.oracles import image as reference
 
 MATRIX = np.array([[120.0, 0, 79.3], [0, 118.0, 60.1], [0, 0, 1]])
 SIZE = (160, 120)

@@ -14,7 +14,7 @@ from silhouette_core.refinement.adaptation import (
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefineSettings, free_unknowns
 from silhouette_core.refinement.surface import Surface
-from tests.voxelpose.matching.matching_scenes import (
+from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     fitting_model,
     joint_errors_m,

@@ -13,7 +13,7 @@ from silhouette_core.refinement.landmark_prior import (
 )
 from silhouette_core.refinement.refine import RefineSettings, refine
 from silhouette_core.refinement.surface import Surface
-from tests.silhouette_core.filter.filming import body, performed, poses_of
+from tests.silhouette_core.monocular.filming import body, performed, poses_of
 
 SURFACE = Surface(body(), 200)
 MODEL = SURFACE.model

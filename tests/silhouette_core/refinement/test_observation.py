@@ -12,8 +12,8 @@ from silhouette_core.refinement.observation import (
     outside_distances,
 )
 from silhouette_core.scoring.silhouette_error import silhouette_error
-from tests.voxelpose.carving.carving_scenes import look_at
-from tests.voxelpose.matching.matching_scenes import (
+from tests.voxelpose.multiview.carving.carving_scenes import look_at
+from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
     observe,
     other_body,

@@ -8,7 +8,7 @@ from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.refinement.posterior import landmark_sigma_m
 from silhouette_core.refinement.refine import RefineSettings, free_unknowns, refine
 from silhouette_core.refinement.surface import Surface
-from tests.voxelpose.matching.matching_scenes import fitting_model, observe, stance, views
+from tests.voxelpose.multiview.matching_scenes import fitting_model, observe, stance, views
 
 MODEL = fitting_model()
 SURFACE = Surface(MODEL, 600)

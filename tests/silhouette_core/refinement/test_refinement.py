@@ -12,7 +12,7 @@ from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, bounded_step, refine
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
-from tests.voxelpose.matching.matching_scenes import (
+from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     fitting_model,
     joint_errors_m,

@@ -21,7 +21,7 @@ from silhouette_core.refinement.refine import (
     residuals,
 )
 from silhouette_core.refinement.surface import Surface
-from tests.voxelpose.matching.matching_scenes import (
+from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
     observe,
     other_body,

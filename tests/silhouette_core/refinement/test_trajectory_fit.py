@@ -11,7 +11,7 @@ from silhouette_core.refinement.landmark_prior import LandmarkPrior, posed_landm
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.refinement.trajectory_fit import TrajectorySettings, _Banded, fit_trajectory
-from tests.silhouette_core.filter.filming import body, camera_at, performed, poses_of, silhouette
+from tests.silhouette_core.monocular.filming import body, camera_at, performed, poses_of, silhouette
 
 CAMERA = camera_at((0.8, -3.6, 2.6))
 VIEWS = PinholeViews.from_rig(Rig((CAMERA,)))

@@ -13,8 +13,8 @@ from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.reference import ReferenceBackend
 from silhouette_core.scoring.target import Target
+from tests.oracles.reference_backend import ReferenceBackend
 from tests.outside import install_backend
 
 REFERENCE = ReferenceBackend()

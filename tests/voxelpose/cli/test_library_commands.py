@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.presets import body_preset
-from silhouette_core.library.store import read_library
+from silhouette_core.monocular.tree.store import read_library
 from tests.clips import waving
 from voxelpose.cli import run
 from voxelpose.export.bvh import write_bvh

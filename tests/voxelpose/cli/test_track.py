@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from silhouette_core.library.build import build_library
-from silhouette_core.library.store import write_library
+from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.store import write_library
 from tests.clips import waving
-from tests.silhouette_core.library.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import run
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from voxelpose.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.view.images.hull_picture import Skeleton, hull_picture, show_hull
 from voxelpose.view.open3d_import import import_open3d
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.raster import render_parts
-from voxelpose.carving.grid import VoxelGrid
-from voxelpose.carving.hull_mesh import surface
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.hull_mesh import surface
 from voxelpose.view.open3d_import import import_open3d
 
 _BACKGROUND = (247, 244, 240)  # BGR

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
-from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX, unknown_views
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.view.viewer.scene import CameraFrame

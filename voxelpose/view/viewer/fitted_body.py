@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
-from voxelpose.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.scene import BodyState
 

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from silhouette_core.refinement.observation import PinholeViews
-from voxelpose.carving.bounds import place_grid
-from voxelpose.carving.carver import CarveRule
-from voxelpose.carving.grid import VoxelGrid
-from voxelpose.carving.hull_mesh import surface
-from voxelpose.matching.matcher import LimbArea, movable_areas
-from voxelpose.matching.observe import FrameObservation, HullObserver
-from voxelpose.matching.quality import assess
+from voxelpose.multiview.carving.bounds import place_grid
+from voxelpose.multiview.carving.carver import CarveRule
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.hull_mesh import surface
+from voxelpose.multiview.carving.observe import FrameObservation, HullObserver
+from voxelpose.multiview.matching.matcher import LimbArea, movable_areas
+from voxelpose.multiview.quality.quality import assess
 from voxelpose.view.viewer.fitted_body import FittedBody
 from voxelpose.view.viewer.scene import CarvedHull
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from voxelpose.matching.matcher import LimbArea
+from voxelpose.multiview.matching.matcher import LimbArea
 from voxelpose.view.viewer.scene import Scene
 
 Colour = tuple[int, int, int]

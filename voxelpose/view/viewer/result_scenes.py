@@ -15,10 +15,10 @@ from calib.errors import InputError
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.export.hypotheses import HYPOTHESES, Hypothesis, read_hypotheses
-from voxelpose.matching.matcher import LimbArea
-from voxelpose.matching.observe import FrameObservation, body_rule
-from voxelpose.matching.prepared_silhouettes import LONG_SIDE_PX
-from voxelpose.multiview import VOXEL_M
+from voxelpose.multiview.carving.observe import FrameObservation, body_rule
+from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.multiview.multiview_estimator import VOXEL_M
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, is_result
 from voxelpose.view.viewer.camera_frames import CameraFrames

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from voxelpose.carving.grid import VoxelGrid
 from voxelpose.export.hypotheses import Hypothesis
+from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.view.images.canvas import Colour
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
-from voxelpose.matching.matcher import LimbArea
+from voxelpose.multiview.matching.matcher import LimbArea
 from voxelpose.view.images.canvas import hatched, reduced
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (

@@ -1,0 +1,1 @@
+"""The papers' experiments, repeated. Not installed: run from a checkout."""

@@ -1,1 +1,0 @@
-"""Template bodies, and their generation from anthropometric measures (needs the `dev` extra)."""

@@ -1,1 +1,0 @@
-"""Monocular estimator: Bayesian filter over a silhouette tree, and tracking beyond the paper."""

@@ -1,0 +1,189 @@
+"""Library of a body that is no person's, as the camera of a recording sees it.
+
+A root that stands still is found first; the body's poses are then seen from where the camera stands
+to it, one view of each, and so many more of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.agreement import even_moments
+from calib.camera import Camera
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.estimator import FrameSource
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from silhouette_core.monocular.making.base_poses import BasePoses, base_poses
+from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.making.sampled_motion import sampled_motion
+from silhouette_core.monocular.person import find_person
+from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.root_search import find_root
+from silhouette_core.monocular.tree.store import is_library, read_library
+from silhouette_core.monocular.tree.view_tree_filter import tree_filter
+from silhouette_core.monocular.window import look_at
+from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.pose import Pose
+from silhouette_core.progress import Reporter
+from silhouette_core.scoring.backend import Backend
+
+_SAMPLED_FRAMES, _SEED = 40_000, 0
+_FROM_ALL_SIDES = 24_000  # samples
+_FROM_ONE_SIDE = 12_000
+_MOMENTS = 8
+
+
+def body_of_track(body: str, library: str, reporter: Reporter) -> BodyModel | None:
+    """The body to be tracked if it is no person's, by the options of the estimator; else None.
+
+    Raises:
+        InputError: there is no such body, or library.
+    """
+    if body:
+        model = load_body(body, reporter.note)
+    elif library and is_library(Path(library)):
+        model = read_library(Path(library)).model
+    else:
+        return None
+    return model if model.person is None else None
+
+
+@dataclass(frozen=True, eq=False)
+class SomeSilhouettes:
+    """Silhouettes of a body in some frames, spread over a recording.
+
+    Attributes:
+        camera: pinhole camera without distortion, z up.
+        masks: (h, w) bool each, not empty.
+    """
+
+    camera: Camera
+    masks: list[NDArray[np.bool_]]
+
+
+def some_silhouettes(
+    source: FrameSource, silhouettes: Silhouettes, camera: Camera, long_side_px: int
+) -> SomeSilhouettes:
+    """Silhouettes of a few moments of a recording.
+
+    Args:
+        source: the recording, of one camera.
+        silhouettes: its silhouettes.
+        camera: the same camera with z up.
+        long_side_px: largest size of the silhouettes.
+
+    Raises:
+        InputError: none of the frames shows a body.
+    """
+    lens, name = UndistortedView.from_camera(camera, long_side_px), source.rig.names[0]
+    steps = even_moments(source.frame_count, _MOMENTS).tolist()
+    seen = [find_person(lens.undistort(silhouettes.of(one)[name])) for one in source.at(steps)]
+    masks = [body.mask for body in seen if body is not None]
+    if not masks:
+        raise InputError(
+            f"camera {name} shows no body in any of {len(steps)} frames that were looked"
+            " at: check its background, and that the body moves before it"
+        )
+    return SomeSilhouettes(lens.pinhole, masks)
+
+
+def library_of_body(
+    model: BodyModel,
+    file: str,
+    shown: SomeSilhouettes,
+    backend: Backend,
+    reporter: Reporter,
+) -> tuple[PoseLibrary, Pose | None]:
+    """Library of a body, and the place of its root if that stands still.
+
+    Args:
+        model: the body.
+        file: library of its recorded poses; empty: poses are sampled within its limits.
+        shown: silhouettes of some frames.
+        backend: scores poses.
+        reporter: informed of the stages.
+
+    Raises:
+        InputError: the library is another body's.
+    """
+    recorded = _read(file, model) if file else None
+    if recorded is not None and not model.tree.root_fixed:
+        return recorded, None
+    if recorded is None:
+        reporter.note(
+            "no library of the body's poses is given: its joints are assumed to move at random"
+            " within their limits (voxelpose library build makes one from an earlier result)"
+        )
+    pitches = [look_at(shown.camera, mask, 1.0, 100.0).pitch_rad for mask in shown.masks]
+    pitch_deg = float(np.degrees(np.median(pitches)))
+    reporter.stage("pose library")
+    library = recorded or _sampled(model, pitch_deg)
+    if not model.tree.root_fixed:
+        return library, None
+    reporter.stage("root")
+    root = find_root(tree_filter(library, False, 1.0, backend), shown.camera, shown.masks)
+    reporter.stage("pose library")
+    return _from_one_side(library, recorded is None, shown.camera, root), root
+
+
+def _read(file: str, model: BodyModel) -> PoseLibrary:
+    library = read_library(Path(file))
+    if library.model.names != model.names or library.model.dof_names != model.dof_names:
+        raise InputError(
+            f"{file} is the library of a body with other parts or joints: build one of this body"
+            " with voxelpose library build RESULT --body BODY"
+        )
+    return replace(library, model=model)
+
+
+def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySettings:
+    pitch_deg = min(max(pitch_deg, -60.0), 75.0)  # beyond it, which side is shown hardly counts
+    return LibrarySettings(
+        poses, yaw_step_deg=yaw_step_deg, pitches_deg=(pitch_deg,), mirror=False, proposal=False,
+        tree="views",
+    )  # fmt: skip
+
+
+def _sampled(model: BodyModel, pitch_deg: float) -> PoseLibrary:
+    """Poses sampled within the joint limits, from all sides."""
+    settings = _settings(_FROM_ALL_SIDES, 15.0, pitch_deg)
+    return build_library(_sampled_bases(model, settings), model, settings)
+
+
+def _sampled_bases(model: BodyModel, settings: LibrarySettings) -> BasePoses:
+    motion = sampled_motion(model, np.random.default_rng(_SEED), _SAMPLED_FRAMES)
+    return base_poses({"sampled": motion}, settings)
+
+
+def _from_one_side(library: PoseLibrary, sampled: bool, camera: Camera, root: Pose) -> PoseLibrary:
+    """Poses from where a camera stands to a root: of a library, or newly sampled and more."""
+    model, away = library.model, root.root_m - camera.center_m
+    pitch_deg = float(np.degrees(np.arctan2(-away[2], np.hypot(away[0], away[1]))))
+    settings = _settings(max(_FROM_ONE_SIDE, len(library.base_angles)), 360.0, pitch_deg)
+    bases = _sampled_bases(model, settings) if sampled else _bases_of(library)
+    heading = yaw_rotations(np.array([-np.arctan2(-away[0], away[1])]))[0]
+    turn = quaternions(heading @ root.root_rotation).astype(np.float32)
+    return build_library(
+        replace(bases, quaternion=np.tile(turn, (len(bases.angles), 1))), model, settings
+    )
+
+
+def _bases_of(library: PoseLibrary) -> BasePoses:
+    return BasePoses(
+        library.base_angles,
+        library.base_quaternion,
+        library.base_source,
+        library.base_mirrored,
+        library.clips,
+        0.0,
+        len(library.base_angles),
+        library.sigma_rad,
+        library.root_sigma_rad,
+    )

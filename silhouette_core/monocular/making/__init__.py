@@ -1,0 +1,1 @@
+"""What is made before anybody is tracked: pose libraries, virtual takes, trained networks."""

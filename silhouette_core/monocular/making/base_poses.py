@@ -1,0 +1,199 @@
+"""Base poses of a library, selected from recorded motion, and the motion's step sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.errors import InputError
+from silhouette_core.monocular.making.thinning import pose_features, thin_poses
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.motion.dynamics import FPS
+from silhouette_core.motion.heading import mirrored, split_heading
+from silhouette_core.motion.kinematics import forward, landmarks, rotation_matrices
+from silhouette_core.motion.motion import Motion
+
+_LEAST_SIGMA_RAD = np.radians(0.5)
+_LARGEST_SPACING_M = 1.0
+_DRAWN = 2000  # poses whose distance to the nearest base pose is measured
+
+
+@dataclass(frozen=True, eq=False)
+class BasePoses:
+    """B base poses.
+
+    Attributes:
+        angles: (B, D) float32, joint angles, radians.
+        quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
+        source: (B, 2) int32, index of the clip and number of the frame.
+        mirrored: (B,) bool, whether the pose is the mirror image of its source.
+        clips: names of the clips.
+        spacing_m: least distance along some axis of some joint of any two poses, if the tolerance
+            in degrees left too many; else 0.
+        frames: number of poses before thinning.
+        sigma_rad: (D,) float32, step sizes of the joint angles, see `motion_sigmas`.
+        root_sigma_rad: step size of the orientation, see `motion_sigmas`.
+    """
+
+    angles: NDArray[np.float32]
+    quaternion: NDArray[np.float32]
+    source: NDArray[np.int32]
+    mirrored: NDArray[np.bool_]
+    clips: tuple[str, ...]
+    spacing_m: float
+    frames: int
+    sigma_rad: NDArray[np.float32]
+    root_sigma_rad: float
+
+
+def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> BasePoses:
+    """Base poses of a library, thinned from recorded motion.
+
+    Args:
+        motions: clips by name, all of one body.
+        settings: number of samples, views, tolerance and mirror images of the library.
+
+    Returns:
+        The base poses: thinned by `settings.tolerance_deg`, then by the positions of the joints
+        until there are at most `settings.poses` samples.
+
+    Raises:
+        InputError: there is no motion.
+
+    Source: Okada and Stenger, section 7: no two poses remain whose joint angles all differ by 5
+    degrees or less. Thinning by positions is ours.
+    """
+    clips = [(k, False, motion) for k, motion in enumerate(motions.values()) if len(motion)]
+    if not clips:
+        raise InputError(
+            "no poses are left to make a library of: give more motion, or leave less out"
+        )
+    if settings.mirror:
+        clips += [(k, True, mirrored(motion)) for k, _, motion in clips]
+    features = np.concatenate([pose_features(motion) for _, _, motion in clips])
+    angles = np.concatenate([motion.angles_rad for _, _, motion in clips])
+    tilt = np.concatenate([split_heading(motion.root_quaternion)[1] for _, _, motion in clips])
+    source = np.concatenate(
+        [np.column_stack([np.full(len(motion), k), motion.frames]) for k, _, motion in clips]
+    )
+    is_mirrored = np.concatenate([np.full(len(motion), flag) for _, flag, motion in clips])
+    kept = thin_poses(features, np.radians(settings.tolerance_deg))
+    positions = np.concatenate([_joint_positions(motion) for _, _, motion in clips])
+    kept, spacing_m = _thin_to(positions, kept, settings.poses // settings.views_count)
+    quantisation = _quantisation(features, angles, tilt, kept)
+    sigma, root_sigma = motion_sigmas(
+        [motion for _, flag, motion in clips if not flag], quantisation, settings
+    )
+    return BasePoses(
+        angles[kept].astype(np.float32),
+        tilt[kept].astype(np.float32),
+        source[kept].astype(np.int32),
+        is_mirrored[kept],
+        tuple(motions),
+        spacing_m,
+        len(features),
+        sigma,
+        root_sigma,
+    )
+
+
+def _joint_positions(motion: Motion) -> NDArray[np.float64]:
+    """Positions of the joints relative to the pelvis, heading removed, (T, 45) m."""
+    _, tilt = split_heading(motion.root_quaternion)
+    joints = landmarks(
+        motion.model, *forward(motion.model, np.zeros((len(motion), 3)), tilt, motion.angles_rad)
+    )
+    return (joints - joints[:, :1]).reshape(len(motion), -1)
+
+
+def _thin_to(
+    positions: NDArray[np.float64], kept: NDArray[np.integer], most: int
+) -> tuple[NDArray[np.integer], float]:
+    """Rows of at most `most` poses, thinned by the positions of the joints, and their spacing, m.
+
+    Joint angles would spend the poses on movements that a silhouette does not show, such as the
+    twist of an upper arm.
+    """
+    if len(kept) <= most:
+        return kept, 0.0
+    low, high = 0.0, _LARGEST_SPACING_M
+    rows = thin_poses(positions[kept], high)
+    if len(rows) > most:
+        return kept[rows[:: -(-len(rows) // most)]], high
+    while high - low > 0.02 * _LARGEST_SPACING_M / 10:
+        middle = (low + high) / 2
+        candidates = thin_poses(positions[kept], middle)
+        if len(candidates) <= most:
+            high, rows = middle, candidates
+        else:
+            low = middle
+    return kept[rows], high
+
+
+def _quantisation(
+    features: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    tilt: NDArray[np.float64],
+    kept: NDArray[np.integer],
+) -> tuple[NDArray[np.float64], float]:
+    """Mean squared distance of poses from the nearest base pose, per joint angle (D,) and of the
+    orientation, radians squared.
+    """
+    drawn = np.random.default_rng(0).permutation(len(features))[:_DRAWN]
+    library = features[kept]
+    square = (library**2).sum(axis=1)
+    nearest = kept[
+        np.concatenate(
+            [
+                np.argmin(square - 2 * rows @ library.T, axis=1)
+                for rows in np.array_split(features[drawn], 8)
+            ]
+        )
+    ]
+    turn = Rotation.from_quat(tilt[drawn], scalar_first=True).inv() * Rotation.from_quat(
+        tilt[nearest], scalar_first=True
+    )
+    return ((angles[drawn] - angles[nearest]) ** 2).mean(axis=0), float(
+        (turn.magnitude() ** 2).mean()
+    )
+
+
+def motion_sigmas(
+    motions: list[Motion],
+    quantisation: tuple[NDArray[np.float64], float],
+    settings: LibrarySettings,
+) -> tuple[NDArray[np.float32], float]:
+    """Step sizes of recorded motion within 1 / `dynamics.FPS`, sigma_j of eq. (4).
+
+    A library represents the poses before and after a step by their nearest samples, so twice the
+    mean squared distance to the nearest sample is added to the mean squared change.
+
+    Args:
+        motions: the clips.
+        quantisation: mean squared distances from the nearest base pose, per joint angle (D,), and
+            of the orientation, radians squared.
+        settings: settings of the library, of which the yaw step counts.
+
+    Returns:
+        Step sizes of the joint angles (D,) float32, at least half a degree, and of the orientation
+        about each axis.
+    """
+    change, turn, count = np.zeros(motions[0].angles_rad.shape[1]), 0.0, 0
+    for motion in motions:
+        step = max(1, round(motion.fps / FPS))
+        if len(motion) <= step:
+            continue
+        change += ((motion.angles_rad[step:] - motion.angles_rad[:-step]) ** 2).sum(axis=0)
+        rotation = Rotation.from_matrix(rotation_matrices(motion.root_quaternion))
+        turn += ((rotation[:-step].inv() * rotation[step:]).magnitude() ** 2).sum()
+        count += len(motion) - step
+    yaw = np.radians(settings.yaw_step_deg) ** 2 / 12
+    sigma = np.sqrt(change / max(count, 1) + 2 * quantisation[0])
+    root = np.sqrt((turn / max(count, 1) + 2 * (quantisation[1] + yaw)) / 3)
+    return np.maximum(sigma, _LEAST_SIGMA_RAD).astype(np.float32), float(
+        max(root, _LEAST_SIGMA_RAD)
+    )

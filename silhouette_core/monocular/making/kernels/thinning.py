@@ -1,0 +1,70 @@
+"""Greedy thinning of poses with a hash grid.
+
+Source: the criterion is Okada and Stenger's, section 3; the grid is ours, with the hash of Fowler,
+Noll and Vo (FNV-1a). Reference: `tests.oracles.making`, pair by pair.
+"""
+
+import numpy as np
+
+from silhouette_core.jit import kernel
+
+
+@kernel
+def _bucket(cell, mask):
+    """Bucket of a cell, from its integer coordinates (FNV-1a, then a final shuffle)."""
+    key = np.uint64(14695981039346656037)
+    for k in range(cell.shape[0]):
+        key = (key ^ np.uint64(cell[k])) * np.uint64(1099511628211)
+    return np.int64((key ^ (key >> np.uint64(29))) & mask)
+
+
+@kernel
+def thin_rows(rows, first, grid, tolerance, kept):
+    """Fills kept (N,): whether no earlier kept row of rows (N, K) is within the tolerance in every
+    column; rows before `first` are always kept.
+
+    The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the
+    neighbourhood of a row touches at most two cells a column, 2^G in all. Kept rows of a bucket
+    form a linked list; other cells that share the bucket cost a comparison each.
+    """
+    size = 16
+    while size < 2 * rows.shape[0]:
+        size *= 2
+    mask = np.uint64(size - 1)
+    head = np.full(size, -1, np.int64)
+    following = np.full(rows.shape[0], -1, np.int64)
+    dimensions = grid.shape[0]
+    cells = np.empty((3, dimensions), np.int64)
+    cell, low, high = cells[0], cells[1], cells[2]
+    width = 2.001 * tolerance
+    reach = 1.0001 * tolerance  # a little more than needed, so that rounding hides no neighbour
+    for n in range(rows.shape[0]):
+        for g in range(dimensions):
+            x = rows[n, grid[g]]
+            low[g] = np.int64(np.floor((x - reach) / width))
+            high[g] = np.int64(np.floor((x + reach) / width))
+        free = True
+        corner = 0
+        while n >= first and free and corner < 1 << dimensions:
+            new = True  # where low and high agree, the corners of that column are the same cell
+            for g in range(dimensions):
+                up = (corner >> g) & 1
+                new = new and (up == 0 or low[g] != high[g])
+                cell[g] = high[g] if up else low[g]
+            other = head[_bucket(cell, mask)] if new else -1
+            while other >= 0 and free:
+                near = True
+                k = 0
+                while near and k < rows.shape[1]:
+                    near = abs(rows[n, k] - rows[other, k]) <= tolerance
+                    k += 1
+                free = not near
+                other = following[other]
+            corner += 1
+        kept[n] = free
+        if free:
+            for g in range(dimensions):
+                cell[g] = np.int64(np.floor(rows[n, grid[g]] / width))
+            bucket = _bucket(cell, mask)
+            following[n] = head[bucket]
+            head[bucket] = n

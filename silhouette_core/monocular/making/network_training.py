@@ -1,0 +1,260 @@
+"""Training of a mixture density network by Adam on the likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.monocular.proposal.kernels import mixture as kernels
+from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork, normalised
+from silhouette_core.monocular.proposal.silhouette_features import product
+from silhouette_core.progress import Reporter
+from silhouette_core.read_ahead import side_by_side
+
+_PARTS = 4  # of a batch, worked on side by side; their number changes the last digits
+_WARM_UP = 200  # steps over which the rate grows
+_LAST_RATE = 1e-5
+_LARGEST_GRADIENT = 300.0  # longer gradients are shortened
+_CLAIMED = 0.4  # of the steps, in which the nearest mode alone learns
+_SHARE, _LEAST_SHARE = 0.3, 0.02  # of all modes meanwhile, at first and at last
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Settings of a training.
+
+    Attributes:
+        steps: number of steps.
+        batch: samples of a step, a multiple of 4.
+        rate: largest learning rate; it falls as a half cosine.
+        units: units of the hidden layers.
+        blocks: residual blocks.
+        modes: modes of the mixture.
+        noise: deviation of the noise on the inputs.
+        decay: decay of the weights per unit of rate.
+    """
+
+    steps: int = 16_000
+    batch: int = 320
+    rate: float = 2e-3
+    units: int = 768
+    blocks: int = 2
+    modes: int = 8
+    noise: float = 0.03
+    decay: float = 3e-3
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingBatch:
+    """Samples of a step.
+
+    Attributes:
+        inputs: (N, I).
+        joints: (N, J, 3), statures.
+        offset: (N, 3), as in `VirtualTake`.
+    """
+
+    inputs: NDArray[np.floating]
+    joints: NDArray[np.floating]
+    offset: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class LossGradient:
+    """Gradient of the mean of -log p over a batch.
+
+    Attributes:
+        loss: the mean.
+        weights: its gradient, one array per layer.
+        biases: likewise.
+        first: (N, K), with respect to what the first layer makes of every sample.
+    """
+
+    loss: float
+    weights: list[NDArray[np.floating]]
+    biases: list[NDArray[np.floating]]
+    first: NDArray[np.floating]
+
+    def put_before(self, inputs: NDArray[np.floating], gradient: NDArray[np.floating]) -> None:
+        """Adds the layer before those that are there, from its inputs (N, I) and the gradient
+        (N, O) with respect to its outputs.
+        """
+        self.weights.insert(0, product(inputs.T, gradient))
+        self.biases.insert(0, gradient.sum(axis=0))
+
+
+def loss_gradient(
+    network: MixtureNetwork,
+    batch: TrainingBatch,
+    share: float = 0.0,
+) -> LossGradient:
+    r"""Gradient of the loss with respect to a network's weights and biases.
+
+    .. math::
+
+        L = -\frac{1}{N} \sum_n \log \sum_m \pi_m \prod_j t_2(\Delta_{mj}^{\perp};
+        \sigma_{mj}^{\perp}) \, t_1(\Delta_{mj}^{\parallel}; \sigma_{mj}^{\parallel})
+        - \frac{1}{N} \sum_n \sum_k \log t_1(\delta_k; \sigma_k)
+
+    with Student's t of 4 degrees of freedom over the errors of the joints across and along the
+    line of sight, and of the offsets.
+
+    Args:
+        network: the network.
+        batch: the samples.
+        share: if above 0, the mode nearest to the truth is responsible for 1 - share of a sample
+            whatever its probability, and all modes for the rest ("winner takes most").
+
+    Source: Bishop (1994); winner takes most as in Makansi et al., Overcoming limitations of
+    mixture density networks (2019).
+    """
+    state = network.layer(0, batch.inputs)
+    blocks: list[_Block] = []
+    for number in network.blocks:
+        normal, deviation = normalised(state)
+        hidden = network.layer(number, normal)
+        np.maximum(hidden, 0, out=hidden)
+        blocks.append(_Block(number, normal, deviation, hidden))
+        state = state + network.layer(number + 1, hidden)
+    normal, deviation = normalised(state)
+    last = np.maximum(normal, 0)
+    outputs = network.layer(len(network.weights) - 1, last)
+    slope, likelihood = np.empty_like(outputs), np.empty(len(outputs))
+    kernels.mixture_gradients(
+        outputs,
+        batch.joints,
+        batch.offset,
+        network.mean_joints,
+        network.modes,
+        share,
+        slope,
+        likelihood,
+    )
+    slope /= len(slope)
+    found = LossGradient(-float(likelihood.mean()), [], [], np.empty_like(state))
+    found.put_before(last, slope)
+    gradient = _before_normalising(
+        product(slope, network.weights[-1].T) * (last > 0), normal, deviation
+    )
+    for block in reversed(blocks):
+        found.put_before(block.hidden, gradient)
+        inner = product(gradient, network.weights[block.number + 1].T) * (block.hidden > 0)
+        found.put_before(block.normal, inner)
+        normal_gradient = product(inner, network.weights[block.number].T)
+        gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
+    found.put_before(batch.inputs, gradient)
+    found.first[:] = gradient
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """What a residual block made of a batch: N vectors of K elements."""
+
+    number: int  # of its first layer
+    normal: NDArray[np.floating]  # (N, K), what it read
+    deviation: NDArray[np.floating]  # (N, 1)
+    hidden: NDArray[np.floating]  # (N, K)
+
+
+def _before_normalising(
+    gradient: NDArray[np.floating],
+    normal: NDArray[np.floating],
+    deviation: NDArray[np.floating],
+) -> NDArray[np.floating]:
+    """Gradient (N, K) with respect to vectors, from that with respect to what `normalised` makes
+    of them.
+    """
+    along = (gradient * normal).mean(axis=1, keepdims=True)
+    return (gradient - gradient.mean(axis=1, keepdims=True) - normal * along) / deviation
+
+
+def train_network(
+    network: MixtureNetwork,
+    draw: Callable[[np.random.Generator, int], TrainingBatch],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    reporter: Reporter,
+) -> float:
+    """Trains a network in place.
+
+    Args:
+        network: the network, with random weights.
+        draw: draws a number of samples; called in several threads.
+        settings: settings of the training.
+        rng: random numbers, on which alone and on the samples the result depends.
+        reporter: informed of every step.
+
+    Returns:
+        Mean loss of the last tenth of the steps.
+    """
+
+    def gradients(
+        stream: np.random.Generator, samples: int, share: float
+    ) -> tuple[float, list[NDArray]]:
+        batch = draw(stream, samples)
+        noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
+        noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
+        found = loss_gradient(network, noisy, share)
+        return found.loss, [*found.weights, *found.biases]
+
+    return descend([*network.weights, *network.biases], gradients, settings, rng, reporter)
+
+
+def descend(
+    parameters: Sequence[NDArray[np.floating]],
+    gradients: Callable[[np.random.Generator, int, float], tuple[float, list[NDArray]]],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    reporter: Reporter,
+) -> float:
+    """Lets parameters descend along the gradients of random samples, in place.
+
+    Args:
+        parameters: arrays; those of two dimensions decay.
+        gradients: from random numbers, a number of samples to draw and the share of
+            `loss_gradient`: the loss and its gradient with respect to every array; called in
+            several threads.
+        settings: settings of the training.
+        rng: random numbers, on which alone and on the samples the result depends.
+        reporter: informed of every step.
+
+    Returns:
+        Mean loss of the last tenth of the steps.
+
+    Source: Kingma and Ba, Adam (2015).
+    """
+    first = [np.zeros_like(array) for array in parameters]
+    second = [np.zeros_like(array) for array in parameters]
+    streams = rng.spawn(_PARTS)
+    losses: list[float] = []
+    for step in range(settings.steps):
+        done = step / settings.steps
+        share = max(_SHARE * (1 - done / _CLAIMED), _LEAST_SHARE) if done < _CLAIMED else 0.0
+        portion = settings.batch // _PARTS, share
+        parts = side_by_side(lambda stream, portion=portion: gradients(stream, *portion), streams)
+        means = [
+            sum(arrays[1:], start=arrays[0]) / np.float32(_PARTS)
+            for arrays in zip(*(found for _, found in parts), strict=True)
+        ]
+        length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in means))
+        scale = min(1.0, _LARGEST_GRADIENT / max(length, 1e-9))
+        warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
+        rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + _LAST_RATE
+        for array, gradient, one, two in zip(parameters, means, first, second, strict=True):
+            kernels.adam_step(
+                array.reshape(-1),
+                gradient.reshape(-1),
+                one.reshape(-1),
+                two.reshape(-1),
+                step + 1,
+                rate,
+                settings.decay if array.ndim == 2 else 0.0,
+                scale,
+            )
+        losses.append(float(np.mean([loss for loss, _ in parts])))
+        reporter.advance()
+    return float(np.mean(losses[-max(1, settings.steps // 10) :]))

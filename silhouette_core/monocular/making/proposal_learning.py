@@ -1,0 +1,321 @@
+"""Training of the proposal on virtual takes of recorded motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.making.encoder_training import PictureBatch, train_encoders
+from silhouette_core.monocular.making.network_training import (
+    TrainingBatch,
+    TrainingSettings,
+    train_network,
+)
+from silhouette_core.monocular.making.varied_motion import vary_motion
+from silhouette_core.monocular.making.virtual_takes import (
+    VirtualBodies,
+    VirtualTake,
+    film_take,
+    mirror_image,
+    plan_takes,
+)
+from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
+from silhouette_core.monocular.proposal.silhouette_features import (
+    FEET_COMPONENTS,
+    FrameFeatures,
+    InsideGrids,
+    SilhouetteCodes,
+    fit_basis,
+    nearby_frames,
+    network_inputs,
+)
+from silhouette_core.motion.motion import Motion
+from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.read_ahead import side_by_side
+
+Arrays = Mapping[str, NDArray]
+_BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
+_BASIS_GRIDS = 4000
+_AT_ONCE = 24  # takes that are filmed side by side
+_CAUSAL, _COLOURLESS = 1 / 3, 1 / 3  # of the samples
+_GRIDS = "coverage", "feet", "skin", "shading"
+_LEAST_STEPS = 200
+
+
+@dataclass(frozen=True)
+class LearningSettings:
+    """Settings of the proposal.
+
+    Attributes:
+        frames: largest number of virtual frames.
+        takes: largest number of virtual takes of each recorded frame.
+        mirror: whether the mirror image of each frame is learned from as well.
+        all_varied: whether the motion of all takes is varied instead of that of every other one.
+        pictures: number of virtual frames from which the encoders learn.
+        passes: how often each virtual frame and mirror image is learned from, if that takes fewer
+            steps than `encoding` and `training` allow.
+        encoding: settings of the training of the encoders, and of the network that goes with it.
+        training: settings of the training of the network.
+        seed: seed of everything random.
+    """
+
+    frames: int = 800_000
+    takes: int = 60
+    mirror: bool = True
+    all_varied: bool = False
+    pictures: int = 150_000
+    passes: float = 5.0
+    encoding: TrainingSettings = field(
+        default_factory=lambda: TrainingSettings(steps=5_000, batch=256, units=512)
+    )
+    training: TrainingSettings = field(default_factory=TrainingSettings)
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedFrames:
+    """Frames of all takes.
+
+    Attributes:
+        features: their features; takes are 10 s apart.
+        joints: (T, 14, 3) float32, as in `VirtualTake`.
+        offset: (T, 3) float32, as in `VirtualTake`.
+    """
+
+    features: FrameFeatures
+    joints: NDArray[np.float32]
+    offset: NDArray[np.float32]
+
+
+def learn_proposal(
+    motions: Sequence[Motion],
+    model: BodyModel,
+    settings: LearningSettings | None = None,
+    reporter: Reporter | None = None,
+    step: Callable[[str, Callable[[], Arrays]], Arrays] | None = None,
+) -> PoseProposal:
+    """Proposal that has learned to tell recorded motion from its silhouettes.
+
+    Args:
+        motions: recorded motion, of the body.
+        model: the body of the library; random bodies around it are filmed.
+        settings: settings; None: the usual ones.
+        reporter: informed of the stages.
+        step: keeps the arrays of a named step, made by a function, and gives them again after an
+            interruption, such as `Checkpoint.step`; None: nothing is kept.
+
+    Returns:
+        The proposal; the same inputs give the same one, for any number of threads.
+
+    Raises:
+        InputError: there is too little motion.
+    """
+    settings, reporter = settings or LearningSettings(), reporter or SilentReporter()
+    step = step or _made
+    streams = np.random.SeedSequence(settings.seed).spawn(5)
+    plan, film, fit, encode, train = (np.random.default_rng(stream) for stream in streams)
+    recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
+    stretches = plan_takes(motions, min(settings.frames, settings.takes * recorded), plan)
+    if not stretches:
+        raise InputError(
+            "the proposal needs motion of at least half a second: give more, or --no-proposal"
+        )
+    # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
+    # products.
+    with threadpool_limits(1, user_api="blas"):
+        studio = _Studio(stretches, VirtualBodies(model), settings, film.spawn(len(stretches)))
+        ends = np.cumsum([len(stretch) for stretch in stretches])
+        first = int(np.searchsorted(ends, min(settings.pictures, ends[-1]))) + 1
+        groups = studio.film("filming the first takes", range(first), reporter)
+        takes = [take for group in groups for take in group]
+        encoding = SilhouetteEncoding.from_arrays(
+            step(
+                "encoding",
+                lambda: _trained_encoding(takes, settings, (fit, encode), reporter).arrays(),
+            )
+        )
+        codes = side_by_side(partial(_codes, encoding), takes)
+        takes = [_without_grids(take) for take in takes]
+        others = range(first, len(stretches))
+        for group in studio.film("filming the other takes", others, reporter):
+            codes += side_by_side(partial(_codes, encoding), group)
+            takes += [_without_grids(take) for take in group]
+        filmed = _joined(takes, codes)
+        network = _trained(filmed, settings, train, reporter)
+    return PoseProposal(encoding, network)
+
+
+def _made(name: str, make: Callable[[], Arrays]) -> Arrays:
+    return make()
+
+
+@dataclass(frozen=True, eq=False)
+class _Studio:
+    """Films stretches of motion, each with random numbers of its own."""
+
+    stretches: Sequence[Motion]
+    bodies: VirtualBodies
+    settings: LearningSettings
+    streams: Sequence[np.random.Generator]
+
+    def film(self, name: str, numbers: range, reporter: Reporter) -> Iterator[list[VirtualTake]]:
+        """Takes of stretches and, if wanted, their mirror images, a few at a time."""
+        if not numbers:
+            return
+        reporter.stage(name, sum(len(self.stretches[number]) for number in numbers))
+        for start in range(0, len(numbers), _AT_ONCE):
+            takes = side_by_side(self._take, numbers[start : start + _AT_ONCE])
+            count = sum(map(len, takes))
+            if self.settings.mirror:
+                takes = [either for take in takes for either in (take, mirror_image(take))]
+            yield takes
+            reporter.advance(count)
+
+    def _take(self, number: int) -> VirtualTake:
+        motion, rng = self.stretches[number], self.streams[number]
+        if self.settings.all_varied or number % 2 == 0:
+            motion = vary_motion(motion, self.stretches, rng)
+        return film_take(motion, self.bodies, rng)
+
+
+class FramePool:
+    """Frames of several takes, one after the other; nothing is copied before it is asked for."""
+
+    def __init__(self, takes: Sequence[VirtualTake]) -> None:
+        """Keeps the takes."""
+        self._takes = takes
+        self._ends = np.cumsum([len(take) for take in takes])
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return int(self._ends[-1])
+
+    def gathered(self, frames: NDArray[np.integer], name: str) -> NDArray:
+        """An attribute (n, ...) of the takes in frames (n,)."""
+        numbers = np.searchsorted(self._ends, frames, side="right")
+        return np.stack(
+            [
+                getattr(self._takes[number], name)[frame - self._ends[number]]
+                for number, frame in zip(numbers, frames, strict=True)
+            ]
+        )
+
+
+def _codes(encoding: SilhouetteEncoding, take: VirtualTake) -> SilhouetteCodes:
+    """Codes of a take, float16: half the memory, and rounded less than the noise in training."""
+    codes = encoding.with_inside(
+        encoding.codes(take.coverage, take.feet), InsideGrids(take.skin, take.shading)
+    )
+    return replace(
+        codes,
+        outline=codes.outline.astype(np.float16),
+        feet=codes.feet.astype(np.float16),
+        inside=codes.inside.astype(np.float16),
+    )
+
+
+def _without_grids(take: VirtualTake) -> VirtualTake:
+    """A take without its grids, which would fill the memory."""
+    return replace(take, **{name: getattr(take, name)[:0].copy() for name in _GRIDS})
+
+
+def _joined(takes: Sequence[VirtualTake], codes: Sequence[SilhouetteCodes]) -> FilmedFrames:
+    """Frames of all takes."""
+    starts = [0.0, *np.cumsum([take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes])]
+    time_s = [
+        take.time_s - take.time_s[0] + start for take, start in zip(takes, starts[:-1], strict=True)
+    ]
+    features = FrameFeatures(
+        SilhouetteCodes.joined(codes),
+        np.concatenate([take.pitch_rad for take in takes]),
+        np.concatenate([take.heading_rad for take in takes]),
+        np.concatenate([take.anchor for take in takes]),
+        np.concatenate(time_s),
+    )
+    joints, offset = (
+        np.concatenate([getattr(take, name) for take in takes]) for name in ("joints", "offset")
+    )
+    return FilmedFrames(features, joints, offset)
+
+
+def _trained_encoding(
+    takes: Sequence[VirtualTake],
+    settings: LearningSettings,
+    streams: tuple[np.random.Generator, np.random.Generator],
+    reporter: Reporter,
+) -> SilhouetteEncoding:
+    """Basis and encoders, learned from takes, each with random numbers of its own."""
+    fit, encode = streams
+    pool = FramePool(takes)
+    chosen = fit.permutation(len(pool))[:_BASIS_GRIDS]
+    feet = fit_basis(pool.gathered(chosen, "feet"), FEET_COMPONENTS, fit)
+
+    def draw(rng: np.random.Generator, samples: int) -> PictureBatch:
+        frames = rng.integers(0, len(pool), samples)
+        others = (
+            feet.encode(pool.gathered(frames, "feet")),
+            2 * pool.gathered(frames, "pitch_rad")[:, None],
+            pool.gathered(frames, "anchor")[:, 2:],
+        )
+        return PictureBatch(
+            *(pool.gathered(frames, name) for name in ("coverage", "skin", "shading")),
+            coloured=rng.random(samples) >= _COLOURLESS,
+            samples=TrainingBatch(
+                np.concatenate(others, axis=1, dtype=np.float32),
+                pool.gathered(frames, "joints"),
+                pool.gathered(frames, "offset"),
+            ),
+        )
+
+    training = _shortened(settings.encoding, settings.passes * len(pool))
+    reporter.stage("learning the encoders", training.steps)
+    return train_encoders(draw, feet, training, encode, reporter)
+
+
+def _shortened(training: TrainingSettings, samples: float) -> TrainingSettings:
+    """Settings for a number of samples, if that takes fewer steps."""
+    steps = max(round(samples / training.batch), _LEAST_STEPS)
+    return replace(training, steps=min(training.steps, steps))
+
+
+def _trained(
+    filmed: FilmedFrames,
+    settings: LearningSettings,
+    rng: np.random.Generator,
+    reporter: Reporter,
+) -> MixtureNetwork:
+    """Network trained on frames."""
+    count = len(filmed.features)
+    training = _shortened(settings.training, settings.passes * count)
+    nearby = nearby_frames(filmed.features.time_s)
+
+    def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:
+        frames = rng.integers(0, count, samples)
+        causal = rng.random(samples) < _CAUSAL
+        coloured = rng.random(samples) >= _COLOURLESS
+        return TrainingBatch(
+            network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
+            filmed.joints[frames],
+            filmed.offset[frames],
+        )
+
+    network = MixtureNetwork.initial(
+        draw(np.random.default_rng(0), 1).inputs.shape[1],
+        training.units,
+        training.blocks,
+        training.modes,
+        filmed.joints.mean(axis=0),
+        rng,
+    )
+    reporter.stage("learning the proposal", training.steps)
+    train_network(network, draw, training, rng, reporter)
+    return network

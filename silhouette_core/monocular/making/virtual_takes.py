@@ -1,0 +1,414 @@
+"""Virtual takes: recorded motion of random bodies before random cameras, as silhouettes.
+
+All lengths are in statures, so that what is learned serves every body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES, PART_NAMES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
+from silhouette_core.image.raster import render_many
+from silhouette_core.monocular.making.kernels import virtual_views as kernels
+from silhouette_core.monocular.making.virtual_defects import (
+    cast_shadow,
+    passing_defects,
+    wall_coloured_places,
+)
+from silhouette_core.monocular.making.virtual_shading import (
+    bare_pixels,
+    lit_labels,
+    part_colours,
+    relative_brightness,
+)
+from silhouette_core.monocular.proposal.silhouette_features import (
+    FULL,
+    GRID,
+    STATURE_CELLS,
+    counted,
+    feet_grid,
+    level_axes,
+    shading_grid,
+)
+from silhouette_core.motion import kinematics
+from silhouette_core.motion.motion import Motion
+
+_FPS = 30.0
+_LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
+_CANVAS_PX = 208
+_STATURE_PX = 2 * STATURE_CELLS
+_HEAD_TOP = LANDMARK_NAMES.index("head_top")
+_SIZE = _CANVAS_PX, _CANVAS_PX
+_MATRIX = np.array([[1, 0, (_CANVAS_PX - 1) / 2], [0, 1, (_CANVAS_PX - 1) / 2], [0, 0, 1]], float)
+_METRE = 1 / 1.75  # in statures
+# Bodies: deviations relative to the spread of adults, and a common one of all girths.
+_SPREAD, _STOUT = 0.8, 0.12
+_SHAPE_LIMITS = (-0.3, 0.45)
+_GIRTHS = np.array(
+    [
+        axis.along == "girth" or axis.name in ("trunk_width", "trunk_depth", "foot_girth")
+        for axis in SHAPE_AXES
+    ]
+)
+_LOOSE = ("pelvis", "lumbar", "abdomen", "thorax", "thigh", "shin", "upper_arm", "clavicle")
+_CLOTHED = np.array([any(name in part for name in _LOOSE) for part in PART_NAMES])
+_CLOTHES = (0.005 * _METRE, 0.035 * _METRE)  # distance of wide clothes from the skin
+# What has the colours of the head: under a cap or much hair nothing else, otherwise these, each
+# with its chance if all before have: sleeves differ.
+_CAP = 0.2
+_BARE_PARTS = (
+    (("hand", "thumb", "fingers"), 0.96),
+    (("forearm",), 0.6),
+    (("upper_arm",), 0.25),
+)
+_BARE_LEGS, _BARE_FEET = 0.12, 0.12
+_SKIN_LIKE, _SKIN_LIKE_PARTS = (
+    0.08,
+    (
+        ("upper_thorax", "thorax", "abdomen", "clavicle", "upper_arm"),
+        ("thigh", "shin", "pelvis"),
+        ("foot", "toes"),
+    ),
+)
+_SURE, _WRONGLY, _OFTEN, _SKIN_NOISE = (0.6, 1.0), (0.0, 0.3), 0.4, 0.2
+_EXPOSURE, _GRAIN = 0.02, (0.005, 0.05)  # of brightness: of a frame, of a cell; logarithms
+# Cameras: distances and heights, and the room that the person leaves before them.
+_DISTANCE, _HEIGHT = (2.7 * _METRE, 7.5 * _METRE), (0.4 * _METRE, 3.2 * _METRE)
+_NEAREST = 1.8 * _METRE
+_RAISED, _HIGHEST = 0.08, 0.6  # chance that the person hangs or climbs, and how high
+_AWAY = 0.35 * _METRE  # deviation of the place from the middle of the room
+# Logarithm of the error of the assumed distance: constant, and how it wanders.
+_WRONG, _STEADY, _WANDER = 0.09, 0.95, 0.008
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualTake:
+    """T frames of a person before a virtual camera; lengths in statures, the floor at 0.
+
+    Attributes:
+        coverage: (T, 60, 80) uint8, 0 to 4, the silhouettes, see `coverage_grid`.
+        feet: (T, 28, 48) uint8, 0 or 4, their lowest parts, see `feet_grid`.
+        skin: (T, 60, 80) uint8, 0 to 4, what has the colours of the head.
+        shading: (T, 60, 80) uint8, see `shading_grid`.
+        pitch_rad: (T,) float32, as in `FrameFeatures`.
+        heading_rad: (T,) float32, as in `FrameFeatures`.
+        anchor: (T, 3) float32, as in `FrameFeatures`.
+        time_s: (T,) float64.
+        joints: (T, 14, 3) float32, joints but the pelvis, relative to it: right, away, up.
+        offset: (T, 3) float32, the pelvis in the window (right, down) at the assumed distance, and
+            the logarithm of its true distance over the assumed one.
+    """
+
+    coverage: NDArray[np.uint8]
+    feet: NDArray[np.uint8]
+    skin: NDArray[np.uint8]
+    shading: NDArray[np.uint8]
+    pitch_rad: NDArray[np.float32]
+    heading_rad: NDArray[np.float32]
+    anchor: NDArray[np.float32]
+    time_s: NDArray[np.float64]
+    joints: NDArray[np.float32]
+    offset: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.time_s)
+
+
+class VirtualBodies:
+    """Random bodies around that of a library, with and without wide clothes."""
+
+    def __init__(self, model: BodyModel) -> None:
+        """Prepares the templates.
+
+        Args:
+            model: body of the library; both sexes are drawn if its sex is unknown.
+        """
+        sizes = model.sizes
+        sexes = ("male", "female") if sizes.sex == "unknown" else (sizes.sex,)
+        self._templates = [
+            BodyModel.from_sizes(BodySizes(sizes.stature_m, sizes.chest_girth_m, sex))
+            for sex in sexes
+        ]
+
+    def draw(self, rng: np.random.Generator) -> tuple[BodyModel, NDArray[np.float64], float]:
+        """Body, its clothed vertices (V, 3) at rest, m, and its stature, m."""
+        template = self._templates[int(rng.integers(len(self._templates)))]
+        stout = rng.normal(0, _STOUT)
+        body = ~IS_CLOTHING
+        shape = _GIRTHS * stout
+        shape[body] += rng.normal(0, _SPREAD, np.count_nonzero(body)) * SHAPE_SIGMA[body]
+        model = template.reshaped(template.shape + np.clip(shape, *_SHAPE_LIMITS))
+        stature = float(model.landmarks_m[_HEAD_TOP, 2] - model.vertices_m[:, 2].min())
+        vertices = model.vertices_m
+        if rng.random() < 0.5:
+            covered = (model.skin_weights * _CLOTHED[model.skin_parts]).sum(axis=1)
+            width = rng.uniform(*_CLOTHES) * stature
+            vertices = vertices + model.vertex_normals * (width * covered)[:, None]
+        return model, vertices, stature
+
+
+def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -> VirtualTake:
+    """Films a motion with a random camera.
+
+    Args:
+        motion: T frames, about 30 per second.
+        bodies: bodies, of which one is drawn.
+        rng: random numbers; the take depends on nothing else.
+
+    Returns:
+        The take.
+    """
+    joints, surface, model = _performed(motion, bodies, rng)
+    count = len(joints)
+    centre = _camera_place(joints[:, 0, :2], rng)
+    toward = surface.mean(axis=1, dtype=np.float64) - centre
+    heading = np.arctan2(toward[:, 1], toward[:, 0])
+    pitch = np.arctan2(-toward[:, 2], np.hypot(toward[:, 0], toward[:, 1]))
+    level = level_axes(heading)
+    forward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    down = np.asarray(np.cross(forward, level[:, 0]), float)
+    camera_from_world = np.stack([level[:, 0], down, forward], axis=1)
+    pelvis = np.einsum("tij,tj->ti", camera_from_world, joints[:, 0] - centre)
+    assumed = pelvis[:, 2] * np.exp(_distance_error(count, rng))
+    focal = _STATURE_PX * assumed
+    viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
+    bare_parts = _bare_parts(rng)
+    labels = lit_labels(surface, model.faces, model.face_part, bare_parts, rng)
+    images = render_many(viewed, model.faces, labels, _MATRIX, _SIZE)
+    masks, bare = (images > 0).view(np.uint8), bare_pixels(images)
+    shadow = cast_shadow(surface, rng)
+    if shadow is not None:
+        fallen = _viewed(shadow - centre.astype(np.float32), camera_from_world, focal)
+        masks |= render_many(fallen, model.faces, labels, _MATRIX, _SIZE, cull_back=False) > 0
+    _spoil(masks, bare, viewed, part_colours(bare_parts)[_main_parts(model)], rng)
+    coverage = np.empty((count, *GRID), np.uint8)
+    corners = np.empty((count, 2), np.int32)
+    kernels.centre_coverage(masks, coverage, corners)
+    # The window's middle, relative to the canvas's.
+    middle = corners + (np.array(GRID[::-1]) * 2 - 1) / 2 - (_CANVAS_PX - 1) / 2
+    ray = np.column_stack([middle / focal[:, None], np.ones(count)])
+    seen = pelvis[:, :2] / pelvis[:, 2:] * focal[:, None] - middle
+    relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
+    return VirtualTake(
+        coverage,
+        feet_grid(masks.astype(bool)),
+        _skin_grids(bare & masks, masks, corners, rng),
+        _shading_grids(relative_brightness(images, rng) * masks, masks, corners, rng),
+        pitch.astype(np.float32),
+        heading.astype(np.float32),
+        (centre + assumed[:, None] * np.einsum("tji,tj->ti", camera_from_world, ray)).astype(
+            np.float32
+        ),
+        motion.time_s,
+        relative.astype(np.float32),
+        np.column_stack([seen / _STATURE_PX, np.log(pelvis[:, 2] / assumed)]).astype(np.float32),
+    )
+
+
+def mirror_image(take: VirtualTake) -> VirtualTake:
+    """The take as seen in a mirror: left and right of pictures, body and room exchanged."""
+    coverage, feet, skin, shading = (
+        grids[..., ::-1] for grids in (take.coverage, take.feet, take.skin, take.shading)
+    )
+    # The window of the feet has one column more on its left, see `feet_grid`.
+    feet = np.concatenate([np.zeros_like(feet[..., :1]), feet[..., :-1]], axis=-1)
+    across = np.array([-1, 1, 1], np.float32)
+    exchanged = np.array(EXCHANGED_LANDMARKS)[1:] - 1  # without the pelvis
+    return VirtualTake(
+        coverage,
+        feet,
+        skin,
+        shading,
+        take.pitch_rad,
+        -take.heading_rad,
+        take.anchor * across[[1, 0, 2]],
+        take.time_s,
+        take.joints[:, exchanged] * across,
+        take.offset * across,
+    )
+
+
+def _performed(
+    motion: Motion, bodies: VirtualBodies, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float32], BodyModel]:
+    """Joints (T, 15, 3) and surfaces (T, V, 3) of a random body in statures, on the floor near the
+    middle of the room, and the body.
+    """
+    model, vertices, stature = bodies.draw(rng)
+    rotation, origin = kinematics.forward(
+        model, motion.root_m, motion.root_quaternion, motion.angles_rad
+    )
+    joints = kinematics.landmarks(model, rotation, origin) / stature
+    surface = np.empty((len(motion), *vertices.shape), np.float32)
+    clothed = replace(model, vertices_m=vertices)
+    for frame in range(len(motion)):
+        surface[frame] = kinematics.skin(clothed, rotation[frame], origin[frame])
+    surface /= stature
+    root = joints[:, 0, :2]
+    floor = np.quantile(surface[..., 2].min(axis=1), 0.1)
+    if rng.random() < _RAISED:
+        floor -= rng.uniform(0, _HIGHEST)
+    moved = np.array([*(root.max(axis=0) + root.min(axis=0)) / 2 + rng.normal(0, _AWAY, 2), floor])
+    return joints - moved, surface - moved.astype(np.float32), model
+
+
+def _bare_parts(rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Whether every part (27,) has the colours of the head."""
+    bare = {"head"}
+    if rng.random() >= _CAP:
+        bare |= {"neck"}
+        for parts, chance in _BARE_PARTS:
+            if rng.random() >= chance:
+                break
+            bare |= set(parts)
+        if rng.random() < _BARE_LEGS:
+            bare |= {"shin"}
+        if rng.random() < _BARE_FEET:
+            bare |= {"foot", "toes"}
+    if rng.random() < _SKIN_LIKE:  # clothes of the same colours
+        bare |= set(_SKIN_LIKE_PARTS[int(rng.integers(len(_SKIN_LIKE_PARTS)))])
+    names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
+    return np.array([name in bare for name in names])
+
+
+def _skin_grids(
+    bare: NDArray[np.uint8],
+    masks: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """Grids (T, 60, 80) uint8, 0 to 4, of bare parts (T, H, W) 0 or 1 in windows at corners (T, 2):
+    the colours of the head are found less surely than these, and elsewhere, too.
+    """
+    grids = window_coverage(bare, corners).astype(np.float32)
+    elsewhere = window_coverage(masks, corners) - grids
+    sure, wrong = rng.uniform(*_SURE), rng.uniform(*_WRONGLY) * (rng.random() < _OFTEN)
+    noise = rng.normal(0, rng.uniform(0, _SKIN_NOISE), grids.shape).astype(np.float32)
+    found = sure * grids + wrong * elsewhere
+    return np.clip(np.rint(found + noise * (found > 0) * FULL), 0, FULL).astype(np.uint8)
+
+
+def _shading_grids(
+    brightness: NDArray[np.float32],
+    masks: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """Grids (T, 60, 80) uint8 of relative brightness (T, H, W) in windows at corners (T, 2), with
+    exposures and noise that change from frame to frame.
+    """
+    sums = window_coverage(brightness, corners)
+    covered = window_coverage(masks, corners)
+    exposure = rng.normal(0, _EXPOSURE, len(masks)).astype(np.float32)[:, None, None]
+    noise = rng.uniform(*_GRAIN) * rng.standard_normal(sums.shape, np.float32)
+    return shading_grid(sums + covered * (exposure + noise))
+
+
+def window_coverage(masks: NDArray, corners: NDArray[np.integer]) -> NDArray:
+    """Coverage (T, 60, 80), 0 to 4, of masks (T, H, W), 0 or 1, in windows whose first pixels, x
+    and y, are at corners (T, 2); outside the masks it is 0. Of other images: the sums of the cells.
+    """
+    rows, columns = 2 * GRID[0], 2 * GRID[1]
+    window = np.zeros((len(masks), rows, columns), masks.dtype)
+    height, width = masks.shape[1:]
+    for mask, (left, top), part in zip(masks, corners, window, strict=True):
+        bottom, right = min(top + rows, height), min(left + columns, width)
+        inside = mask[max(top, 0) : bottom, max(left, 0) : right]
+        part[max(-top, 0) : bottom - top, max(-left, 0) : right - left] = inside
+    return counted(window)
+
+
+def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Place (3,) of a camera that has the person's way (T, 2) before it."""
+    azimuth = rng.uniform(0, 2 * np.pi)
+    distance = np.exp(rng.uniform(*np.log(_DISTANCE)))
+    height = rng.uniform(*_HEIGHT)
+    away = np.array([np.cos(azimuth), np.sin(azimuth)])
+    while np.linalg.norm(roots - distance * away, axis=1).min() < _NEAREST:
+        distance *= 1.2
+    return np.array([*(distance * away), height])
+
+
+def _distance_error(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Logarithm (T,) of the assumed distance over the true one."""
+    error = np.zeros(count)
+    constant, steps = rng.normal(0, _WRONG), rng.normal(0, _WANDER, count)
+    for frame in range(1, count):
+        error[frame] = _STEADY * error[frame - 1] + steps[frame]
+    return constant + error
+
+
+def _viewed(
+    surface: NDArray[np.float32],
+    camera_from_world: NDArray[np.float64],
+    focal_px: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Surfaces (T, V, 3) in the cameras' frames, x and y times the focal length: every frame has
+    its own, and all are drawn with one matrix.
+    """
+    scaled = (
+        camera_from_world * np.column_stack([focal_px, focal_px, np.ones_like(focal_px)])[..., None]
+    )
+    return np.matmul(surface, scaled.transpose(0, 2, 1).astype(np.float32))
+
+
+def _main_parts(model: BodyModel) -> NDArray[np.integer]:
+    """Part (V,) that moves each vertex most."""
+    main = model.skin_weights.argmax(axis=1)[:, None]
+    return np.take_along_axis(model.skin_parts, main, axis=1)[:, 0]
+
+
+def _spoil(
+    masks: NDArray[np.uint8],
+    bare: NDArray[np.uint8],
+    viewed: NDArray[np.float32],
+    colour: NDArray[np.integer],
+    rng: np.random.Generator,
+) -> None:
+    """Gives silhouettes and bare parts (T, H, W), in place, the defects of real ones, each its own,
+    at the places of vertices (T, V, 3) that have colours (V,).
+    """
+    places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
+    edges, discs = passing_defects(places, rng)
+    alike = wall_coloured_places(places, colour, rng)
+    kernels.spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
+    edges, discs = passing_defects(places, rng, strange=False)
+    kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
+
+
+def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator) -> list[Motion]:
+    """Stretches of motion of two to four seconds, 30 frames per second, in random order.
+
+    Args:
+        motions: recorded motion.
+        frames: number of frames wanted; every frame is taken equally often, or once more.
+        rng: random numbers.
+    """
+    thinned = [motion.select(slice(None, None, _stride(motion))) for motion in motions]
+    thinned = [motion for motion in thinned if len(motion) >= _SHORTEST]
+    stretches: list[Motion] = []
+    planned = 0
+    while thinned and planned < frames:
+        this_pass: list[Motion] = []
+        for motion in thinned:
+            length = int(rng.integers(*_LENGTHS))
+            for start in range(-int(rng.integers(0, length)), len(motion), length):
+                rows = slice(max(start, 0), start + length)
+                if len(motion.root_m[rows]) >= _SHORTEST:
+                    this_pass.append(motion.select(rows))
+        for chosen in rng.permutation(len(this_pass)):
+            if planned < frames:
+                stretches.append(this_pass[chosen])
+                planned += len(this_pass[chosen])
+    return [stretches[chosen] for chosen in rng.permutation(len(stretches))]
+
+
+def _stride(motion: Motion) -> int:
+    return max(1, round(motion.fps / _FPS))

@@ -1,0 +1,246 @@
+"""Stages of the monocular estimator, frame by frame, for recordings and for live pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Frame, Settings
+from silhouette_core.image.distance import WEIGHTINGS, Weighting
+from silhouette_core.image.head_colours import ColourCrop
+from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.monocular.making.default import default_library
+from silhouette_core.monocular.person import Person, find_person
+from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.trajectory import FrameEstimate, PoseTrajectory
+from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
+from silhouette_core.monocular.tree.pose_library import PoseLibrary, require_body
+from silhouette_core.monocular.tree.store import read_library
+from silhouette_core.monocular.tree.view_tree_filter import tree_filter
+from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.pose import Pose
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.scoring.backend import load_backend
+
+LONG_SIDE_PX = 960
+_USUAL_STATURE_M = 1.70
+
+
+@dataclass(frozen=True)
+class MonocularOptions:
+    """Options of this estimator only, checked.
+
+    Attributes:
+        library: path of a pose library; empty: the default library.
+        start: "facing" or "any", see `ForwardFilter`.
+        refine: whether limbs are resampled and poses refined.
+        weighting: pixel weights of the silhouette distance.
+        motion_model: "DM2" with the occlusion-aware eq. (5), "DM1" without.
+        outline_only: whether what lies inside the outline is left out.
+        body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
+            is adapted to the person.
+    """
+
+    library: str = ""
+    start: str = "facing"
+    refine: bool = True
+    weighting: Weighting = "balanced"
+    motion_model: str = "DM2"
+    outline_only: bool = False
+    body: str = ""
+
+    def __post_init__(self) -> None:
+        for name, kind, what in (
+            ("refine", bool, "true or false"),
+            ("outline_only", bool, "true or false"),
+            ("library", str, "the path of a file"),
+            ("body", str, "a name, or the path of a file"),
+        ):
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
+        for name, allowed in (
+            ("start", ("facing", "any")),
+            ("weighting", WEIGHTINGS),
+            ("motion_model", ("DM1", "DM2")),
+        ):
+            value = getattr(self, name)
+            if value not in allowed:
+                raise InputError(f"{name} {value!r} is not known: use {' or '.join(allowed)}")
+
+
+class MonocularStages:
+    """From a frame to its person, from there to its posterior, and from there to its poses.
+
+    Each stage may run in a thread of its own, but takes its frames in order.
+
+    Args:
+        library: scaled to the person.
+        camera: that takes the frames.
+        settings: of the estimation; `smooth` decides whether later frames are waited for.
+        options: checked.
+        interval_s: time between two frames.
+        pictures: whether frames have colours, or are silhouettes.
+        clock: times the stages.
+        root: place of the root of a body that is no person's, if that stands still.
+    """
+
+    def __init__(
+        self,
+        library: PoseLibrary,
+        camera: Camera,
+        settings: Settings,
+        options: MonocularOptions,
+        interval_s: float,
+        pictures: bool,
+        clock: StageClock,
+        root: Pose | None = None,
+    ):
+        """Prepares filter and trajectory."""
+        self.clock = clock
+        self._lens = UndistortedView.from_camera(camera, LONG_SIDE_PX)
+        self._proposed = options.refine and library.proposal is not None
+        self.coloured = self._proposed and pictures and not options.outline_only
+        facing, pinhole = options.start == "facing", self._lens.pinhole
+        tree = tree_filter(
+            library,
+            options.motion_model == "DM2",
+            interval_s=interval_s,
+            backend=load_backend(settings.backend),
+        )
+        self._forward = ForwardFilter(
+            tree,
+            pinhole,
+            facing,
+            options.weighting,
+            None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m)),
+            interval_s,
+            corrected=self._proposed,
+        )
+        tracking = TrackerSettings(options.refine, options.weighting, facing)
+        if library.model.person is None:
+            tracking = tracking.of_given_body(library.model.length_m, root)
+        if self._proposed and not settings.smooth:
+            tracking = tracking.coarser()
+        self.trajectory = PoseTrajectory(
+            tree,
+            pinhole,
+            tracking,
+            settings.smooth,
+            clock,
+            () if options.body else _sexes(settings),
+        )
+        self._near_px: NDArray[np.float64] | None = None
+        self._usual_px: float | None = None
+
+    def person(self, picture: Frame, silhouette: NDArray[np.bool_]) -> Person | None:
+        """Person in a frame (H, W, 3) with its silhouette (h, w), both as recorded."""
+        person = find_person(self._lens.undistort(silhouette), self._near_px, self._usual_px)
+        if person is None:
+            return None
+        if self.coloured:
+            person = replace(person, colours=_colours(self._lens, picture, person.mask))
+        moments = cv2.moments(person.mask.view(np.uint8), binaryImage=True)
+        area, usual = moments["m00"], self._usual_px
+        self._usual_px = area if usual is None else 0.9 * usual + 0.1 * area
+        self._near_px = np.array([moments["m10"], moments["m01"]]) / area
+        return person
+
+    def posterior(self, number: int, time_s: float, person: Person) -> FilterFrame:
+        """Posterior of the next frame that shows a person; arguments as of `ForwardFilter.step`."""
+        with self.clock("estimation"):
+            return self._forward.step(number, time_s, person)
+
+    def estimates(self, filter_frame: FilterFrame) -> list[FrameEstimate]:
+        """Frames that are decided by one more frame, oldest first."""
+        decided = self.trajectory.add(filter_frame)
+        self.correct(filter_frame.number, self.trajectory.distance_m)
+        return decided
+
+    def correct(self, number: int, distance_m: float) -> None:
+        """See `ForwardFilter.correct`; without a proposal, the filter's own distances stay."""
+        if self._proposed:
+            self._forward.correct(number, distance_m)
+
+
+def library_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> PoseLibrary:
+    """Library scaled to the person; its silhouettes are relative to the stature."""
+    if options.body:
+        return _library_of(load_body(options.body), options, settings, reporter)
+    stature = settings.stature_m
+    if not options.library:
+        if stature is None:
+            reporter.note(
+                f"nobody said how tall the person is: {_USUAL_STATURE_M:.2f} m is assumed, and all"
+                " lengths with it"
+            )
+        library = default_library(
+            BodySizes(_USUAL_STATURE_M, _chest(settings, _USUAL_STATURE_M), settings.sex), reporter
+        )
+        return _scaled(library, stature or _USUAL_STATURE_M)
+    library = read_library(Path(options.library))
+    sizes = library.model.sizes
+    if settings.sex != "unknown" or settings.chest_m is not None:
+        require_body(
+            library, BodySizes(sizes.stature_m, _chest(settings, sizes.stature_m), settings.sex)
+        )
+    if stature is None:
+        return library
+    if abs(sizes.stature_m - stature) > 0.01:
+        reporter.note(f"the library's body of {sizes.stature_m:.2f} m is scaled to {stature:.2f} m")
+    return _scaled(library, stature)
+
+
+def _library_of(
+    body: BodyModel, options: MonocularOptions, settings: Settings, reporter: Reporter
+) -> PoseLibrary:
+    """The library that is the nearest to a body, with that body."""
+    sizes = body.sizes
+    described = replace(
+        settings, stature_m=sizes.stature_m, chest_m=sizes.chest_girth_m, sex=sizes.sex
+    )
+    if options.library:  # its silhouettes are taken as they are, whatever body they show
+        described = replace(described, chest_m=None, sex="unknown")
+    library = library_for(replace(options, body=""), described, reporter)
+    return replace(library, model=body)
+
+
+def _sexes(settings: Settings) -> tuple[str, ...]:
+    """Templates that are tried for the person's body."""
+    return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
+
+
+def _chest(settings: Settings, stature_m: float) -> float | None:
+    """Chest girth of a body of the same proportions and another stature."""
+    if settings.chest_m is None or settings.stature_m is None:
+        return settings.chest_m
+    return round(settings.chest_m * stature_m / settings.stature_m, 2)
+
+
+def _scaled(library: PoseLibrary, stature_m: float) -> PoseLibrary:
+    sizes = library.model.sizes
+    factor = stature_m / sizes.stature_m
+    chest = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
+    scaled = replace(sizes, stature_m=stature_m, chest_girth_m=chest)
+    model = BodyModel.from_sizes(scaled)
+    if not np.allclose(BodyModel.from_sizes(sizes).shape, library.model.shape):
+        model = model.reshaped(library.model.shape)  # made for a body of its own
+    return replace(library, model=model)
+
+
+def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:
+    """Colours in the rectangle that holds a silhouette."""
+    (top, bottom), (left, right) = (
+        (int(found[0]), int(found[-1]) + 1)
+        for found in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    )
+    return ColourCrop.of(
+        lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)
+    )

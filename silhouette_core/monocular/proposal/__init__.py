@@ -1,0 +1,1 @@
+"""The network that proposes poses, and its inference."""

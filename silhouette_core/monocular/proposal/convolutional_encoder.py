@@ -1,0 +1,243 @@
+"""Convolutional encoder: from grids of a silhouette to a few numbers that tell poses apart.
+
+All shapes are those of the grids of `silhouette_features`, of 60 x 80 cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.checks import check_array
+from silhouette_core.monocular.proposal.kernels import patches as kernels
+from silhouette_core.monocular.proposal.silhouette_features import GRID, product, scaled_components
+
+SIZES = (5, 3, 3)
+"""Side of the filters of every convolution, in cells."""
+STRIDE = 2
+_WIDTHS = (1, 2, 4)  # channels after every convolution, relative to the first one
+_AT_ONCE = 16  # images, whose patches stay in the cache of a processor
+
+
+@dataclass(frozen=True, eq=False)
+class ConvolutionalEncoder:
+    r"""Three convolutions that halve the grid, and a linear layer.
+
+    .. math::
+
+        x_{i+1} = \max(0, W_i \star_2 x_i + b_i), \; i = 0, 1, 2, \qquad c = W_3 x_3 + b_3
+
+    where :math:`\star_2` is the convolution at every other cell, 0 outside the grid.
+
+    Attributes:
+        weights: of the convolutions, (5 x 5 x channels, C), (3 x 3 x C, 2 C) and (3 x 3 x 2 C, 4 C)
+            with C filters in the first; of the linear layer (8 x 10 x 4 C, K).
+        biases: one (outputs,) each.
+
+    Source: LeCun et al., Gradient-based learning applied to document recognition (1998).
+    """
+
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
+
+    @classmethod
+    def initial(
+        cls, channels: int, filters: int, codes: int, rng: np.random.Generator
+    ) -> ConvolutionalEncoder:
+        """Encoder with random weights.
+
+        Args:
+            channels: of the images.
+            filters: number C of filters of the first convolution.
+            codes: number K of codes.
+            rng: random numbers.
+        """
+        shapes = layer_shapes(channels, filters, codes)
+        weights = [
+            (rng.normal(size=shape) * np.sqrt(2 / shape[0])).astype(np.float32) for shape in shapes
+        ]
+        biases = [np.zeros(shape[1], np.float32) for shape in shapes]
+        return cls(tuple(weights), tuple(biases))
+
+    @classmethod
+    def from_arrays(
+        cls, name: str, channels: int, arrays: Mapping[str, NDArray]
+    ) -> ConvolutionalEncoder:
+        """Encoder of the arrays of a file; `arrays` is the inverse.
+
+        Args:
+            name: of the encoder, with which the arrays' names begin.
+            channels: of the images.
+            arrays: all arrays of the file.
+
+        Raises:
+            KeyError: an array is missing.
+            TypeError: an array is not float32.
+            ValueError: the arrays do not fit together, or hold NaN.
+        """
+        layers = range(len(SIZES) + 1)
+        weights = [arrays[f"{name}_weight{layer}"] for layer in layers]
+        biases = [arrays[f"{name}_bias{layer}"] for layer in layers]
+        filters, codes = biases[0].size, biases[-1].size
+        for layer, shape in enumerate(layer_shapes(channels, filters, codes)):
+            label = f"proposal.{name}_weight{layer}"
+            check_array(label, weights[layer], shape, np.float32, finite=True)
+            label = f"proposal.{name}_bias{layer}"
+            check_array(label, biases[layer], shape[1:], np.float32, finite=True)
+        return cls(tuple(weights), tuple(biases))
+
+    def arrays(self, name: str) -> dict[str, NDArray]:
+        """All arrays by name, for a file."""
+        return {
+            **{f"{name}_weight{layer}": one for layer, one in enumerate(self.weights)},
+            **{f"{name}_bias{layer}": one for layer, one in enumerate(self.biases)},
+        }
+
+    @property
+    def codes(self) -> int:
+        """Number K of codes."""
+        return len(self.biases[-1])
+
+    @property
+    def parameters(self) -> list[NDArray[np.float32]]:
+        """Weights and biases."""
+        return [*self.weights, *self.biases]
+
+    def encode(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Codes (N, K) of images (N, 60, 80, channels)."""
+        codes = [self._linear(self._convolved(some).flat) for some in _portions(images)]
+        return np.concatenate([np.zeros((0, self.codes), np.float32), *codes])
+
+    def traced(self, images: NDArray[np.float32]) -> tuple[NDArray[np.float32], EncoderTrace]:
+        """Codes (N, K) of images (N, 60, 80, channels), and what their gradients need."""
+        portions = [self._convolved(some) for some in _portions(images)]
+        flat = np.concatenate([one.flat for one in portions])
+        return self._linear(flat), EncoderTrace(self, portions, flat)
+
+    def ordered(self, images: NDArray[np.float32]) -> ConvolutionalEncoder:
+        """The encoder whose codes are the principal components of these over images (N, 60, 80,
+        channels), scaled as by `fit_basis`.
+        """
+        codes = self.encode(images).astype(np.float64)
+        mean = codes.mean(axis=0)
+        basis = scaled_components(codes - mean)
+        weights = product(self.weights[-1], basis.astype(np.float32))
+        bias = ((self.biases[-1] - mean)[None] @ basis)[0].astype(np.float32)
+        return ConvolutionalEncoder((*self.weights[:-1], weights), (*self.biases[:-1], bias))
+
+    def _convolved(self, images: NDArray[np.float32]) -> _Convolved:
+        patches: list[NDArray[np.float32]] = []
+        states = [images]
+        for size, weights, bias in zip(SIZES, self.weights, self.biases, strict=False):
+            read = _patches(states[-1], size)
+            outputs = product(read.reshape(-1, len(weights)), weights)
+            outputs += bias
+            np.maximum(outputs, 0, out=outputs)
+            patches.append(read)
+            states.append(outputs.reshape(*read.shape[:3], -1))
+        return _Convolved(patches, states)
+
+    def _linear(self, flat: NDArray[np.float32]) -> NDArray[np.float32]:
+        return product(flat, self.weights[-1]) + self.biases[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Convolved:
+    """What the convolutions made of a few images."""
+
+    patches: Sequence[NDArray[np.float32]]  # (N, rows, columns, size, size, channels)
+    states: Sequence[NDArray[np.float32]]  # (N, rows, columns, channels), first the images
+
+    @property
+    def flat(self) -> NDArray[np.float32]:
+        """What the linear layer reads (N, I)."""
+        return self.states[-1].reshape(len(self.states[-1]), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class EncoderTrace:
+    """What an encoder made of a batch, for the gradients."""
+
+    encoder: ConvolutionalEncoder
+    portions: Sequence[_Convolved]
+    flat: NDArray[np.float32]
+
+    def gradients(self, codes: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Gradients with respect to the encoder's parameters, from that (N, K) with respect to the
+        codes.
+
+        BLAS must run in one thread, as the sums over all patches are left to it.
+        """
+        weights = [np.zeros_like(one) for one in self.encoder.weights]
+        biases = [np.zeros_like(one) for one in self.encoder.biases]
+        weights[-1][:], biases[-1][:] = self.flat.T @ codes, codes.sum(axis=0)
+        slopes = product(codes, self.encoder.weights[-1].T) * (self.flat > 0)
+        start = 0
+        for portion in self.portions:
+            end = start + len(portion.flat)
+            slope = slopes[start:end].reshape(portion.states[-1].shape)
+            for layer in reversed(range(len(SIZES))):
+                rows, read = slope.reshape(-1, len(biases[layer])), portion.patches[layer]
+                weights[layer] += read.reshape(len(rows), -1).T @ rows
+                biases[layer] += rows.sum(axis=0)
+                if layer:
+                    state = portion.states[layer]
+                    before = product(rows, self.encoder.weights[layer].T)
+                    slope = _spread(before, read.shape, state.shape) * (state > 0)
+            start = end
+        return [*weights, *biases]
+
+
+def _portions(images: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    return [images[start : start + _AT_ONCE] for start in range(0, len(images), _AT_ONCE)]
+
+
+def _halved(cells: int) -> int:
+    return -(-cells // STRIDE)
+
+
+def _before(cells: int, size: int) -> int:
+    """Cells that the first of the filters on a row of cells reads before it."""
+    return max((_halved(cells) - 1) * STRIDE + size - cells, 0) // 2
+
+
+def _patches(state: NDArray[np.float32], size: int) -> NDArray[np.float32]:
+    """Patches (N, h / 2, w / 2, size, size, C) of a state (N, h, w, C)."""
+    count, height, width, channels = state.shape
+    patches = np.empty((count, _halved(height), _halved(width), size, size, channels), state.dtype)
+    kernels.gather_patches(state, _before(height, size), _before(width, size), STRIDE, patches)
+    return patches
+
+
+def _spread(
+    slope: NDArray[np.float32], patches: tuple[int, ...], shape: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """Gradient with respect to a state of a shape (N, h, w, C) from that with respect to its
+    patches.
+    """
+    state, size = np.zeros(shape, slope.dtype), patches[3]
+    before = _before(shape[1], size), _before(shape[2], size)
+    kernels.scatter_patches(slope.reshape(patches), *before, STRIDE, state)
+    return state
+
+
+def layer_grid(layer: int) -> tuple[int, int]:
+    """Rows and columns of what a convolution (0, 1, 2) or the linear layer (3) reads."""
+    rows, columns = GRID
+    for _ in range(layer):
+        rows, columns = _halved(rows), _halved(columns)
+    return rows, columns
+
+
+def layer_shapes(channels: int, filters: int, codes: int) -> list[tuple[int, int]]:
+    """Shapes of the weights of an encoder, see `ConvolutionalEncoder.initial`."""
+    counts = [channels, *(width * filters for width in _WIDTHS)]
+    shapes = [
+        (size * size * before, after)
+        for size, before, after in zip(SIZES, counts[:-1], counts[1:], strict=True)
+    ]
+    rows, columns = layer_grid(len(SIZES))
+    return [*shapes, (rows * columns * counts[-1], codes)]

@@ -1,0 +1,145 @@
+"""Mixture density network: from features to several probable poses, each with its deviations.
+
+Source: Bishop, Mixture density networks (1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.monocular.proposal.kernels.mixture import (
+    JOINT_LOG_SIGMA,
+    OFFSET_LOG_SIGMA,
+    SIGMA,
+)
+from silhouette_core.monocular.proposal.silhouette_features import product
+
+_LAST_GAIN = 0.3  # of the last layer, and of that of every block
+_FIRST_SPREAD = 0.05  # statures between the modes at first
+_LEAST = 1e-5  # added to a variance
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """M modes of a pose for N inputs, J joints; statures.
+
+    Attributes:
+        probability: (N, M), summing to 1.
+        joints: (N, M, J, 3), right, away and up.
+        sigma: (N, M, J, 2), deviations across and along the line of sight, scales of Student's t
+            with 4 degrees of freedom.
+        offset: (N, 3), as in `VirtualTake`.
+        offset_sigma: (N, 3), its deviations, likewise.
+    """
+
+    probability: NDArray[np.floating]
+    joints: NDArray[np.floating]
+    sigma: NDArray[np.floating]
+    offset: NDArray[np.floating]
+    offset_sigma: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class MixtureNetwork:
+    r"""Residual network of fully connected layers, and the mixture at its end.
+
+    .. math::
+
+        x_0 = W_0 v + b_0, \quad
+        x_{i+1} = x_i + W''_i \max(0, W'_i \, n(x_i) + b'_i) + b''_i, \quad
+        o = W_e \max(0, n(x_R)) + b_e,
+
+    where n subtracts the mean of a vector's elements and divides by their deviation.
+
+    Attributes:
+        weights: one (inputs, outputs) per layer: the first, two of each of R blocks, the last.
+        biases: one (outputs,) per layer.
+        mean_joints: (J, 3), to which the modes' joints are relative, statures.
+        modes: number M of modes.
+
+    Source: He et al., Identity mappings in deep residual networks (2016); Ba, Kiros and Hinton,
+    Layer normalization (2016).
+    """
+
+    weights: tuple[NDArray[np.floating], ...]
+    biases: tuple[NDArray[np.floating], ...]
+    mean_joints: NDArray[np.floating]
+    modes: int
+
+    @classmethod
+    def initial(
+        cls,
+        inputs: int,
+        units: int,
+        blocks: int,
+        modes: int,
+        mean_joints: NDArray[np.floating],
+        rng: np.random.Generator,
+    ) -> MixtureNetwork:
+        """Network with random weights, of the dtype of `mean_joints`.
+
+        Args:
+            inputs: number of inputs.
+            units: number of units of the hidden layers.
+            blocks: number R of residual blocks.
+            modes: number of modes.
+            mean_joints: (J, 3), statures.
+            rng: random numbers.
+        """
+        dtype, count = mean_joints.dtype, len(mean_joints)
+        sizes = [inputs, *[units] * (2 * blocks + 1), modes * (count * 5 + 1) + 6]
+        weights = [
+            (rng.normal(size=(a, b)) * np.sqrt(2 / a)).astype(dtype) for a, b in pairwise(sizes)
+        ]
+        for weight in [*weights[2:-1:2], weights[-1]]:
+            weight *= _LAST_GAIN
+        biases = [np.zeros(size, dtype) for size in sizes[1:]]
+        biases[-1][: modes * count * 3] = rng.normal(0, _FIRST_SPREAD, modes * count * 3)
+        return cls(tuple(weights), tuple(biases), mean_joints, modes)
+
+    @property
+    def blocks(self) -> range:
+        """Numbers of the first layers of the residual blocks."""
+        return range(1, len(self.weights) - 1, 2)
+
+    def layer(self, number: int, inputs: NDArray[np.floating]) -> NDArray[np.floating]:
+        """What a layer makes of its inputs, before any rectification."""
+        return product(inputs, self.weights[number]) + self.biases[number]
+
+    def outputs(self, inputs: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Outputs (N, O) of inputs (N, I), see `kernels.mixture.mixture_gradients`."""
+        state = self.layer(0, inputs)
+        for number in self.blocks:
+            hidden = self.layer(number, normalised(state)[0])
+            state += self.layer(number + 1, np.maximum(hidden, 0))
+        return self.layer(len(self.weights) - 1, np.maximum(normalised(state)[0], 0))
+
+    def mixture(self, inputs: NDArray[np.floating]) -> Mixture:
+        """Mixture for inputs (N, I)."""
+        outputs, count = self.outputs(inputs), len(self.mean_joints)
+        ends = np.cumsum(np.array([count * 3, count * 2, 1]) * self.modes)
+        joints, log_sigma, logits, offset = np.split(outputs, ends, axis=1)
+        shape = len(outputs), self.modes, count
+        odds = np.exp(logits - logits.max(axis=1, keepdims=True))
+        return Mixture(
+            odds / odds.sum(axis=1, keepdims=True),
+            joints.reshape(*shape, 3) + self.mean_joints,
+            SIGMA * np.exp(np.clip(log_sigma.reshape(*shape, 2), *JOINT_LOG_SIGMA)),
+            offset[:, :3],
+            SIGMA * np.exp(np.clip(offset[:, 3:], *OFFSET_LOG_SIGMA)),
+        )
+
+
+def normalised(
+    state: NDArray[np.floating],
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Vectors (N, K) less the means of their elements and divided by their deviations, and these
+    deviations (N, 1).
+    """
+    centred = state - state.mean(axis=1, keepdims=True)
+    deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(_LEAST))
+    return centred / deviation, deviation

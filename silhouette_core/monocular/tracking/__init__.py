@@ -1,0 +1,1 @@
+"""A person followed by refined hypotheses: from modes to a trajectory. Beyond paper A."""

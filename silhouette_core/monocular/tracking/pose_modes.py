@@ -1,0 +1,318 @@
+"""Modes of the learned proposal in the world, frame by frame, and the evidence that they are.
+
+Beyond paper A. The proposal reads 0.8 s of silhouettes about a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS
+from silhouette_core.monocular.proposal.pose_proposal import PoseModes, PoseProposal
+from silhouette_core.monocular.proposal.silhouette_features import (
+    FrameFeatures,
+    InsideGrids,
+    SilhouetteCodes,
+    level_axes,
+)
+from silhouette_core.monocular.tracking.body_heading import (
+    HeadingFilter,
+    body_headings,
+    smooth_headings,
+)
+from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.window import Window, look_at
+from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
+
+_LEAST_SIGMA_M = 0.012
+_PELVIS_SIGMA_M = 0.15
+_EVIDENCE = 0.1  # weight of a deviation from a mode: its 42 coordinates are not independent
+_DISTANCE_WINDOW_S = 0.17
+# Height of a person's middle, in statures: usual, and the range in which z = 0 may be the floor.
+_USUAL_HEIGHT, _HEIGHTS = 0.53, (0.15, 1.1)
+_ALIKE_M = 0.08  # mean distance of the joints of modes that are averaged
+
+
+@dataclass(frozen=True, eq=False)
+class FrameModes:
+    """M probable poses of one frame.
+
+    Attributes:
+        probability: (M,) float64, summing to 1.
+        priors: M priors of the joints' positions.
+        distance_m: of the pelvis along the optical axis of the window.
+    """
+
+    probability: NDArray[np.float64]
+    priors: list[LandmarkPrior]
+    distance_m: float
+
+    @property
+    def landmarks_m(self) -> NDArray[np.float64]:
+        """Joints (M, 15, 3) of the modes in the world."""
+        return np.stack([prior.landmarks_m for prior in self.priors])
+
+    @property
+    def likeliest(self) -> NDArray[np.float64]:
+        """Joints (15, 3) of the likeliest mode in the world."""
+        return self.priors[int(self.probability.argmax())].landmarks_m
+
+    def probable(self, count: int, least: float) -> list[int]:
+        """At most `count` modes of at least a probability, likeliest first; one at any rate."""
+        order = np.argsort(-self.probability, kind="stable")[:count]
+        return [int(k) for n, k in enumerate(order) if n == 0 or self.probability[k] >= least]
+
+    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
+        """The mode nearest to a pose's joints (15, 3), relative to the pelvis."""
+        relative = landmarks_m - landmarks_m[0]
+        gaps = [np.linalg.norm(prior.relative_m - relative) for prior in self.priors]
+        return self.priors[int(np.argmin(gaps))]
+
+    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (K,), nats, of poses: the negative logarithm of the mixture at their joints.
+
+        Args:
+            landmarks_m: (K, 15, 3), joints in the world.
+        """
+        relative = landmarks_m - landmarks_m[:, :1]
+        logs = np.empty((len(relative), len(self.priors)))
+        for mode, prior in enumerate(self.priors):
+            error = (relative - prior.relative_m)[:, 1:]
+            square = np.einsum("kli,lij,klj->kl", error, prior.precision[1:], error)
+            scale = 0.5 * (DEGREES_OF_FREEDOM + 3)
+            logs[:, mode] = np.log(max(self.probability[mode], 1e-6)) - _EVIDENCE * (
+                scale * np.log1p(square / DEGREES_OF_FREEDOM)
+            ).sum(axis=1)
+        most = logs.max(axis=1, keepdims=True)
+        return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class ModeView:
+    """What the proposal reads of one frame.
+
+    Attributes:
+        window: of the silhouette at an assumed distance.
+        codes: of the window's silhouette and of its mirror image.
+        time_s: time of the frame.
+    """
+
+    window: Window
+    codes: SilhouetteCodes
+    time_s: float
+
+
+class ModeFinder:
+    """Finds the modes of consecutive frames of one camera.
+
+    Args:
+        proposal: the learned proposal.
+        camera: pinhole camera without distortion.
+        stature_m: of the person.
+    """
+
+    def __init__(self, proposal: PoseProposal, camera: Camera, stature_m: float):
+        """Keeps what it is given."""
+        self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
+        self._headings = HeadingFilter()
+
+    def view(self, window: Window, time_s: float) -> ModeView:
+        """What the proposal reads of a frame, seen through a window about the silhouette."""
+        # Of the windows only the geometry is kept: their pictures would fill the memory.
+        empty = np.zeros((0, 0), bool)
+        codes = self.proposal.codes(np.stack([window.mask, window.mask[:, ::-1]]))
+        return ModeView(replace(window, mask=empty, seen=empty), codes, time_s)
+
+    def with_inside(self, view: ModeView, inside: InsideGrids | None) -> ModeView:
+        """View of a frame with what lies inside the silhouette in its window, grids (60, 80); None:
+        that is not known.
+        """
+        if inside is None:
+            return view
+        codes = self.proposal.encoding.with_inside(view.codes, inside.with_mirror_image())
+        return replace(view, codes=codes)
+
+    def corrected(
+        self, views: Sequence[ModeView], masks: Sequence[NDArray[np.bool_]]
+    ) -> list[ModeView]:
+        """Views at the distances that the proposal finds itself.
+
+        Args:
+            views: T consecutive frames at assumed distances.
+            masks: T silhouettes (h, w) bool.
+        """
+        times = np.array([view.time_s for view in views])
+        offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
+        distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
+        scale = STATURE_PX / self.stature_m
+        return [
+            self.view(look_at(self.camera, mask, own, scale), view.time_s)
+            for mask, own, view in zip(masks, _smoothed(distance, times), views, strict=True)
+        ]
+
+    def distance(self, views: Sequence[ModeView]) -> float:
+        """Distance of the pelvis in the last of consecutive frames along its window's axis, m."""
+        features = _features(views, self.stature_m)
+        offset = self._modes(views, features, True, _last(views)).offset[0, 2]
+        return views[-1].window.distance_m * float(np.exp(offset))
+
+    def newest(self, views: Sequence[ModeView], facing: bool = False) -> FrameModes:
+        """Modes of the last of consecutive frames, from nothing later: for one frame after another.
+
+        Args:
+            views: frames of the last half second.
+            facing: whether the person is expected to face the camera in the first frame of all.
+        """
+        features, last = _features(views, self.stature_m), _last(views)
+        modes = self._modes(views, features, True, last)
+        axes = level_axes(features.heading_rad[last])
+        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        probability = self._headings.update(
+            body_headings(joints)[0],
+            np.asarray(modes.probability[0], float),
+            views[-1].time_s,
+            features.heading_rad[-1] - np.pi / 2 if facing else None,
+        )
+        return self._in_world(views[-1].window, modes, 0, joints[0], axes[0], probability)
+
+    def find(self, views: Sequence[ModeView], facing: bool = False) -> list[FrameModes]:
+        """Modes of consecutive frames, each from all of them.
+
+        Args:
+            views: T frames.
+            facing: whether the person is expected to face the camera in the first frame.
+        """
+        features = _features(views, self.stature_m)
+        modes = self._modes(views, features, False)
+        axes = level_axes(features.heading_rad)
+        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        probability = smooth_headings(
+            body_headings(joints),
+            np.asarray(modes.probability, float),
+            np.asarray(features.time_s, float),
+            first_rad=features.heading_rad[0] - np.pi / 2 if facing else None,
+        )
+        return [
+            self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
+            for t, view in enumerate(views)
+        ]
+
+    def _modes(
+        self,
+        views: Sequence[ModeView],
+        features: FrameFeatures,
+        causal: bool,
+        frames: NDArray[np.integer] | None = None,
+    ) -> PoseModes:
+        """Modes of frames and of their mirror images, each half as probable."""
+        mirrored = replace(
+            features,
+            codes=SilhouetteCodes.joined([view.codes[1:] for view in views]),
+            heading_rad=np.pi - features.heading_rad,
+            anchor=features.anchor * [-1.0, 1.0, 1.0],
+        )
+        one, other = self.proposal.modes_many([features, mirrored], causal, frames)
+        joints = other.joints[:, :, EXCHANGED_LANDMARKS] * np.array([-1, 1, 1], np.float32)
+        offset = other.offset * np.array([-1, 1, 1], np.float32)
+        return PoseModes(
+            0.5 * np.concatenate([one.probability, other.probability], axis=1),
+            np.concatenate([one.joints, joints], axis=1),
+            np.concatenate([one.sigma, other.sigma[:, :, EXCHANGED_LANDMARKS]], axis=1),
+            (0.5 * (one.offset + offset)).astype(np.float32),
+            (0.5 * (one.offset_sigma + other.offset_sigma)).astype(np.float32),
+        )
+
+    def _in_world(
+        self,
+        window: Window,
+        modes: PoseModes,
+        t: int,
+        joints: NDArray[np.float64],
+        axes: NDArray[np.float64],
+        probability: NDArray[np.float64],
+    ) -> FrameModes:
+        """Frame t of the modes; `joints` (M, 15, 3) relative to the pelvis, in the world."""
+        joints, probability, nearby = merge_modes(joints, probability)
+        depth = window.distance_m * float(np.exp(modes.offset[t, 2]))
+        pixel = window.axis_px + modes.offset[t, :2] * STATURE_PX
+        pelvis = window.unproject(pixel, depth)[0]
+        along = np.outer(axes[1], axes[1])
+        sigma = np.einsum("nm,mlk->nlk", nearby, modes.sigma[t].astype(float))
+        sigma = np.maximum(sigma * self.stature_m, _LEAST_SIGMA_M)
+        precision = (
+            along / sigma[..., 1, None, None] ** 2
+            + (np.eye(3) - along) / sigma[..., 0, None, None] ** 2
+        )
+        pelvis_precision = np.eye(3) / _PELVIS_SIGMA_M**2
+        priors = [
+            LandmarkPrior(joints[mode], precision[mode], pelvis, pelvis_precision)
+            for mode in range(len(joints))
+        ]
+        return FrameModes(probability, priors, depth)
+
+
+def _last(views: Sequence[ModeView]) -> NDArray[np.int64]:
+    return np.array([len(views) - 1])
+
+
+def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
+    windows = [view.window for view in views]
+    axes = np.stack([window.world_from_virtual[:, 2] for window in windows])
+    anchors = [
+        window.center_m + window.distance_m * axis
+        for window, axis in zip(windows, axes, strict=True)
+    ]
+    places = np.stack(anchors) / stature_m
+    middle = float(np.median(places[:, 2]))
+    if not _HEIGHTS[0] < middle < _HEIGHTS[1]:
+        # The world's z = 0 is not the floor, which the proposal takes for granted.
+        places[:, 2] += _USUAL_HEIGHT - middle
+    return FrameFeatures(
+        SilhouetteCodes.joined([view.codes[:1] for view in views]),
+        np.array([window.pitch_rad for window in windows]),
+        np.arctan2(axes[:, 1], axes[:, 0]),
+        places,
+        np.array([view.time_s for view in views]),
+    )
+
+
+def merge_modes(
+    joints: NDArray[np.float64], probability: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Modes averaged with those like them: one step of mean shift, and no pose twice.
+
+    Args:
+        joints: (M, 15, 3) relative to the pelvis, m.
+        probability: (M,).
+
+    Returns:
+        Joints (N, 15, 3) of N <= M modes, likeliest first, their probabilities (N,), and the
+        weights (N, M) of the averages.
+
+    Source: Comaniciu and Meer, Mean shift (2002).
+    """
+    apart = np.linalg.norm(joints[:, None] - joints, axis=-1).mean(axis=-1)
+    kernel = np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
+    weights = kernel * probability
+    density = weights.sum(axis=1)
+    chosen: list[int] = []
+    for mode in np.argsort(-density, kind="stable"):
+        if all(apart[mode, other] > _ALIKE_M for other in chosen):
+            chosen.append(int(mode))
+    owner = np.array(chosen)[apart[chosen].argmin(axis=0)]
+    mass = np.array([probability[owner == mode].sum() for mode in chosen])
+    order = np.argsort(-mass, kind="stable")
+    kept = np.array(chosen)[order]
+    weights = weights[kept] / density[kept, None]
+    return np.einsum("nm,mli->nli", weights, joints), mass[order], weights
+
+
+def _smoothed(distance_m: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (T,) averaged, as logarithms, over the frames near each in time."""
+    near = np.abs(time_s[:, None] - time_s) <= _DISTANCE_WINDOW_S
+    return np.exp(near @ np.log(distance_m) / near.sum(axis=1))

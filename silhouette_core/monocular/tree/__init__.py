@@ -1,0 +1,1 @@
+"""Paper A: the silhouette tree, and Bayesian filtering over it."""

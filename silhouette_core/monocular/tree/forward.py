@@ -1,0 +1,266 @@
+"""Forward pass of the filter: from the silhouette of each frame to its posterior."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.camera import Camera
+from silhouette_core.image.distance import Weighting
+from silhouette_core.monocular.person import Person, area_distance, upright_distance
+from silhouette_core.monocular.tracking.motion_cost import PoseCandidates, yaw_rotations
+from silhouette_core.monocular.tree.evidence import Evidence
+from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.monocular.window import Window, look_at
+from silhouette_core.motion.dynamics import FPS
+from silhouette_core.motion.kinematics import rotation_matrices
+
+# Range, as a logarithm, and number of the distances tried in a first frame: the person may crouch,
+# or hold the arms up.
+_FIRST_RANGE, _FIRST_COUNT = 0.30, 9
+_DISTANCE_STEP = 0.05
+_DISTANCE_GAIN = 0.4
+_PITCH_SIGMA_RAD = np.radians(8.0)
+# A frame is lost where the best node's distance exceeds the usual one by this factor and excess.
+_LOST_FACTOR, _LOST_EXCESS = 2.5, 0.05
+_LONGEST_GAP_S = 1.0
+_CORRECTED_AFTER, _REMEMBERED = 2, 8  # frames
+_MOST_STEPS = 30  # that many frame intervals of missing frames are predicted one by one
+
+
+@dataclass(frozen=True, eq=False)
+class FilterFrame:
+    """A frame and its posterior.
+
+    Attributes:
+        number: number of the frame in the recording.
+        time_s: time of the frame.
+        person: the observed silhouette.
+        windows: virtual views of the silhouette, one for each assumed distance.
+        posterior: distribution over the library.
+        distance_m: estimated distance of the person.
+        lost: no node fits about as well as the best nodes of earlier frames.
+    """
+
+    number: int
+    time_s: float
+    person: Person
+    windows: tuple[Window, ...]
+    posterior: Posterior
+    distance_m: float
+    lost: bool
+
+
+class ForwardFilter:
+    """Recursive filter over the frames of one camera.
+
+    Args:
+        tree: the tree filter.
+        camera: pinhole camera without distortion.
+        facing: True: the initial prior prefers upright poses that face the camera; False: uniform.
+        weighting: pixel weights of the silhouette distance.
+        distance_m: constant distance of the person, as in the paper; None: estimated frame by
+            frame.
+        interval_s: time between two frames, for which the tree filter's transitions were made.
+        corrected: whether `correct` gives the distance of every frame: then no other distances are
+            tried than that of two frames ago, but in the first frames.
+    """
+
+    def __init__(
+        self,
+        tree: TreeFilter,
+        camera: Camera,
+        facing: bool = True,
+        weighting: Weighting = "balanced",
+        distance_m: float | None = None,
+        interval_s: float = 1 / FPS,
+        corrected: bool = False,
+    ):
+        """Starts without a posterior."""
+        self.tree, self.camera = tree, camera
+        self.weighting: Weighting = weighting
+        self._distance_m, self._interval_s = distance_m, interval_s
+        self._facing, self._corrected = facing, corrected
+        self._last: FilterFrame | None = None
+        self._corrections: deque[tuple[int, float]] = deque(maxlen=_REMEMBERED)
+        self._numbers: deque[int] = deque(maxlen=_CORRECTED_AFTER)
+        self._recent_best: list[float] = []
+
+    def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
+        """Posterior of the next frame.
+
+        Args:
+            number: number of the frame in the recording.
+            time_s: time of the frame.
+            person: the observed silhouette.
+        """
+        last, library = self._last, self.tree.library
+        restarted = last is None or last.lost or time_s - last.time_s > _LONGEST_GAP_S
+        if self._distance_m is not None:
+            middle, factors = self._distance_m, np.ones(1)
+        elif last is None or restarted:
+            middle = self._first_distance(person.mask)
+            factors = np.exp(np.linspace(-_FIRST_RANGE, _FIRST_RANGE, _FIRST_COUNT))
+            if last is not None:
+                middle = float(np.sqrt(middle * last.distance_m))
+        else:
+            steps = [0.0] if self._corrected else [0.0, -_DISTANCE_STEP, _DISTANCE_STEP]
+            middle, factors = self._corrected_distance(last), np.exp(np.array(steps))
+        metre_px = STATURE_PX / library.model.length_m
+        windows = tuple(
+            look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
+        )
+        prior = self._prior(windows[0], last, time_s, restarted)
+        evidence = Evidence(
+            windows,
+            self.weighting,
+            self.tree.backend,
+            library.bounds_px,
+            library.settings.tree == "views",
+        )
+        posterior = self.tree.update(prior, evidence)
+        best = float(posterior.distance[0])
+        usual = float(np.median(self._recent_best)) if self._recent_best else best
+        lost = best > _LOST_FACTOR * usual + _LOST_EXCESS
+        if not lost:
+            self._recent_best = [*self._recent_best[-60:], best]
+        measured = float(
+            np.exp(
+                posterior.probability
+                @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])
+            )
+        )
+        gain = 1.0 if restarted else _DISTANCE_GAIN
+        filter_frame = FilterFrame(
+            number,
+            time_s,
+            person,
+            windows,
+            posterior,
+            float(middle * (measured / middle) ** gain),
+            lost,
+        )
+        self._last = filter_frame
+        self._numbers.append(number)
+        return filter_frame
+
+    def correct(self, number: int, distance_m: float) -> None:
+        """Gives the distance of the person in an earlier frame by its refined poses.
+
+        The next frame may have been begun already: it is used from the one after that, so that the
+        result is the same whether the two are done at once or one after the other.
+
+        Args:
+            number: of the frame.
+            distance_m: along the optical axis of the virtual camera.
+        """
+        self._corrections.append((number, distance_m))
+
+    def _corrected_distance(self, last: FilterFrame) -> float:
+        """Distance of the person as corrected two frames ago, or as estimated in the last one."""
+        if not self._corrected or len(self._numbers) < _CORRECTED_AFTER:
+            return last.distance_m
+        return dict(self._corrections).get(self._numbers[0], last.distance_m)
+
+    def _first_distance(self, mask: NDArray[np.bool_]) -> float:
+        """Distance by the silhouette alone: of a person by its height, of others by its area."""
+        library = self.tree.library
+        if library.model.person is not None:
+            return upright_distance(self.camera, mask, library.model.length_m)
+        usual_px = float(np.median(library.areas.sum(axis=1)))
+        return area_distance(
+            self.camera, mask, usual_px * (library.model.length_m / STATURE_PX) ** 2
+        )
+
+    def _prior(
+        self, window: Window, last: FilterFrame | None, time_s: float, restarted: bool
+    ) -> NDArray[np.float64]:
+        library = self.tree.library
+        if last is None or (restarted and not last.lost):
+            prior = self._initial()
+        else:
+            intervals = round((time_s - last.time_s) / self._interval_s)
+            steps = int(np.clip(intervals, 1, _MOST_STEPS))
+            prior = self.tree.predict(last.posterior, steps)
+            if last.lost:
+                prior = self.tree.spread(prior, 0.5)
+        # The pitch of a view is a property of the camera and not of the motion.
+        away = (library.views[:, 1] - window.pitch_rad) / _PITCH_SIGMA_RAD
+        return self.tree.weigh_views(prior, np.exp(-0.5 * away**2))
+
+    def _initial(self) -> NDArray[np.float64]:
+        library = self.tree.library
+        if not self._facing or library.model.person is None:
+            return np.full(len(library), 1.0 / len(library))
+        yaw = library.views[library.sample_view, 0]
+        tilt = Rotation.from_quat(library.base_quaternion, scalar_first=True).magnitude()[
+            library.sample_base
+        ]
+        # Unlike the paper's initial Gaussian, this leaves the limbs open.
+        prior = np.exp(2.0 * (np.cos(yaw) - 1) - 0.5 * (tilt / np.radians(20)) ** 2)
+        return prior / prior.sum()
+
+
+def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
+    """A frame to be kept: without pictures, and with the `rows` likeliest samples of its posterior
+    and as many that fit best.
+    """
+    posterior, empty = filter_frame.posterior, np.zeros((0, 0), bool)
+    by_fit = np.argsort(posterior.distance, kind="stable")[:rows]
+    kept = np.unique(np.concatenate([np.arange(min(len(posterior.samples), rows)), by_fit]))
+    return replace(
+        filter_frame,
+        person=replace(filter_frame.person, mask=empty),
+        windows=tuple(replace(window, mask=empty, seen=empty) for window in filter_frame.windows),
+        posterior=Posterior(
+            posterior.samples[kept],
+            posterior.probability[kept],
+            posterior.distance[kept],
+            posterior.scale[kept],
+            posterior.shift_px[kept],
+            posterior.scored,
+        ),
+    )
+
+
+def candidates_of(
+    tree: TreeFilter, filter_frame: FilterFrame, rows: Sequence[int] | NDArray[np.integer]
+) -> PoseCandidates:
+    """Samples of a posterior as poses in the world.
+
+    Args:
+        tree: the tree filter.
+        filter_frame: the frame.
+        rows: (M,) rows of the posterior.
+    """
+    library, posterior = tree.library, filter_frame.posterior
+    rows = np.asarray(rows)
+    sample = posterior.samples[rows]
+    base, view = library.sample_base[sample], library.sample_view[sample]
+    window = filter_frame.windows[0]
+    rotation = yaw_rotations(window.heading_rad + library.views[view, 0]) @ rotation_matrices(
+        library.base_quaternion[base]
+    )
+    root = np.empty((len(rows), 3))
+    for scale in np.unique(posterior.scale[rows]):
+        selected = posterior.scale[rows] == scale
+        own = filter_frame.windows[scale]
+        root[selected] = own.unproject(
+            library.pelvis_px[sample[selected]] + posterior.shift_px[rows[selected]], own.distance_m
+        )
+    sigma = tree.settings.sigma
+    occluded = library.occluded[sample][:, library.model.dof_part].astype(bool)
+    return PoseCandidates(
+        root,
+        rotation,
+        library.base_angles[base].astype(float),
+        occluded,
+        -0.5 * (posterior.distance[rows] / sigma) ** 2,
+        filter_frame.time_s,
+    )

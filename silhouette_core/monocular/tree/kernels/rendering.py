@@ -1,0 +1,105 @@
+"""From part images to windows, areas and runs.
+
+Source: own. Reference: `tests.oracles.tree`.
+"""
+
+import numpy as np
+
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+
+@parallel_kernel
+def rotate_and_translate(posed, pelvis, rotations, distance, placed):
+    """Fills placed (N, V, 3): posed (N, V, 3) rotated by rotations (N, 3, 3) about pelvis (N, 3),
+    which is moved to (0, 0, distance).
+    """
+    for n in prange(len(posed)):
+        r, o = rotations[n], pelvis[n]
+        for v in range(posed.shape[1]):
+            x, y, z = posed[n, v, 0] - o[0], posed[n, v, 1] - o[1], posed[n, v, 2] - o[2]
+            for i in range(3):
+                placed[n, v, i] = r[i, 0] * x + r[i, 1] * y + r[i, 2] * z
+            placed[n, v, 2] += distance
+
+
+@parallel_kernel
+def centre_windows(parts, windows, shifts, areas, outside):
+    """Fills windows (N, h, w) from part images (N, H, W), the silhouette's centroid in the middle.
+
+    Also fills shifts (N, 2), by which the image was moved (right, down), px; areas (N, P), pixels
+    of each part in the whole image; outside (N,), pixels that the window cuts off.
+    """
+    height, width = windows.shape[1], windows.shape[2]
+    for n in prange(len(parts)):
+        count, sum_x, sum_y = 0, 0, 0
+        for y in range(parts.shape[1]):
+            for x in range(parts.shape[2]):
+                label = parts[n, y, x]
+                if label:
+                    areas[n, label - 1] += 1
+                    count += 1
+                    sum_x += x
+                    sum_y += y
+        right, down = 0, 0
+        if count:
+            right = np.int64(np.floor((width - 1) / 2 - sum_x / count + 0.5))
+            down = np.int64(np.floor((height - 1) / 2 - sum_y / count + 0.5))
+        shifts[n, 0], shifts[n, 1] = right, down
+        kept = 0
+        for y in range(height):
+            for x in range(width):
+                u, v = x - right, y - down
+                label = parts[n, v, u] if 0 <= v < parts.shape[1] and 0 <= u < parts.shape[2] else 0
+                windows[n, y, x] = label
+                kept += label != 0
+        outside[n] = count - kept
+
+
+@kernel
+def _count_mask(mask):
+    """Number of runs of foreground in the rows of a mask (h, w)."""
+    count = 0
+    for y in range(mask.shape[0]):
+        previous = False
+        for x in range(mask.shape[1]):
+            count += mask[y, x] and not previous
+            previous = mask[y, x]
+    return count
+
+
+@parallel_kernel
+def count_runs(masks, counts):
+    """Fills counts (N,): runs of foreground in the rows of masks (N, h, w)."""
+    for n in prange(len(masks)):
+        counts[n] = _count_mask(masks[n])
+
+
+@parallel_kernel
+def fill_runs(masks, offsets, rows, starts, ends):
+    """Fills rows, starts and ends with the runs of masks (N, h, w), those of mask n from offsets[n]
+    on; ends are exclusive.
+    """
+    width = masks.shape[2]
+    for n in prange(len(masks)):
+        k = offsets[n]
+        for y in range(masks.shape[1]):
+            previous = False
+            for x in range(width):
+                current = masks[n, y, x]
+                if current and not previous:
+                    rows[k], starts[k] = y, x
+                elif previous and not current:
+                    ends[k] = x
+                    k += 1
+                previous = current
+            if previous:
+                ends[k] = width
+                k += 1
+
+
+@kernel
+def draw_runs(rows, starts, ends, offsets, which, masks):
+    """Draws the runs of silhouettes `which` (N,) into empty masks (N, h, w)."""
+    for n in range(len(which)):
+        for k in range(offsets[which[n]], offsets[which[n] + 1]):
+            masks[n, rows[k], starts[k] : ends[k]] = True

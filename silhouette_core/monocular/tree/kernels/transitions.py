@@ -1,0 +1,81 @@
+"""Nearest samples in pose space.
+
+Source: Okada and Stenger, eq. (4) and (5), whose squared distances are compared; the search among
+candidates is ours. Reference: `tests.oracles.tree`.
+"""
+
+import math
+
+import numpy as np
+
+from silhouette_core.jit import parallel_kernel, prange
+
+
+@parallel_kernel
+def nearest_samples(
+    sources, bases, squares, orientation, per_root, views, same_pitch, index, distance2
+):
+    """Fills index (n, K) and distance2 (n, K): the samples nearest to each source, nearest first,
+    and their squared distances in sigmas.
+
+    Candidates are base poses (n, C) in order of their joints' squared distance (n, C); that of the
+    orientation, times per_root (n,), is added for every view of the source's pitch. Of samples at
+    the same distance the first is kept.
+    """
+    for n in prange(len(sources)):
+        source = sources[n]
+        view = source % views
+        first = view - view % same_pitch
+        kept = 0
+        room = index.shape[1]
+        for c in range(bases.shape[1]):
+            joints = squares[n, c]
+            if kept == room and joints >= distance2[n, room - 1]:
+                break
+            for v in range(first, first + same_pitch):
+                other = bases[n, c] * views + v
+                cosine = -0.5
+                for i in range(9):
+                    cosine += np.float64(orientation[source, i]) * orientation[other, i]
+                angle = math.acos(min(1.0, max(-1.0, cosine)))
+                square = joints + per_root[n] * angle * angle
+                if other == source:
+                    square = 0.0
+                if kept == room and square >= distance2[n, room - 1]:
+                    continue
+                k = kept if kept < room else room - 1
+                kept = min(kept + 1, room)
+                while k > 0 and distance2[n, k - 1] > square:
+                    distance2[n, k], index[n, k] = distance2[n, k - 1], index[n, k - 1]
+                    k -= 1
+                distance2[n, k], index[n, k] = square, other
+        for k in range(kept, room):
+            index[n, k], distance2[n, k] = source, np.inf
+
+
+@parallel_kernel
+def nearest_rows(rows, first, index, distance2):
+    """Fills index (n, K) and distance2 (n, K): the rows of rows (N, D) nearest to each of the rows
+    first to first + n - 1, nearest first, and their squared Euclidean distances.
+
+    Of rows at the same distance the first is kept.
+    """
+    for n in prange(len(index)):
+        kept, room = 0, index.shape[1]
+        for other in range(len(rows)):
+            limit = distance2[n, room - 1] if kept == room else np.inf
+            square, k = 0.0, 0
+            while k < rows.shape[1] and square < limit:
+                for _ in range(min(6, rows.shape[1] - k)):
+                    apart = rows[first + n, k] - rows[other, k]
+                    square += apart * apart
+                    k += 1
+            if square >= limit:
+                continue
+            place = kept if kept < room else room - 1
+            kept = min(kept + 1, room)
+            while place > 0 and distance2[n, place - 1] > square:
+                distance2[n, place] = distance2[n, place - 1]
+                index[n, place] = index[n, place - 1]
+                place -= 1
+            distance2[n, place], index[n, place] = square, other

@@ -1,0 +1,185 @@
+"""Checks of a pose library's arrays when it is read: kernels trust indices and counts blindly.
+
+Right checksums say that a file is as it was written, not that a library was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.checks import check_array
+from silhouette_core.image.distance import WEIGHTINGS
+from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.rendering import SIZES_PX, WINDOW_PX
+
+_LARGEST_ANGLE = 20.0  # radians, of joints and views
+_LARGEST_PX = 10_000.0
+_TALLEST_M = 10.0
+_UNIT_TOLERANCE = 0.01
+_RUNS = (np.uint8, np.int16)  # of the runs of silhouettes; else int32
+
+
+def check_library(library: PoseLibrary) -> None:
+    """Checks counts, shapes, dtypes, ranges of indices and finiteness of all arrays.
+
+    Args:
+        library: as read from a file.
+
+    Raises:
+        TypeError: an array has another dtype than `PoseLibrary` states.
+        ValueError: an array, which the message names, has another shape, or holds what it cannot.
+    """
+    bases, samples, views = len(library.base_angles), len(library), len(library.views)
+    dofs, parts = library.model.dof_count, len(library.model.names)
+    shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
+        "base_angles": ((bases, dofs), np.float32),
+        "base_quaternion": ((bases, 4), np.float32),
+        "base_height_m": ((bases,), np.float32),
+        "base_source": ((bases, 2), np.int32),
+        "base_mirrored": ((bases,), np.bool_),
+        "views": ((views, 2), np.float64),
+        "sample_base": ((samples,), np.int32),
+        "sample_view": ((samples,), np.int16),
+        "pelvis_px": ((samples, 2), np.float32),
+        "areas": ((samples, parts), np.uint16),
+        "occluded": ((samples, parts), np.bool_),
+        "cut": ((samples,), np.bool_),
+        "leaf_samples": ((samples,), np.int32),
+        "sigma_rad": ((dofs,), np.float32),
+    }
+    for name, (shape, dtype) in shapes.items():
+        _check(name, getattr(library, name), shape, dtype)
+    if views != library.settings.views_count:
+        raise ValueError(f"views are {views}, its settings make {library.settings.views_count}")
+    _within("base_angles", library.base_angles, -_LARGEST_ANGLE, _LARGEST_ANGLE)
+    _within("views", library.views, -_LARGEST_ANGLE, _LARGEST_ANGLE)
+    _within("base_height_m", library.base_height_m, -_TALLEST_M, _TALLEST_M)
+    _within("pelvis_px", library.pelvis_px, -_LARGEST_PX, _LARGEST_PX)
+    _within("sigma_rad", library.sigma_rad, 1e-6, _LARGEST_ANGLE)
+    _within("root_sigma_rad", np.array([library.root_sigma_rad]), 1e-6, _LARGEST_ANGLE)
+    norms = np.linalg.norm(library.base_quaternion.astype(np.float64), axis=1)
+    _within("lengths of base_quaternion", norms, 1 - _UNIT_TOLERANCE, 1 + _UNIT_TOLERANCE)
+    _within("sample_base", library.sample_base, 0, bases - 1)
+    _within("sample_view", library.sample_view, 0, views - 1)
+    _within("base_source", library.base_source[:, 0], 0, len(library.clips) - 1)
+    _within("base_source", library.base_source[:, 1], 0, np.iinfo(np.int32).max)
+    left, top, right, bottom = library.bounds_px
+    if not (0 <= left <= right <= WINDOW_PX[0] and 0 <= top <= bottom <= WINDOW_PX[1]):
+        raise ValueError(f"bounds_px {library.bounds_px} are not in the window")
+    _check_tree(library)
+    _check_neighbours(library)
+
+
+def check_library_settings(settings: LibrarySettings) -> None:
+    """Checks types and values that `LibrarySettings` itself takes for granted.
+
+    Raises:
+        ValueError: a setting has another type or an impossible value.
+    """
+    triples = [
+        settings.node_shares,
+        *([] if settings.thresholds is None else [settings.thresholds]),
+    ]
+    good = {
+        "poses": isinstance(settings.poses, int) and settings.poses <= 10**9,
+        "pitches_deg": len(settings.pitches_deg) <= 100,
+        "mirror": isinstance(settings.mirror, bool),
+        "weighting": settings.weighting in WEIGHTINGS,
+        "node_shares and thresholds": all(len(one) == 3 and _real(*one) for one in triples),
+        "proposal": isinstance(settings.proposal, bool),
+        "tree": settings.tree in ("whole", "views"),
+        "tolerance_deg": _real(settings.tolerance_deg),
+    }
+    if wrong := [name for name, is_good in good.items() if not is_good]:
+        raise ValueError(f"its settings have an impossible {wrong[0]}")
+
+
+def _real(*values: object) -> bool:
+    return all(isinstance(one, int | float) and abs(one) < 1e9 for one in values)
+
+
+def _check_tree(library: PoseLibrary) -> None:
+    """Checks levels and leaves."""
+    samples, levels = len(library), library.levels
+    offsets = library.leaf_offsets
+    check_array("leaf_offsets", offsets, (len(levels[-1]) + 1,), np.int64)
+    if offsets[0] != 0 or offsets[-1] != samples or (np.diff(offsets) < 1).any():
+        raise ValueError(f"leaf_offsets do not rise from 0 to {samples}")
+    _within("leaf_samples", library.leaf_samples, 0, samples - 1)
+    if (np.bincount(library.leaf_samples, minlength=samples) != 1).any():
+        raise ValueError("leaf_samples do not hold every sample once")
+    for number, level in enumerate(levels):
+        _check_level(f"level{number}", level, samples)
+    if levels[0].parent.any():
+        raise ValueError("level0.parent is not zero")
+    for number, (above, below) in enumerate(pairwise(levels), 1):
+        counts = np.bincount(below.parent, minlength=len(above))
+        if len(counts) != len(above) or not counts.all() or (np.diff(below.parent) < 0).any():
+            raise ValueError(f"level{number}.parent does not count the nodes above one by one")
+    if library.settings.tree == "views" and (len(levels) != 3 or len(levels[-1]) != samples):
+        raise ValueError("its tree has not a leaf for every sample, as one for every view has")
+
+
+def _check_level(name: str, level: Level, samples: int) -> None:
+    """Checks one level by itself."""
+    spans, nodes = level.spans, len(level)
+    _check(f"{name}.representative", level.representative, (nodes,), np.int32)
+    _check(f"{name}.parent", level.parent, (nodes,), np.int32)
+    _within(f"{name}.representative", level.representative, 0, samples - 1)
+    _within(f"{name}.parent", level.parent, 0, samples - 1)
+    if not nodes or level.size_px not in SIZES_PX:
+        raise ValueError(f"{name} has {nodes} nodes of size {level.size_px}")
+    if not _real(level.threshold) or level.threshold < 0:
+        raise ValueError(f"{name} has the threshold {level.threshold}")
+    width, height = level.size_px
+    _check(f"{name}.offsets", spans.offsets, (nodes + 1,), np.int64)
+    dtype = next((one for one in _RUNS if spans.rows.dtype == one), np.int32)
+    for key in ("rows", "starts", "ends"):
+        _check(f"{name}.{key}", getattr(spans, key), (len(spans.rows),), dtype)
+    _within(f"{name}.rows", spans.rows, 0, height - 1)
+    _within(f"{name}.ends", spans.ends, 0, width)
+    _within(f"{name}.starts", spans.starts, 0, width)
+    if (spans.starts >= spans.ends).any():
+        raise ValueError(f"{name}.starts are not before {name}.ends")
+
+
+def _check_neighbours(library: PoseLibrary) -> None:
+    """Checks the nearest samples, of which the first is the sample itself."""
+    if not library.neighbours and library.settings.tree == "whole":
+        return  # they are searched for when they are needed
+    for model in ("dm1", "dm2"):
+        index, square = (library.neighbours[f"{model}.{name}"] for name in ("index", "square"))
+        kept = index.shape[1] if index.ndim == 2 else 0
+        name = f"neighbours.{model}"
+        _check(f"{name}.index", index, (len(library), kept), np.int32)
+        check_array(f"{name}.square", square, (len(library), kept), np.float32)
+        if not kept:
+            raise ValueError(f"{name}.index is empty")
+        _within(f"{name}.index", index, 0, len(library) - 1)
+        # Infinite where there were too few candidates, but not of all: weights are divided by
+        # their sum.
+        if not (square >= 0).all() or not (square[:, 0] <= 1).all():
+            raise ValueError(f"{name}.square holds what is no squared distance")
+
+
+def _check(
+    name: str, array: NDArray[Any], shape: Iterable[int | str], dtype: type[np.generic]
+) -> None:
+    """Checks shape, dtype and finiteness; truth values must be 0 or 1."""
+    check_array(name, array, shape, dtype)
+    if array.dtype == np.bool_ and array.size and array.view(np.uint8).max() > 1:
+        raise ValueError(f"{name} holds what is neither true nor false")
+
+
+def _within(name: str, array: NDArray[Any], least: float, most: float) -> None:
+    """Checks that all numbers are in a range; NaN is in none."""
+    if array.size and not (array.min() >= least and array.max() <= most):
+        raise ValueError(
+            f"{name} holds numbers from {array.min():g} to {array.max():g}, beyond {least:g} to"
+            f" {most:g}"
+        )

@@ -1,0 +1,263 @@
+"""Pose library: recorded poses seen from all sides, and the tree over their silhouettes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.image.distance import Weighting
+from silhouette_core.image.spans import Rectangle, Spans
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
+from silhouette_core.motion.kinematics import quaternions, rotation_matrices
+
+LARGEST_WHOLE = 60_000
+"""Number of samples up to which a library has one tree over all of them unless told otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level of the tree: K nodes, the children of one parent next to each other.
+
+    Attributes:
+        representative: (K,) int32, the sample that represents the node.
+        parent: (K,) int32, node of the level above; zeros at the first level.
+        spans: the representatives' silhouettes in node order, at this level's resolution; runs in
+            8 bits where the tree is one for every view.
+        size_px: (width, height) of that resolution.
+        threshold: T_l, largest silhouette distance of a sample from its node.
+    """
+
+    representative: NDArray[np.int32]
+    parent: NDArray[np.int32]
+    spans: Spans
+    size_px: tuple[int, int]
+    threshold: float
+
+    def __len__(self) -> int:
+        """Number of nodes."""
+        return len(self.representative)
+
+
+@dataclass(frozen=True)
+class LibrarySettings:
+    """Settings of a library.
+
+    Attributes:
+        poses: largest number of samples (base poses times views).
+        tolerance_deg: base poses are removed until no two remain whose joint angles all differ by
+            this or less; if there are still more than `poses` allows, also by the positions of
+            their joints.
+        yaw_step_deg: angle between the views of a pose; 360: one view.
+        pitches_deg: angles of the camera below the horizontal, one or several.
+        mirror: whether every pose's mirror image is added.
+        weighting: pixel weights of the silhouette distance in the tree. XOR is symmetric. With
+            nwXOR, pixels just outside the representative cost little, so that large nodes hold very
+            different silhouettes and the tree leads less well to the best pose (`python -m
+            benchmarks.pruning`).
+        node_shares: number of nodes of each level, as a fraction of the samples; the default is the
+            paper's 7,828, 26,805 and 44,108 of 57,136.
+        thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
+        proposal: whether `from_motion.make_library` learns a proposal from the motion.
+        tree: "whole": one tree over all samples, as in the paper, whose build takes time that grows
+            with the square of their number. "views": a tree for every view, for libraries of up to
+            millions of samples, see `view_build`; `weighting`, `node_shares` and `thresholds` do
+            not count.
+    """
+
+    poses: int = LARGEST_WHOLE
+    tolerance_deg: float = 5.0
+    yaw_step_deg: float = 15.0
+    pitches_deg: tuple[float, ...] = (8.0,)
+    mirror: bool = True
+    weighting: Weighting = "xor"
+    node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
+    thresholds: tuple[float, float, float] | None = None
+    proposal: bool = True
+    # Not in the text from which names of cached libraries are made: those are of one tree.
+    tree: Literal["whole", "views"] = field(default="whole", repr=False)
+
+    def __post_init__(self) -> None:
+        """Checks the values.
+
+        Raises:
+            InputError: a value makes no library.
+        """
+        if (
+            not (1 <= self.yaw_step_deg <= 180 or self.yaw_step_deg == 360)
+            or abs(360 / self.yaw_step_deg - round(360 / self.yaw_step_deg)) > 1e-6
+        ):
+            raise InputError(
+                f"a yaw step of {self.yaw_step_deg:g} degrees does not divide the full turn: give"
+                " for example 10, 15 or 20"
+            )
+        if not self.pitches_deg or any(not -60 <= pitch <= 75 for pitch in self.pitches_deg):
+            raise InputError(
+                f"pitch {self.pitches_deg} is not one a standing camera has: give degrees down from"
+                " the horizontal, as in 8"
+            )
+        if self.poses < self.views_count:
+            raise InputError(
+                f"{self.poses} poses are too few: every recorded pose is seen from"
+                f" {self.views_count} sides"
+            )
+        if not self.tolerance_deg > 0:
+            raise InputError(
+                f"a tolerance of {self.tolerance_deg:g} degrees leaves nothing out: give a"
+                " positive one"
+            )
+
+    def for_body(self, model: BodyModel) -> LibrarySettings:
+        """These settings without what only a person's body has: mirror image, proposal."""
+        return self if model.person is not None else replace(self, mirror=False, proposal=False)
+
+    @property
+    def views_count(self) -> int:
+        """Number of views of each base pose."""
+        return round(360 / self.yaw_step_deg) * len(self.pitches_deg)
+
+    def views(self) -> NDArray[np.float64]:
+        """Yaw and pitch (V, 2), radians, the yaws of one pitch next to each other."""
+        yaw = np.arange(round(360 / self.yaw_step_deg)) * self.yaw_step_deg
+        return np.radians([[y, pitch] for pitch in self.pitches_deg for y in yaw])
+
+
+@dataclass(frozen=True, eq=False)
+class PoseLibrary:
+    """B base poses from V views, N samples, in a tree of silhouettes; L levels.
+
+    Attributes:
+        model: the body, which faces -y at yaw 0.
+        settings: settings of the library.
+        base_angles: (B, D) float32, joint angles, radians.
+        base_quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
+        base_height_m: (B,) float32, height of the pelvis above the lowest vertex.
+        base_source: (B, 2) int32, index of the clip and number of the frame.
+        base_mirrored: (B,) bool, whether the pose is the mirror image of its source.
+        clips: names of the clips.
+        views: (V, 2) float64, yaw and pitch, radians, see `rendering.camera_from_body`.
+        sample_base: (N,) int32, base pose of each sample.
+        sample_view: (N,) int16, view of each sample.
+        pelvis_px: (N, 2) float32, pelvis joint in the window of 320 x 240.
+        areas: (N, 27) uint16, visible pixels of each part, A_j.
+        occluded: (N, 27) bool, f_j of eq. (3).
+        cut: (N,) bool, whether the window cuts off some of the silhouette.
+        levels: coarse to fine.
+        leaf_offsets: (K_L + 1,) int64; node k of the finest level has the samples leaf_offsets[k]
+            to leaf_offsets[k + 1] - 1 of leaf_samples, the representative among them.
+        leaf_samples: (N,) int32, samples of all leaves.
+        sigma_rad: (D,) float32, step sizes of the joint angles within 1/30 s, spacing of the
+            library included, see `base_poses.motion_sigmas`.
+        root_sigma_rad: step size of the pelvis's orientation.
+        bounds_px: smallest rectangle of the window of 320 x 240 that holds the silhouettes of all
+            samples, the outer limit of eq. (9).
+        neighbours: nearest samples of every sample, see `transitions.find_neighbours`.
+        proposal: learned proposal of poses; None: the library has none.
+    """
+
+    model: BodyModel
+    settings: LibrarySettings
+    base_angles: NDArray[np.float32]
+    base_quaternion: NDArray[np.float32]
+    base_height_m: NDArray[np.float32]
+    base_source: NDArray[np.int32]
+    base_mirrored: NDArray[np.bool_]
+    clips: tuple[str, ...]
+    views: NDArray[np.float64]
+    sample_base: NDArray[np.int32]
+    sample_view: NDArray[np.int16]
+    pelvis_px: NDArray[np.float32]
+    areas: NDArray[np.uint16]
+    occluded: NDArray[np.bool_]
+    cut: NDArray[np.bool_]
+    levels: tuple[Level, ...]
+    leaf_offsets: NDArray[np.int64]
+    leaf_samples: NDArray[np.int32]
+    sigma_rad: NDArray[np.float32]
+    root_sigma_rad: float
+    bounds_px: Rectangle
+    neighbours: Mapping[str, NDArray] = field(default_factory=dict)
+    proposal: PoseProposal | None = None
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.sample_base)
+
+    @cached_property
+    def child_offsets(self) -> tuple[NDArray[np.int64], ...]:
+        """Offsets (K_l + 1,) of the children of every level's nodes.
+
+        Node k has the nodes offsets[k] to offsets[k + 1] - 1 of the next level; a leaf has these
+        positions in leaf_samples.
+        """
+        offsets = [
+            np.searchsorted(below.parent, np.arange(len(level) + 1)).astype(np.int64)
+            for level, below in zip(self.levels[:-1], self.levels[1:], strict=True)
+        ]
+        return (*offsets, np.asarray(self.leaf_offsets))
+
+    def pose(self, samples: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Poses of samples (n,) before a level camera that looks along +y.
+
+        Returns:
+            Orientations of the pelvis (n, 4) w x y z, the view's yaw included, and joint angles (n,
+            D).
+        """
+        base = self.sample_base[samples]
+        yaw = self.views[self.sample_view[samples], 0] / 2
+        turn = np.stack([np.cos(yaw), 0 * yaw, 0 * yaw, np.sin(yaw)], -1)
+        matrices = rotation_matrices(turn) @ rotation_matrices(self.base_quaternion[base])
+        return quaternions(matrices), self.base_angles[base].astype(np.float64)
+
+    def render(self, samples: NDArray[np.integer]) -> RenderedViews:
+        """Views of samples (n,), rendered again exactly as in the build of the library.
+
+        The library stores the silhouettes of the representatives only, which the filter scores; the
+        other samples of a leaf look alike by construction.
+        """
+        base, surface = np.unique(self.sample_base[samples], return_inverse=True)
+        surfaces, _ = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
+        return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
+
+
+def require_body(library: PoseLibrary, required: BodySizes) -> None:
+    """Checks that a library was made for a body.
+
+    Args:
+        library: the library.
+        required: measurements of the tracked body.
+
+    Raises:
+        InputError: another stature (by more than 1 cm), chest (by more than 2 cm) or sex.
+    """
+    made = library.model.sizes
+    chest = (made.chest_girth_m, required.chest_girth_m)
+    same_chest = chest[0] == chest[1] or (None not in chest and abs(chest[0] - chest[1]) <= 0.02)  # type: ignore[operator]
+    # An unknown sex takes the man's template.
+    same_surface = made.sex == required.sex or "female" not in (made.sex, required.sex)
+    if abs(made.stature_m - required.stature_m) > 0.01 or not same_chest or not same_surface:
+        raise InputError(
+            f"the library was made for another body ({_measures(made)}; wanted"
+            f" {_measures(required)}): build one with voxelpose library build --stature"
+            f" {required.stature_m:g}"
+        )
+
+
+def describe_body(model: BodyModel) -> str:
+    """A body as text: a person's measurements, or its parts."""
+    if model.person is None:
+        return f"{len(model.names)} parts, root {model.names[0]}, {model.extent_m:.2f} m"
+    return _measures(model.person)
+
+
+def _measures(sizes: BodySizes) -> str:
+    chest = "usual" if sizes.chest_girth_m is None else f"{sizes.chest_girth_m:g} m"
+    return f"stature {sizes.stature_m:g} m, chest {chest}, sex {sizes.sex}"

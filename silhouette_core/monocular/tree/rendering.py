@@ -1,0 +1,183 @@
+"""Rendering of library poses: one virtual camera, centred silhouettes, three resolutions.
+
+The camera looks at the pelvis from `DISTANCE` statures (of other bodies than a person's: root, and
+`BodyModel.length_m`), down by the view's pitch; its focal length maps the stature at that distance
+to 158 of 240 pixels. The body is turned by the view's yaw; at yaw 0 it faces the camera. The image
+is moved by whole pixels until the silhouette's centroid is in the middle of a window of 320 x 240,
+and cut off at the window's border.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.cleanup import reduce_silhouette
+from silhouette_core.image.raster import render_many
+from silhouette_core.image.spans import Spans
+from silhouette_core.monocular.tree.kernels import rendering as kernels
+from silhouette_core.motion import kinematics
+
+SIZES_PX = ((80, 60), (160, 120), (320, 240))
+"""(width, height) of the silhouettes of the tree's levels, coarse to fine, px."""
+WINDOW_PX = SIZES_PX[-1]
+DISTANCE = 4.0 / 1.75
+"""Distance of the pelvis from the camera, in statures."""
+STATURE_PX = 158
+FOCAL_PX = STATURE_PX * DISTANCE
+_CANVAS_PX = 448
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedViews:
+    """N poses as seen by the virtual camera.
+
+    Attributes:
+        windows: (N, 240, 320) uint8, part number + 1, 0 for background; smaller if drawn so.
+        pelvis_px: (N, 2) float32, the pelvis joint's projection (x, y) in the window.
+        areas: (N, 27) uint16, pixels of each part, including those outside the window.
+        cut: (N,) int32, number of pixels outside the window.
+    """
+
+    windows: NDArray[np.uint8]
+    pelvis_px: NDArray[np.float32]
+    areas: NDArray[np.uint16]
+    cut: NDArray[np.int32]
+
+
+def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
+    """Rotation (3, 3) from a body without heading (facing -y, z up) to the virtual camera.
+
+    Args:
+        yaw_rad: turn of the body about the vertical, counter-clockwise from above; 0 faces the
+            camera.
+        pitch_rad: angle of the optical axis below the horizontal.
+    """
+    cosine, sine = np.cos(pitch_rad), np.sin(pitch_rad)
+    camera_from_world = np.array([[1.0, 0.0, 0.0], [0.0, -sine, -cosine], [0.0, cosine, -sine]])
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return camera_from_world @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def pose_surfaces(
+    model: BodyModel, quaternions: NDArray[np.floating], angles_rad: NDArray[np.floating]
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Surfaces of poses with the pelvis at the origin.
+
+    Args:
+        model: the body.
+        quaternions: (B, 4) w, x, y, z, world from body.
+        angles_rad: (B, D), joint angles.
+
+    Returns:
+        Surfaces (B, V, 3) float32, m, and the height of the pelvis above the lowest vertex (B,)
+        float64, m.
+    """
+    rotation, origin = kinematics.forward(
+        model,
+        np.zeros((len(quaternions), 3)),
+        np.asarray(quaternions, float),
+        np.asarray(angles_rad, float),
+    )
+    surfaces = np.empty((len(quaternions), *model.vertices_m.shape), np.float32)
+    for k in range(len(quaternions)):
+        surfaces[k] = kinematics.skin(model, rotation[k], origin[k])
+    return surfaces, -surfaces[..., 2].min(axis=1).astype(np.float64)
+
+
+def render_views(
+    model: BodyModel,
+    surfaces: NDArray[np.float32],
+    which: NDArray[np.integer],
+    views: NDArray[np.floating],
+    reduction: int = 1,
+) -> RenderedViews:
+    """Part-number projections of posed bodies, centred in windows.
+
+    Args:
+        model: the body.
+        surfaces: (B, V, 3) float32, m, pelvis at the origin, heading removed.
+        which: (N,), index of the surface of each view.
+        views: (N, 2) yaw and pitch of each view, radians.
+        reduction: 1, 2 or 4: how many times smaller than 320 x 240 the windows are drawn, which is
+            faster. Numbers of pixels and positions are those of 320 x 240 nonetheless.
+
+    Source: Okada and Stenger, section 3.1.
+    """
+    rotations = np.stack([camera_from_body(yaw, pitch) for yaw, pitch in np.asarray(views, float)])
+    placed = np.empty((len(which), *surfaces.shape[1:]), np.float32)
+    distance = DISTANCE * model.length_m
+    kernels.rotate_and_translate(
+        surfaces[which], np.zeros((len(which), 3)), rotations, distance, placed
+    )
+    canvas, focal = _CANVAS_PX // reduction, FOCAL_PX / reduction
+    middle = (canvas - 1) / 2
+    matrix = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]])
+    parts = render_many(placed, model.faces, model.face_part, matrix, (canvas, canvas))
+    windows = np.empty((len(which), WINDOW_PX[1] // reduction, WINDOW_PX[0] // reduction), np.uint8)
+    shifts, cut = np.empty((len(which), 2), np.int32), np.empty(len(which), np.int32)
+    areas = np.zeros((len(which), len(model.names)), np.uint16)
+    kernels.centre_windows(parts, windows, shifts, areas, cut)
+    pelvis = (middle + shifts) * reduction + (reduction - 1) / 2
+    areas, cut = areas * np.uint16(reduction**2), cut * np.int32(reduction**2)
+    return RenderedViews(windows, pelvis.astype(np.float32), areas, cut)
+
+
+def halve_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Silhouette (…, h, w) bool at half the resolution, as large as before on average.
+
+    Of two set pixels of four the upper left one decides; `reduce_silhouette` sets all of these, and
+    so widens what it reduces.
+    """
+    a, b, c, d = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
+    return (a & (b | c | d)) | (b & c & d)
+
+
+def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
+    """Silhouette (…, 240, 320) of a window at all resolutions of the tree, coarse to fine."""
+    levels = [mask]
+    for _ in SIZES_PX[1:]:
+        levels.append(reduce_silhouette(levels[-1]))
+    return tuple(reversed(levels))
+
+
+def spans_of(masks: NDArray[np.bool_]) -> Spans:
+    """Runs of silhouettes (N, h, w) bool in 16 bits, enough for the windows of a library."""
+    counts = np.empty(len(masks), np.int64)
+    kernels.count_runs(masks, counts)
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    rows, starts, ends = (np.empty(int(offsets[-1]), np.int16) for _ in range(3))
+    kernels.fill_runs(masks, offsets, rows, starts, ends)
+    return Spans(rows, starts, ends, offsets)  # type: ignore[arg-type]
+
+
+def select_spans(spans: Spans, which: NDArray[np.integer]) -> Spans:
+    """Selection `which` (K,) of silhouettes, in that order."""
+    counts = np.diff(spans.offsets)[which]
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    runs = np.repeat(spans.offsets[:-1][which] - offsets[:-1], counts) + np.arange(offsets[-1])
+    return Spans(spans.rows[runs], spans.starts[runs], spans.ends[runs], offsets)
+
+
+def join_spans(parts: Sequence[Spans]) -> Spans:
+    """Concatenation of sequences of silhouettes."""
+    before = np.cumsum([0, *(len(part.rows) for part in parts)])
+    offsets = [part.offsets[1:] + start for part, start in zip(parts, before[:-1], strict=True)]
+    rows, starts, ends = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("rows", "starts", "ends")
+    )
+    return Spans(rows, starts, ends, np.concatenate([[0], *offsets]).astype(np.int64))
+
+
+def masks_of(
+    spans: Spans, which: NDArray[np.integer], size_px: tuple[int, int] = WINDOW_PX
+) -> NDArray[np.bool_]:
+    """Masks (N, h, w) bool of silhouettes `which` (N,) in images of (width, height)."""
+    masks = np.zeros((len(which), size_px[1], size_px[0]), bool)
+    kernels.draw_runs(spans.rows, spans.starts, spans.ends, spans.offsets, np.asarray(which), masks)
+    return masks

@@ -1,0 +1,202 @@
+"""Search for a root that stands still, in several frames of one camera together.
+
+Each frame by itself leaves open where the root is and which way it faces: the depth is weak, and a
+joint that turns about the vertical makes up for any heading. All frames have the same root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from calib.camera import Camera, Rig
+from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
+from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
+from silhouette_core.refinement.still_root import still_root
+from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.silhouette_error import mask_errors
+
+_STARTS = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
+_HELD = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
+_OF_EACH_VIEW = 2  # poses refined of every view of a frame
+_LIKELY = 10  # poses of a frame that are tried with a root
+_ROOTS, _ROUNDS = 5, 2
+_HEADINGS, _HEADINGS_TRIED, _OF_EACH_HEADING = 24, 3, 2
+_SIGMA_M, _SIGMA_RAD = 0.06, np.radians(8.0)  # between the roots of two frames
+_SIGMA_ERROR = 0.03
+_LOOSE_RAD, _HELD_SIGMA = 0.6, 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A frame: what it shows, and refined poses (K) with their silhouette errors (K,)."""
+
+    observation: Observation
+    poses: list[Pose]
+    errors: NDArray[np.float64]
+
+
+def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_]]) -> Pose:
+    """Placement of a root that stands still.
+
+    The best poses of every frame and view are refined with their roots free. A root that is near to
+    one of the good poses of every frame is likely; with the likeliest, all frames are refined again
+    while it is held, and the one with the smallest errors remains. Last, it is turned to all other
+    headings.
+
+    Args:
+        tree: filter over a library of the body from all sides.
+        camera: pinhole camera without distortion.
+        masks: silhouettes (h, w) bool of some frames, not empty.
+
+    Returns:
+        The root, with the joint angles of one of the frames.
+    """
+    model = tree.library.model
+    surface, views = Surface(model, 500), PinholeViews.from_rig(Rig((camera,)))
+    frames = [_refined(tree, camera, views, surface, mask) for mask in masks]
+    found = [_settled(tree, surface, frames, root) for root in _likely_roots(frames)]
+    root, held = min(found, key=_error)
+    turned = [
+        [_turned(frame, turn, model) for frame in held]
+        for turn in yaw_rotations(np.arange(1, _HEADINGS) * 2 * np.pi / _HEADINGS)
+    ]
+    others = [(frames[0].poses[0], _all_held(tree, surface, frames)) for frames in turned]
+    likely = sorted(others, key=_error)[:_HEADINGS_TRIED]
+    settled = [_settled(tree, surface, frames, frames[0].poses[0]) for _, frames in likely]
+    return min([(root, held), *settled], key=_error)[0]
+
+
+def _error(found: tuple[Pose, list[_Frame]]) -> float:
+    """Mean over frames of the error of the best pose with a root."""
+    return float(np.mean([frame.errors.min() for frame in found[1]]))
+
+
+def _settled(
+    tree: TreeFilter, surface: Surface, frames: Sequence[_Frame], root: Pose
+) -> tuple[Pose, list[_Frame]]:
+    """A root placed by all frames together, and their poses with it."""
+    for _ in range(_ROUNDS):
+        held = [_held(surface, frame, root, tree) for frame in frames]
+        best = [frame.poses[int(frame.errors.argmin())] for frame in held]
+        root = still_root(surface, [frame.observation for frame in frames], best, _HELD)
+    return root, [_held(surface, frame, root, tree) for frame in frames]
+
+
+def _all_held(tree: TreeFilter, surface: Surface, frames: Sequence[_Frame]) -> list[_Frame]:
+    """Poses of frames refined with the root that they have."""
+    return [_held(surface, frame, frames[0].poses[0], tree) for frame in frames]
+
+
+def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Frame:
+    """The best poses of a frame with the root turned in the world.
+
+    Joints at the root make up for the turn as far as they can: what they carry stays where it is,
+    and only the root itself tells the right heading.
+    """
+    best = np.argsort(frame.errors, kind="stable")[:_OF_EACH_HEADING]
+    poses = [_root_turned(frame.poses[k], turn, model) for k in best]
+    return _Frame(frame.observation, poses, frame.errors[best])
+
+
+def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pose:
+    angles = pose.angles_rad.copy()
+    back = Rotation.from_matrix(pose.root_rotation.T @ turn.T @ pose.root_rotation)
+    for part in np.flatnonzero(model.parents == 0):
+        dofs = np.flatnonzero(model.dof_part == part)
+        axes = model.dof_axis[dofs]
+        wanted = (back * Rotation.from_rotvec(angles[dofs] @ axes)).as_rotvec()
+        angles[dofs] = np.linalg.lstsq(axes.T, wanted, rcond=None)[0]
+    return Pose(pose.root_m, turn @ pose.root_rotation, angles).clipped(model.dof_limits_rad)
+
+
+def _refined(
+    tree: TreeFilter,
+    camera: Camera,
+    views: PinholeViews,
+    surface: Surface,
+    mask: NDArray[np.bool_],
+) -> _Frame:
+    """The best poses of every view, refined with the root free."""
+    filter_frame = ForwardFilter(tree, camera, facing=False).step(0, 0.0, Person(mask, False))
+    rows = _best_of_views(tree, filter_frame.posterior)
+    samples = candidates_of(tree, filter_frame, rows)
+    sigma = np.full(6 + surface.model.dof_count, _LOOSE_RAD)
+    sigma[:3] = 0.1 * filter_frame.distance_m
+    poses = [
+        Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k])
+        for k in range(len(rows))
+    ]
+    observation = Observation.from_masks(views, [mask], filter_frame.distance_m)
+    starts = [RefineStart(pose, _STARTS, PosePrior(pose, sigma)) for pose in poses]
+    refined = [one.pose for one in refine_many(surface, observation, starts)]
+    errors = mask_errors(surface.model, refined, views, [mask], tree.backend)
+    return _Frame(observation, refined, errors)
+
+
+def _best_of_views(tree: TreeFilter, posterior: Posterior) -> list[int]:
+    order = np.argsort(posterior.distance, kind="stable")
+    view = tree.library.sample_view[posterior.samples]
+    return [
+        int(row)
+        for own in range(len(tree.library.views))
+        for row in order[view[order] == own][:_OF_EACH_VIEW]
+    ]
+
+
+def _gaps(poses: Sequence[Pose], root: Pose) -> NDArray[np.float64]:
+    """Squared distances (K,) of the roots of poses from a root, in standard deviations."""
+    moved = np.array([pose.root_m - root.root_m for pose in poses])
+    turns = np.stack([pose.root_rotation for pose in poses]) @ root.root_rotation.T
+    turned = Rotation.from_matrix(turns).magnitude()
+    return (moved**2).sum(1) / _SIGMA_M**2 + turned**2 / _SIGMA_RAD**2
+
+
+def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
+    """Roots to which all frames have a good pose near, the likeliest first, no two alike."""
+    roots = [pose for frame in frames for pose in frame.poses]
+    costs = np.array(
+        [
+            sum(
+                (
+                    np.minimum(_gaps(frame.poses, root), 50.0) + (frame.errors / _SIGMA_ERROR) ** 2
+                ).min()
+                for frame in frames
+            )
+            for root in roots
+        ]
+    )
+    chosen: list[Pose] = []
+    for k in np.argsort(costs, kind="stable"):
+        if len(chosen) < _ROOTS and (not chosen or _gaps(chosen, roots[k]).min() > 2.0):
+            chosen.append(roots[k])
+    return chosen
+
+
+def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Frame:
+    """The likeliest poses of a frame, refined with a root that is held."""
+    likely = (
+        0.5 * np.minimum(_gaps(frame.poses, root), 50.0) + 0.5 * (frame.errors / _SIGMA_ERROR) ** 2
+    )
+    sigma = np.full(6 + surface.model.dof_count, _LOOSE_RAD)
+    sigma[:6] = _HELD_SIGMA
+    poses = [
+        Pose(root.root_m, root.root_rotation, frame.poses[k].angles_rad)
+        for k in np.argsort(likely, kind="stable")[:_LIKELY]
+    ]
+    starts = [RefineStart(pose, _HELD, PosePrior(pose, sigma)) for pose in poses]
+    refined = [one.pose for one in refine_many(surface, frame.observation, starts)]
+    views, masks = frame.observation.views, frame.observation.masks
+    return _Frame(
+        frame.observation, refined, mask_errors(surface.model, refined, views, masks, tree.backend)
+    )

@@ -1,0 +1,308 @@
+"""Bayesian filter over the silhouette tree: from the posterior of a frame to that of the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from silhouette_core.monocular.tree.evidence import Alignment, Evidence
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tree.rendering import WINDOW_PX
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
+
+SIGMA_SCALE = 2.5
+"""Factor on the motion model's sigmas (ours). With 54 joint angles, the measured sigmas would leave
+nearly all of a transition to two samples, and the filter could not recover from a wrong pose."""
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """Parameters of likelihood and pruning.
+
+    Attributes:
+        sigma: standard deviation of the silhouette distance of the true pose, eq. (10), as a
+            fraction of the silhouette's own weight.
+        coarse: factor on sigma for every level above the last, where a representative stands for
+            a larger node.
+        survivors: a node's children are scored if its posterior reaches this fraction of the best
+            node's.
+        most: largest number of nodes kept per level.
+        moved: number of nodes per level that are moved to where they fit best, if there are more
+            than twice as many: those that are likely where they are.
+        floor: fraction of the prior that is spread evenly over the library, so that the filter
+            recovers from a wrong pose.
+    """
+
+    sigma: float = 0.07
+    coarse: float = 1.5
+    survivors: float = 1e-3
+    most: int = 1500
+    moved: int = 500
+    floor: float = 0.10
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Posterior of a frame: M samples of the surviving leaves, likeliest first.
+
+    Attributes:
+        samples: (M,) int64, indices into the library.
+        probability: (M,) float64, summing to 1.
+        distance: (M,) float64, the silhouette distance of each sample's leaf.
+        scale: (M,) int64, index of the window of the least distance, see `Alignment`.
+        shift_px: (M, 2) int64, shift (right, down) of the least distance, see `Alignment`.
+        scored: number of nodes scored, per level.
+    """
+
+    samples: NDArray[np.int64]
+    probability: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    scale: NDArray[np.int64]
+    shift_px: NDArray[np.int64]
+    scored: tuple[int, ...]
+
+
+class TreeFilter:
+    """Tree-based filter over a pose library.
+
+    Args:
+        library: poses and their tree; N samples.
+        transitions: (N, N) sparse, row i is the distribution of the pose after sample i, see
+            `silhouette_core.monocular.tree.transitions.transitions`.
+        settings: parameters of likelihood and pruning.
+        backend: scores the nodes, and the poses of whoever follows what they lead to.
+
+    Source: Okada and Stenger, section 6.
+    """
+
+    def __init__(
+        self,
+        library: PoseLibrary,
+        transitions: csr_matrix,
+        settings: FilterSettings | None = None,
+        backend: Backend = CPU,
+    ):
+        """Indexes the children of every node."""
+        self.library, self.backend = library, backend
+        self.settings = settings or FilterSettings()
+        self.transitions = transitions
+        # Children are stored in the order of their parents: where those of every node begin.
+        self._children = [
+            np.searchsorted(level.parent, np.arange(len(above) + 1))
+            for above, level in pairwise(library.levels)
+        ]
+
+    def predict(self, posterior: Posterior, steps: int = 1) -> NDArray[np.float64]:
+        r"""Prior of the next frame.
+
+        The prediction
+
+        .. math::
+            :label: okada-2
+
+            p(x_t|z_{1:t-1}) = \int p(x_t|x_{t-1})\, p(x_{t-1}|z_{1:t-1})\, dx_{t-1}
+
+        becomes a sum over the samples of the library,
+
+        .. math::
+            :label: okada-14
+
+            p(x_t^{njL}|z_{1:t-1}) =
+            \sum_{i=1}^{N_R} p(x_t^{njL}|x_{t-1}^i)\, p(x_{t-1}^i|z_{1:t-1})
+
+        where :math:`x_t` is the state (position and joint angles) at frame :math:`t`,
+        :math:`z_{1:t}` are the observed silhouettes, :math:`x_t^{njL}` is sample :math:`n` of leaf
+        :math:`j` at the last level :math:`L`, and :math:`N_R` the number of samples. Here it is a
+        product with the sparse matrix of transitions, of the samples that survived only, and a
+        floor of even probability is added, which the paper does not have.
+
+        Args:
+            posterior: posterior of this frame.
+            steps: frame intervals between the frames: the variance of the random walk grows with
+                every one.
+
+        Returns:
+            (N,) float64, summing to 1.
+
+        Source: Okada and Stenger, eq. (2), (14); several steps and the floor are ours.
+        """
+        # The first step starts from few samples: only their rows are summed.
+        rows = self.transitions[posterior.samples]
+        terms = rows.data * np.repeat(posterior.probability, np.diff(rows.indptr))
+        prior = np.bincount(rows.indices, terms, minlength=len(self.library))  # eq. (2), (14)
+        for _ in range(steps - 1):
+            prior = self.transitions.T @ prior
+        prior /= max(prior.sum(), 1e-300)
+        return (1 - self.settings.floor) * prior + self.settings.floor / len(prior)
+
+    def spread(self, prior: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+        """Prior of which a share is spread evenly over the library.
+
+        Args:
+            prior: (N,) float64, summing to 1.
+            share: from 0 to 1.
+        """
+        return (1 - share) * prior + share / len(prior)
+
+    def weigh_views(
+        self, prior: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Prior (N,) float64 times the weight of every sample's view (V,), summing to 1 again."""
+        prior = prior * weights[self.library.sample_view]
+        return prior / prior.sum()
+
+    def update(self, prior: NDArray[np.float64], evidence: Evidence) -> Posterior:
+        r"""Posterior of a frame.
+
+        .. math::
+            :label: okada-1
+
+            p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
+
+        with the normalising constant :math:`c_t`. The tree is descended level by level; a node is
+        scored if its parent survived (`score_level`). Within a surviving leaf :math:`\theta_t^{jL}`
+        all poses look alike: its likelihood counts for each of its samples :math:`x_t^{njL}`, with
+        the sample's own prior:
+
+        .. math::
+            :label: okada-12
+
+            p(x_t^{njL}|z_{1:t}) = c_t\, p(z_t|x_t^{njL})\, p(x_t^{njL}|z_{1:t-1})
+
+        .. math::
+            :label: okada-13
+
+            p(x_t^{njL}|z_{1:t}) \approx c_t\, p(z_t|\theta_t^{jL})\, p(x_t^{njL}|z_{1:t-1})
+
+        Args:
+            prior: (N,) float64, over the library's samples.
+            evidence: the frame's silhouette.
+
+        Returns:
+            The samples of the surviving leaves; all others have probability 0.
+
+        Source: Okada and Stenger, eq. (1), (12), (13).
+        """
+        library = self.library
+        node_prior = self._of_nodes(prior)
+        nodes = np.arange(len(library.levels[0]))
+        scored = [len(nodes)]
+        alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0][nodes], evidence)
+        for depth, first in enumerate(self._children, 1):
+            nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
+            scored.append(len(nodes))
+            alignment, log_likelihood, kept = self.score_level(
+                depth, nodes, node_prior[depth][nodes], evidence
+            )
+        leaf = nodes[kept]
+        counts = library.leaf_offsets[leaf + 1] - library.leaf_offsets[leaf]
+        samples = library.leaf_samples[
+            concatenated_ranges(library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1])
+        ]
+        of_leaf = np.repeat(kept, counts)
+        with np.errstate(divide="ignore"):
+            log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
+        probability = np.exp(log_posterior - log_posterior.max())
+        probability /= probability.sum()  # eq. (1): c_t
+        order = np.argsort(-probability, kind="stable")
+        of_leaf = of_leaf[order]
+        return Posterior(
+            samples[order].astype(np.int64),
+            probability[order],
+            alignment.distance[of_leaf],
+            alignment.scale[of_leaf],
+            alignment.shift_px[of_leaf],
+            tuple(scored),
+        )
+
+    def score_level(
+        self,
+        depth: int,
+        nodes: NDArray[np.int64],
+        node_prior: NDArray[np.float64],
+        evidence: Evidence,
+        most: int | None = None,
+    ) -> tuple[Alignment, NDArray[np.float64], NDArray[np.int64]]:
+        r"""Likelihood of nodes of one level, and which of them survive.
+
+        .. math::
+            :label: okada-10
+
+            p(z_t|x_t) \propto \exp\left(-\frac{d_{sil}(P_o, P_m)^2}{2\sigma^2}\right)
+
+        with the silhouette distance :math:`d_{sil}` between the observation :math:`P_o` and the
+        projection :math:`P_m` of pose :math:`x_t`. A node :math:`\theta_t^{jl}`, number :math:`j`
+        of level :math:`l`, takes the likelihood of its representative :math:`\bar{x}_t^{jl}`:
+
+        .. math::
+            :label: okada-11
+
+            p(z_t|\theta_t^{jl}) \approx p(z_t|\bar{x}_t^{jl})\, \mathrm{vol}(S^{jl})
+
+        The volume of the node's set :math:`S^{jl}` counts as constant, as in the paper. The
+        distance is relative to the observation's own weight (see `relative_weights`), and
+        :math:`\sigma` grows with every level above the last, which the paper does not say.
+
+        Args:
+            depth: 0 for the coarsest level.
+            nodes: (K,) int64, indices of the nodes to be scored.
+            node_prior: (K,) float64, prior of these nodes.
+            evidence: the frame's silhouette.
+            most: largest number of survivors; None: that of the settings.
+
+        Returns:
+            Alignments of the K nodes, their log likelihoods (K,) float64 without the constant
+            factor, and the positions (n,) int64 of the survivors among them.
+
+        Source: Okada and Stenger, eq. (10), (11).
+        """
+        settings, levels_below = self.settings, len(self.library.levels) - 1 - depth
+        level, most = self.library.levels[depth], most or settings.most
+        reduction, sigma = (
+            WINDOW_PX[0] // level.size_px[0],
+            settings.sigma * settings.coarse**levels_below,
+        )
+        with np.errstate(divide="ignore"):
+            log_prior, least = np.log(node_prior), np.log(settings.survivors)
+        if len(nodes) <= 2 * settings.moved:
+            alignment = evidence.distances(level.spans, nodes, reduction)
+        else:
+            distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
+            likely = 0.5 * (distance / sigma) ** 2 - log_prior
+            moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
+            alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
+                moved, distance, scale
+            )
+        log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
+        log_posterior = log_likelihood + log_prior
+        kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)
+        if len(kept) > most:
+            kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[:most]])
+        return alignment, log_likelihood, kept
+
+    def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Prior of the nodes of every level: the sums over their samples."""
+        library = self.library
+        sums = np.concatenate([[0.0], np.cumsum(prior[library.leaf_samples])])
+        of_level = [sums[library.leaf_offsets[1:]] - sums[library.leaf_offsets[:-1]]]
+        for level, above in zip(library.levels[:0:-1], library.levels[-2::-1], strict=True):
+            of_level.insert(
+                0, np.bincount(level.parent, of_level[0], minlength=len(above.representative))
+            )
+        return of_level
+
+
+def concatenated_ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Concatenated ranges first[0] .. last[0] - 1, first[1] .. last[1] - 1, ..."""
+    counts = (last - first).astype(np.int64)
+    ends = np.cumsum(counts)
+    return (
+        np.arange(ends[-1] if len(ends) else 0)
+        - np.repeat(ends - counts, counts)
+        + np.repeat(first, counts)
+    )

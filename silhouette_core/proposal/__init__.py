@@ -1,1 +1,0 @@
-"""Learned proposal: probable poses of one person from the silhouettes of one camera."""

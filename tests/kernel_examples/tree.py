@@ -1,0 +1,65 @@
+import cv2
+import numpy as np
+
+from tests.kernel_examples import Example
+from tests.kernel_examples.bodies import rotations
+
+SIZE = (12, 17)
+
+
+def masks(rng, count=4):
+    noise = rng.normal(size=(count, *SIZE))
+    return np.stack([cv2.GaussianBlur(image, (0, 0), 1.5) > 0 for image in noise])
+
+
+def rotate_and_translate(rng):
+    posed = rng.normal(size=(3, 10, 3)).astype(np.float32)
+    arguments = posed, rng.normal(size=(3, 3)), rotations(rng, 3), 4.0
+    return Example((*arguments, np.empty((3, 10, 3), np.float32)), rtol=1e-6, atol=1e-6)
+
+
+def centre_windows(rng):
+    parts = rng.integers(1, 5, (4, *SIZE), dtype=np.uint8) * masks(rng)
+    parts[0], parts[1, :, 5:] = 0, 0
+    windows, shifts = np.empty((4, 9, 12), np.uint8), np.empty((4, 2), np.int32)
+    return Example((parts, windows, shifts, np.zeros((4, 4), np.uint16), np.empty(4, np.int32)))
+
+
+def count_runs(rng):
+    return Example((masks(rng), np.empty(4, np.int64)))
+
+
+def runs(given):
+    """Offsets, rows, starts and ends (exclusive) of the runs of masks."""
+    steps = np.diff(np.pad(given, ((0, 0), (0, 0), (1, 1))).astype(int), axis=2)
+    offsets = np.r_[0, np.cumsum((steps > 0).sum(axis=(1, 2)))]
+    _, rows, starts = np.nonzero(steps > 0)
+    return offsets, rows, starts, np.nonzero(steps < 0)[2]
+
+
+def fill_runs(rng):
+    given = masks(rng)
+    offsets, rows, starts, ends = runs(given)
+    return Example((given, offsets, *(np.empty(len(r), np.int16) for r in (rows, starts, ends))))
+
+
+def draw_runs(rng):
+    offsets, *spans = runs(masks(rng))
+    return Example((*spans, offsets, np.array([2, 0]), np.zeros((2, *SIZE), bool)))
+
+
+def nearest_samples(rng):
+    bases, views, same_pitch, sources = 10, 6, 3, 8
+    orientation = rotations(rng, bases * views).reshape(-1, 9) / np.sqrt(2)
+    candidates = np.stack([rng.permutation(bases)[:7] for _ in range(sources)])
+    squares = np.sort(rng.uniform(0, 9, (sources, 7)), axis=1)
+    given = rng.permutation(bases * views)[:sources], candidates, squares, orientation
+    filled = np.empty((sources, 9), np.int64), np.empty((sources, 9))
+    scales = rng.uniform(0.2, 2, sources), views, same_pitch
+    return Example((*given, *scales, *filled), rtol=1e-7)
+
+
+def nearest_rows(rng):
+    rows = rng.normal(size=(30, 14))
+    rows[7] = rows[3]
+    return Example((rows, 5, np.empty((9, 6), np.int32), np.empty((9, 6))), rtol=1e-9)

@@ -1,0 +1,35 @@
+"""A small library of the project's own movements, made once."""
+
+import pytest
+
+from silhouette_core.monocular.making.base_poses import base_poses
+from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tree.store import write_library
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
+from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
+
+SETTINGS = LibrarySettings(
+    poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011), proposal=False
+)
+
+
+@pytest.fixture(scope="session")
+def library():
+    """About 1,900 samples: 80 poses from 24 sides."""
+    return build_library(
+        base_poses({name: performed(name) for name in MOVEMENTS}, SETTINGS), body(), SETTINGS
+    )
+
+
+@pytest.fixture(scope="session")
+def library_file(library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "small.vplib"
+    write_library(library, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def tree(library):
+    return TreeFilter(library, transitions(library, occlusion_aware=True, sigma_scale=SIGMA_SCALE))

@@ -1,0 +1,81 @@
+"""A person filmed for the filter's tests: silhouettes of a posed body, in memory or as frames."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.camera import Camera, Rig
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.image.raster import render_parts
+from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.motion.keyposes.notation import movements
+from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.motion.kinematics import landmarks, place, rotation_matrices
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.silhouette_error import posed_mesh
+
+STATURE_M = 1.75
+MOVEMENTS = ("walk", "wave", "arm swing both", "reach aside", "squat", "kick")
+
+
+def camera_at(
+    center_m: Sequence[float],
+    target_m: Sequence[float] = (0, 0, 0.95),
+    size: tuple[int, int] = (480, 360),
+) -> Camera:
+    """Returns a level camera that looks at a point."""
+    center = np.asarray(center_m, float)
+    forward = np.asarray(target_m, float) - center
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0, 0, 1.0])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    matrix = np.array(
+        [[1.1 * size[1], 0, (size[0] - 1) / 2], [0, 1.1 * size[1], (size[1] - 1) / 2], [0, 0, 1.0]]
+    )
+    return Camera("cam_1", size, matrix, np.zeros(0), rotation, -rotation @ center)
+
+
+def body(shape: Sequence[float] = ()) -> BodyModel:
+    model = BodyModel.from_sizes(BodySizes(STATURE_M))
+    return (
+        model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))]))
+        if len(shape)
+        else model
+    )
+
+
+def performed(name: str, model: BodyModel | None = None) -> Motion:
+    return perform(movements()[name], model or body())
+
+
+def poses_of(motion: Motion) -> list[Pose]:
+    rotation = rotation_matrices(motion.root_quaternion)
+    return [Pose(motion.root_m[t], rotation[t], motion.angles_rad[t]) for t in range(len(motion))]
+
+
+def silhouette(model: BodyModel, pose: Pose, camera: Camera) -> np.ndarray:
+    seen = posed_mesh(model, pose) @ camera.rotation.T + camera.translation
+    return render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)[0] > 0
+
+
+def films(motion: Motion, camera: Camera, rows: Sequence[int]) -> list[np.ndarray]:
+    poses = poses_of(motion)
+    return [silhouette(motion.model, poses[row], camera) for row in rows]
+
+
+def joints_of(model: BodyModel, pose: Pose) -> np.ndarray:
+    return landmarks(model, *place(model, *PoseArrays.from_poses([pose]).arrays))[0]
+
+
+def observed_by(camera: Camera, library: PoseLibrary, pose: Pose) -> ObservedFrame:
+    """The frame in which a camera sees the library's body in a pose."""
+    views = PinholeViews.from_rig(Rig((camera,)))
+    distance = float(np.linalg.norm(pose.root_m - camera.center_m))
+    mask = silhouette(body(), pose, camera)
+    return FrameObserver(views, library, "balanced", CPU).observe(mask, distance, 0.0)

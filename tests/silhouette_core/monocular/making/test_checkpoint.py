@@ -1,0 +1,36 @@
+"""Steps of a build count only for the inputs they were made with; one process builds at a time."""
+
+import numpy as np
+import pytest
+
+from calib.atomic_folder import claimed
+from calib.errors import InputError
+from silhouette_core.monocular.making import from_motion
+from silhouette_core.monocular.making.checkpoint import Checkpoint
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from tests.clips import waving
+
+
+def test_a_finished_step_is_not_made_again(tmp_path):
+    first = Checkpoint(tmp_path / "steps", "inputs")
+    first.save("a", {"x": np.arange(3)})
+    arrays = Checkpoint(tmp_path / "steps", "inputs").step("a", lambda: pytest.fail("made again"))
+    assert list(arrays) == ["x"] and arrays["x"].tolist() == [0, 1, 2]
+
+
+def test_a_step_of_other_inputs_does_not_count(tmp_path):
+    ours = Checkpoint(tmp_path / "steps", "ours")
+    Checkpoint(tmp_path / "steps", "theirs").save("a", {"x": np.zeros(3)})
+    # The folder says theirs by now; each step says for itself.
+    assert ours.load("a") is None
+    ours.save("a", {"x": np.ones(3)})
+    assert Checkpoint(tmp_path / "steps", "theirs").load("a") is None
+
+
+def test_two_processes_cannot_build_one_library(tmp_path, monkeypatch):
+    motion, path = waving(4), tmp_path / "me.vplib"
+    monkeypatch.setattr(from_motion, "build_library", lambda *_: pytest.fail("it began"))
+    with claimed(path), pytest.raises(InputError, match=r"another process is writing .*me\.vplib"):
+        from_motion.make_library(
+            {"wave": motion}, motion.model, path, LibrarySettings(poses=48, proposal=False)
+        )

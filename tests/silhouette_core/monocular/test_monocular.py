@@ -1,0 +1,205 @@
+"""From one camera's silhouettes to motion, with a small library."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.silhouette_source import SilhouetteSource
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.upright import UprightFrame
+from silhouette_core.body.body_file import write_body
+from silhouette_core.body.sizes import SHAPE_SIGMA
+from silhouette_core.estimator import Settings
+from silhouette_core.monocular.monocular_estimator import MonocularEstimator
+from silhouette_core.monocular.tracking import trajectory
+from silhouette_core.monocular.tree.forward import ForwardFilter
+from silhouette_core.progress import SilentReporter
+from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films, performed
+
+CAMERA = camera_at((1.0, -3.9, 1.4))
+ROWS = range(0, 30, 3)
+FPS = 10.0
+EMPTY = np.zeros(CAMERA.size[::-1], bool)
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    """Somebody of another build waves; the joints at the frames taken, and the silhouettes."""
+    other = body(0.7 * SHAPE_SIGMA * np.random.default_rng(5).standard_normal(len(SHAPE_SIGMA)))
+    motion = performed("wave", other)
+    return motion.landmarks()[ROWS], films(motion, CAMERA, ROWS)
+
+
+@pytest.fixture(scope="module")
+def track(library_file):
+    """HypothesisTracker silhouettes, with options."""
+
+    def run(masks, threads=1, smooth=True, camera=CAMERA, **options):
+        settings = Settings(
+            STATURE_M,
+            smooth=smooth,
+            threads=threads,
+            options={"library": str(library_file), **options},
+        )
+        return MonocularEstimator().estimate(
+            SilhouetteSource(camera, masks, FPS), settings, SilentReporter()
+        )
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def tracked(track, filmed):
+    return track(filmed[1])
+
+
+def root_mm(found, truth):
+    return 1000 * np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1).mean()
+
+
+def test_the_motion_is_found(tracked, filmed):
+    truth, _ = filmed
+    joints = tracked.motion.landmarks()
+    assert len(tracked.motion) == len(truth)
+    assert root_mm(joints, truth) < 90
+    assert np.linalg.norm(joints[:, 0] - truth[:, 0], axis=-1).mean() < 0.25
+    assert tracked.motion.quality["outline_agreement"].min() > 0.8
+    assert tracked.facts["library"]["samples"] > 1000 and tracked.facts["frames_absent"] == []
+
+
+def test_blocks_of_frames_are_joined(track, tracked, filmed, monkeypatch):
+    """What follows a block starts from the hypotheses that were chosen at its end."""
+    monkeypatch.setattr(trajectory, "_BLOCK", 3)
+    monkeypatch.setattr(trajectory, "_AHEAD", 2)
+    truth, masks = filmed
+    joints = track(masks).motion.landmarks()
+    assert len(joints) == len(truth)
+    assert root_mm(joints, truth) < 1.3 * root_mm(tracked.motion.landmarks(), truth)
+
+
+@pytest.mark.slow
+def test_threads_change_nothing(track, tracked, filmed):
+    other = track(filmed[1], threads=2).motion
+    assert (other.angles_rad == tracked.motion.angles_rad).all() and (
+        other.root_m == tracked.motion.root_m
+    ).all()
+
+
+def test_hypotheses_belong_to_frames(tracked):
+    result = list(tracked.hypotheses)
+    assert [frame for frame, _, _ in result] == list(range(len(ROWS)))
+    for _, probability, _ in result:
+        assert (np.diff(probability) <= 0).all() and 0 < probability.sum() <= 1 + 1e-6
+
+
+def test_every_frame_from_the_past_alone(track, filmed):
+    """Without looking ahead, what comes later changes nothing of what was said."""
+    truth, masks = filmed
+    whole = track(masks, smooth=False)
+    part = track(masks[:6], smooth=False)
+    np.testing.assert_array_equal(whole.motion.angles_rad[:6], part.motion.angles_rad)
+    assert root_mm(whole.motion.landmarks(), truth) < 110
+
+
+def test_the_librarys_own_poses_unrefined(track, filmed, library):
+    truth, masks = filmed
+    motion = track(masks, smooth=False, refine=False).motion
+    gaps = np.abs(motion.angles_rad[:, None] - library.base_angles[None]).max(-1).min(1)
+    assert gaps.max() < 1e-6
+    assert root_mm(motion.landmarks(), truth) < 130
+
+
+def test_who_is_not_there_is_not_invented(track, filmed):
+    masks = list(filmed[1])
+    masks[3:6] = [EMPTY] * 3
+    estimate = track(masks, refine=False)
+    assert estimate.motion.frames.tolist() == [0, 1, 2, 6, 7, 8, 9]
+    assert estimate.facts["frames_absent"] == [3, 4, 5]
+
+
+def test_occluded_parts_move_farther_unless_dm1_is_asked_for(track, filmed, monkeypatch):
+    """The filter's prior is that of DM2."""
+    step = ForwardFilter.step
+
+    def posterior(**options):
+        steps = []
+
+        def recorded(self, *args):
+            steps.append(step(self, *args))
+            return steps[-1]
+
+        monkeypatch.setattr(ForwardFilter, "step", recorded)
+        track(filmed[1][:3], refine=False, **options)
+        return steps[-1].posterior
+
+    found = [posterior(), *(posterior(motion_model=name) for name in ("DM2", "DM1"))]
+    probability = [dict(zip(one.samples, one.probability, strict=True)) for one in found]
+    assert probability[0] == probability[1] != probability[2]
+
+
+def test_nobody_at_all_is_one_clear_line(track):
+    with pytest.raises(InputError, match="cam_1 shows nobody in any frame"):
+        track([EMPTY] * 4, refine=False)
+
+
+def test_a_person_cut_by_the_border_is_said(track):
+    camera = camera_at((1.0, -3.9, 1.4), (0.0, 0, 1.75))  # the feet are below the picture
+    masks = films(performed("wave"), camera, ROWS[:3])
+    estimate = track(masks, camera=camera, refine=False)
+    assert estimate.facts["frames_cut_by_the_border"] == [0, 1, 2]
+    assert estimate.motion.quality["cut"].all()
+    assert (
+        not track(films(performed("wave"), CAMERA, ROWS[:2]), refine=False)
+        .motion.quality["cut"]
+        .any()
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"libary": "x"}, "no option 'libary'"),
+        ({"start": "sideways"}, "start 'sideways' is not known: use facing or any"),
+        ({"weighting": "nwXOR"}, "weighting 'nwXOR' is not known"),
+        ({"motion_model": "DM3"}, "motion_model 'DM3' is not known: use DM1 or DM2"),
+        ({"refine": "yes"}, "refine 'yes' must be true or false"),
+        ({"library": 3}, "library 3 must be the path of a file"),
+    ],
+)
+def test_options_misspelt_are_refused(track, options, words):
+    with pytest.raises(InputError, match=words):
+        track([EMPTY], **options)
+
+
+def test_two_cameras_are_too_many(library_file):
+    source = SilhouetteSource(CAMERA, [EMPTY])
+    source.rig = Rig((CAMERA, replace(CAMERA, name="cam_2")))
+    with pytest.raises(InputError, match=r"2 cameras are too many .* --camera"):
+        MonocularEstimator().estimate(
+            source, Settings(options={"library": str(library_file)}), SilentReporter()
+        )
+
+
+@pytest.mark.slow
+def test_the_calibrations_axes_change_nothing(track, tracked, filmed):
+    """A world with z downward, told from the camera alone: the same motion, in that world."""
+    turned = UprightFrame.from_up([0.0, 0.0, -1.0])
+    camera = replace(CAMERA, rotation=CAMERA.rotation @ turned.rotation)
+    other = track(filmed[1], camera=camera)
+    np.testing.assert_allclose(other.motion.up, [0, 0, -1])
+    np.testing.assert_allclose(
+        other.motion.upright().landmarks(), tracked.motion.landmarks(), atol=1e-6
+    )
+    for (_, _, there), (_, _, here) in zip(other.hypotheses, tracked.hypotheses, strict=True):
+        np.testing.assert_allclose(turned.points(there), here, atol=1e-4)
+
+
+def test_a_given_body_is_kept(track, filmed, tmp_path):
+    person = body(0.5 * SHAPE_SIGMA)
+    write_body(person, tmp_path / "body.toml")
+    motion = track(filmed[1], body=str(tmp_path / "body.toml")).motion
+    np.testing.assert_allclose(motion.model.vertices_m, person.vertices_m, atol=1e-9)
+    with pytest.raises(InputError, match="there is no body nobody"):
+        track(filmed[1], body="nobody")

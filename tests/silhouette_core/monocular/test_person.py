@@ -1,0 +1,113 @@
+"""Which piece of a silhouette image is the person."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.monocular.person import find_person, upright_distance
+from tests.silhouette_core.monocular.filming import (
+    STATURE_M,
+    body,
+    camera_at,
+    performed,
+    poses_of,
+    silhouette,
+)
+
+
+def picture(*boxes, shape=(240, 320)):
+    mask = np.zeros(shape, bool)
+    for top, left, bottom, right in boxes:
+        mask[top:bottom, left:right] = True
+    return mask
+
+
+BODY = (60, 140, 200, 180)
+
+
+def test_the_largest_piece_is_the_person_with_what_lies_beside_it():
+    hand, speck, other = (100, 186, 112, 196), (70, 184, 72, 186), (20, 20, 60, 50)
+    result = find_person(picture(BODY, hand, speck, other))
+    assert result is not None and (result.mask == picture(BODY, hand)).all() and not result.cut
+
+
+@pytest.mark.parametrize("thing", [(66, 200, 78, 212), (100, 234, 112, 246)])
+def test_what_is_farther_away_than_it_is_large_is_no_piece(thing):
+    """A reflection in a window; the first one lies within the box about the body and its arm."""
+    arm = (110, 180, 120, 214)
+    result = find_person(picture(BODY, arm, thing))
+    assert result is not None and (result.mask == picture(BODY, arm)).all()
+
+
+@pytest.mark.parametrize("gap_px", [10, 100])
+def test_a_larger_board_on_the_floor_is_no_person_nor_a_piece_of_one(gap_px):
+    board = (200 + gap_px, 100, 270 + gap_px, 230)
+    result = find_person(picture(BODY, board, shape=(480, 320)))
+    assert result is not None and (result.mask == picture(BODY, shape=(480, 320))).all()
+
+
+def test_a_piece_may_hang_on_a_piece():
+    """The shirt has the wall's colour: the head, 45 px above the legs, lies near an arm."""
+    head, arm = (20, 150, 44, 170), (50, 142, 100, 150)
+    result = find_person(picture((110, 140, 230, 174), arm, head))
+    assert result is not None and (result.mask & picture(head)).sum() == picture(head).sum()
+    without = find_person(picture((110, 140, 230, 174), head))
+    assert without is not None and not (without.mask & picture(head)).any()
+
+
+def test_halves_of_a_person_are_one():
+    """The shirt has the wall's colour: head and arms, and the smaller legs."""
+    above, legs = (40, 120, 120, 200), (130, 140, 230, 174)
+    result = find_person(picture(above, legs))
+    assert result is not None and (result.mask == picture(above, legs)).all()
+
+
+def test_who_lies_alone_is_a_person():
+    lying = (180, 60, 220, 220)
+    result = find_person(picture(lying, (20, 20, 60, 30)))
+    assert result is not None and (result.mask == picture(lying)).all()
+
+
+def test_nobody_and_crumbs_are_no_person():
+    assert find_person(picture()) is None
+    assert find_person(picture((10, 10, 20, 20))) is None
+    small = picture((100, 100, 120, 120))
+    assert find_person(small) is not None
+    assert find_person(small, usual_px=5000.0) is None
+
+
+def test_a_piece_where_the_person_was_wins_over_a_larger_one():
+    larger = (40, 10, 220, 60)
+    everywhere = find_person(picture(BODY, larger))
+    near = find_person(picture(BODY, larger), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    assert everywhere is not None and (everywhere.mask == picture(larger)).all()
+    assert near is not None and (near.mask == picture(BODY)).all()
+
+
+def test_somebody_nearer_to_the_camera_does_not_take_over():
+    """Who passes by is twice as large, a person's height away."""
+    passing = (20, 240, 220, 296)
+    result = find_person(picture(BODY, passing), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    assert result is not None and (result.mask == picture(BODY)).all()
+    gone = find_person(picture(passing), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    assert gone is not None and (gone.mask == picture(passing)).all()
+
+
+@pytest.mark.parametrize(
+    "box", [(0, 140, 120, 180), (120, 140, 240, 180), (60, 0, 200, 40), (60, 280, 200, 320)]
+)
+def test_a_person_at_the_border_is_cut(box):
+    result = find_person(picture(box))
+    assert result is not None and result.cut
+
+
+def test_a_toe_at_the_border_does_not_count():
+    result = find_person(picture(BODY, (200, 150, 240, 153)))
+    assert result is not None and not result.cut
+
+
+@pytest.mark.parametrize("place", [(0, -4, 1.3), (2, -3, 2.2), (0, -7, 0.8)])
+def test_the_distance_of_somebody_upright(place):
+    camera = camera_at(place, size=(640, 480))
+    pose = poses_of(performed("wave"))[0]
+    distance = upright_distance(camera, silhouette(body(), pose, camera), STATURE_M)
+    assert distance == pytest.approx(np.linalg.norm(camera.center_m - pose.root_m), rel=0.08)

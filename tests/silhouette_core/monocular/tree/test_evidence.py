@@ -1,0 +1,145 @@
+"""Alignments of nodes against a brute-force twin."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.sparse import identity
+
+from silhouette_core.image.distance import pixel_weights
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.tree.evidence import (
+    SHIFTS_PX,
+    Evidence,
+    block_weights,
+    relative_weights,
+)
+from silhouette_core.monocular.tree.forward import ForwardFilter
+from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of, silhouette_levels
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.window import look_at
+from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
+
+
+@pytest.fixture(scope="module")
+def windows():
+    camera = camera_at(
+        (0.6, -3.8, 1.2), (0.75, 0, 0.95), (400, 300)
+    )  # the person near the border: some of the window is not seen
+    motion = performed("wave")
+    mask = films(motion, camera, [20])[0]
+    return [look_at(camera, mask, distance, STATURE_PX / STATURE_M) for distance in (4.0, 3.7)]
+
+
+def twin(windows, images, reduction, weighting):
+    """The least weighted disagreement of every image (K, h, w) with the windows, every pixel looked
+    at.
+    """
+    result = []
+    for window in windows:
+        picture, weights = relative_weights(window, weighting, reduction)
+        wide, margins = np.pad(picture, 1), np.pad(weights, 1, mode="edge")
+        for right, down in SHIFTS_PX:
+            moved = np.zeros((len(images), *wide.shape), bool)
+            moved[
+                :, 1 + down : 1 + down + picture.shape[0], 1 + right : 1 + right + picture.shape[1]
+            ] = images
+            result.append(np.where(moved ^ wide, margins, 0).sum((1, 2)))
+    return np.array(result)
+
+
+@pytest.mark.parametrize(("level", "reduction"), [(0, 4), (1, 2), (2, 1)])
+@pytest.mark.parametrize("weighting", ["nwxor", "balanced"])
+def test_distances_are_those_of_a_search_pixel_by_pixel(
+    library, windows, level, reduction, weighting
+):
+    assert not windows[0].seen.all()
+    own = library.levels[level]
+    nodes = np.random.default_rng(level).permutation(len(own))[:40]
+    result = Evidence(windows, weighting).distances(own.spans, nodes, reduction)
+    every = twin(windows, masks_of(own.spans, nodes, own.size_px), reduction, weighting)
+    np.testing.assert_allclose(result.distance, every.min(0), atol=1e-6)
+    row = result.scale * len(SHIFTS_PX) + [
+        SHIFTS_PX.tolist().index((shift // reduction).tolist()) for shift in result.shift_px
+    ]
+    np.testing.assert_allclose(every[row, np.arange(len(nodes))], every.min(0), atol=1e-6)
+    assert len(np.unique(result.shift_px, axis=0)) > 3
+    # What nwXOR lets stand out of the silhouette costs little, so that the larger fits better.
+    assert (
+        np.mean(result.scale == 1) > 0.9 if weighting == "nwxor" else 0 < np.mean(result.scale) < 1
+    )
+
+
+def test_weights_are_the_papers_over_the_silhouettes_own(windows):
+    window = windows[0]
+    picture, weights = relative_weights(window, "nwxor", 1)
+    paper = pixel_weights(window.mask, "nwxor")
+    assert (picture == window.mask).all()
+    assert weights[picture].sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(
+        weights[window.seen] / weights[picture].max(),
+        paper[window.seen] / paper[picture].max(),
+        rtol=1e-5,
+    )
+    assert (weights[~window.seen] == 0).all()
+
+
+def test_a_frame_is_weighed_in_the_librarys_rectangle(library, windows, monkeypatch):
+    spans, nodes = library.levels[2].spans, np.arange(10)
+    own = Evidence(windows[:1], "nwxor", bounds_px=library.bounds_px).distances(spans, nodes, 1)
+    assert (own.distance > Evidence(windows[:1], "nwxor").distances(spans, nodes, 1).distance).all()
+    seen = []
+    monkeypatch.setattr(
+        "silhouette_core.monocular.tree.forward.Evidence",
+        lambda *args: seen.append(args) or Evidence(*args),
+    )
+    tree = TreeFilter(library, identity(len(library), format="csr"))
+    camera = camera_at((0, -4, 1.2))
+    mask = films(performed("walk"), camera, [5])[0]
+    ForwardFilter(tree, camera, weighting="nwxor").step(0, 0.0, Person(mask, False))
+    assert seen[0][3] == library.bounds_px
+
+
+def test_resolutions_are_reduced_as_the_librarys(windows):
+    for reduction, mask in zip((4, 2, 1), silhouette_levels(windows[0].mask), strict=True):
+        assert (relative_weights(windows[0], "xor", reduction)[0] == mask).all()
+
+
+def test_the_silhouette_itself_has_no_distance(library):
+    """A representative's own picture, as if it were seen, is found again without shift."""
+    camera = camera_at((0, -4, 1.2))
+    window = look_at(camera, films(performed("walk"), camera, [5])[0], 4.0, STATURE_PX / STATURE_M)
+    mask = masks_of(library.levels[2].spans, np.array([33]))[0]
+    copied = type(window)(
+        mask,
+        np.ones_like(mask),
+        window.world_from_virtual,
+        window.center_m,
+        window.focal_px,
+        window.axis_px,
+        4.0,
+    )
+    result = Evidence([copied]).distances(
+        library.levels[2].spans, np.arange(len(library.levels[2])), 1
+    )
+    assert result.distance[33] == pytest.approx(0, abs=1e-9) and (result.shift_px[33] == 0).all()
+    assert (result.distance > 1e-3).sum() >= len(result.distance) - 3
+
+
+@pytest.mark.parametrize("reduction", [2, 4])
+def test_blocks_disagree_as_the_images_do_that_they_stand_for(reduction):
+    """But for what no silhouette of blocks could avoid: the least of all disagreements."""
+    rng = np.random.default_rng(reduction)
+    mask = cv2.GaussianBlur(rng.normal(size=(24, 32)), (0, 0), 3.0) > 0
+    weights, edge = rng.uniform(0.5, 2, mask.shape), 1
+    small = rng.random((24 // reduction, 32 // reduction)) < 0.5
+    large = np.kron(small, np.ones((reduction, reduction), bool))
+    wide = np.pad(np.where(mask, -weights, weights), edge, mode="edge")
+    for (right, down), (own, own_weights) in zip(
+        SHIFTS_PX, block_weights(mask, weights, reduction), strict=True
+    ):
+        moved = wide[edge + down :][:24, edge + right :][:, :32]
+        disagreement = moved[large].sum() - moved[moved < 0].sum()
+        blocks = moved.reshape(24 // reduction, reduction, -1, reduction).sum(axis=(1, 3))
+        unavoidable = blocks[blocks < 0].sum() - moved[moved < 0].sum()
+        found = own_weights[own ^ small].sum()
+        assert found == pytest.approx(disagreement - unavoidable)

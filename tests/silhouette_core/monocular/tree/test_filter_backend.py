@@ -1,0 +1,41 @@
+"""The monocular estimator and the library score through the backend that is chosen."""
+
+import numpy as np
+import pytest
+
+from benchmarks.silhouette_source import SilhouetteSource
+from silhouette_core.estimator import Settings
+from silhouette_core.monocular.monocular_estimator import MonocularEstimator
+from silhouette_core.monocular.tree.rendering import SIZES_PX
+from silhouette_core.monocular.tree.tree import Scorer
+from silhouette_core.progress import SilentReporter
+from tests.oracles.reference_backend import ReferenceBackend
+from tests.outside import install_backend, record_calls
+from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
+
+
+@pytest.mark.slow
+def test_the_same_motion_by_a_backend_from_outside(library_file, tmp_path, monkeypatch):
+    camera = camera_at((1.0, -3.9, 1.4), size=(240, 180))
+    source = SilhouetteSource(camera, films(performed("wave"), camera, range(0, 8, 4)), 10.0)
+
+    def joints(backend):
+        options = {"library": str(library_file)}
+        settings = Settings(STATURE_M, backend=backend, options=options)
+        estimate = MonocularEstimator().estimate(source, settings, SilentReporter())
+        return estimate.motion.landmarks()
+
+    expected = joints("cpu")
+    install_backend(tmp_path, monkeypatch)
+    called = record_calls(monkeypatch)
+    np.testing.assert_allclose(joints("arrays"), expected, atol=1e-9)
+    assert called == {"span_distances", "drawn_weights", "silhouette_errors"}
+
+
+def test_a_tree_is_divided_by_the_distances_of_its_backend(library):
+    spans, samples = library.levels[0].spans, np.arange(0, len(library.levels[0]), 7)
+    own, reference = (
+        Scorer(spans, SIZES_PX[0], "nwxor", *backend)(3, samples, False)
+        for backend in ((), (ReferenceBackend(),))
+    )
+    np.testing.assert_allclose(own, reference, rtol=1e-9, atol=1e-12)

@@ -1,0 +1,98 @@
+"""The forward pass: distance, lost tracks, the first frame."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from tests.silhouette_core.monocular.filming import camera_at, films, performed
+
+CAMERA = camera_at((0, -4.0, 1.3))
+
+
+@pytest.fixture(scope="module")
+def walk():
+    motion = performed("walk")
+    rows = range(45)
+    return motion.root_m[rows], films(motion, CAMERA, rows)
+
+
+def follow(forward, masks, step_s=1 / 30):
+    return [forward.step(k, step_s * k, Person(mask, False)) for k, mask in enumerate(masks)]
+
+
+def test_somebody_who_comes_nearer_is_seen_to(tree, walk):
+    places, masks = walk
+    filter_frames = follow(ForwardFilter(tree, CAMERA), masks)
+    truth = np.linalg.norm(places - CAMERA.center_m, axis=1)
+    result = np.array([filter_frame.distance_m for filter_frame in filter_frames])
+    assert np.ptp(truth) > 0.8
+    np.testing.assert_allclose(result, truth, rtol=0.10)
+    assert not any(filter_frame.lost for filter_frame in filter_frames)
+
+
+def test_a_distance_that_is_told_is_kept(tree, walk):
+    filter_frames = follow(ForwardFilter(tree, CAMERA, distance_m=3.9), walk[1][:2])
+    assert [filter_frame.distance_m for filter_frame in filter_frames] == pytest.approx(
+        [3.9, 3.9]
+    ) and len(filter_frames[0].windows) == 1
+
+
+def test_a_corrected_distance_counts_two_frames_later(tree, walk):
+    def distances(late):
+        forward = ForwardFilter(tree, CAMERA, corrected=True)
+        used = []
+        for k, mask in enumerate(walk[1][:5]):
+            if late and k > 1:
+                forward.correct(k - 2, 3.9 + (k - 2) / 100)
+            used.append(forward.step(k, k / 30, Person(mask, False)).windows[0].distance_m)
+            if not late:
+                forward.correct(k, 3.9 + k / 100)
+        return used
+
+    # Whether a frame is corrected before or while the next one is searched makes no difference.
+    assert distances(late=True) == distances(late=False)
+    assert distances(late=True)[2:] == pytest.approx([3.9, 3.91, 3.92])
+
+
+def test_who_faces_the_camera_is_likelier_at_first(tree, walk):
+    def facing(forward):
+        filter_frame = forward.step(0, 0.0, Person(walk[1][0], False))
+        library = tree.library
+        yaw = library.views[library.sample_view[filter_frame.posterior.samples], 0]
+        return filter_frame.posterior.probability[np.cos(yaw) > 0].sum()
+
+    assert facing(ForwardFilter(tree, CAMERA, facing=True)) > facing(
+        ForwardFilter(tree, CAMERA, facing=False)
+    )
+    assert facing(ForwardFilter(tree, CAMERA, facing=True)) > 0.7
+
+
+@pytest.mark.parametrize("fps", [10, 15, 25, 30, 60])
+def test_every_frame_interval_is_one_step_of_the_motion_model(tree, walk, fps, monkeypatch):
+    steps, predict = [], tree.predict
+    monkeypatch.setattr(tree, "predict", lambda *args: steps.append(args[1]) or predict(*args))
+    forward = ForwardFilter(tree, CAMERA, interval_s=1 / fps)
+    for number in (0, 1, 2, 5, 6):  # two frames are missing
+        forward.step(number, number / fps, Person(walk[1][number], False))
+    assert steps == [1, 1, 3, 1]
+
+
+def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
+    masks = list(walk[1][:20])
+    box = np.zeros_like(masks[0])
+    box[150:210, 100:380] = True
+    masks[5] = box
+    lost = [filter_frame.lost for filter_frame in follow(ForwardFilter(tree, CAMERA), masks)]
+    assert lost == [k == 5 for k in range(len(masks))]
+
+
+def test_candidates_stand_where_the_silhouette_is(tree, walk):
+    places, masks = walk
+    filter_frame = follow(ForwardFilter(tree, CAMERA), masks[:1])[0]
+    result = candidates_of(tree, filter_frame, np.arange(5))
+    pixels, _ = CAMERA.project(result.root_m)
+    true, _ = CAMERA.project(places[:1])
+    assert np.linalg.norm(pixels - true, axis=1).max() < 15
+    np.testing.assert_allclose(np.linalg.det(result.root_rotation), 1.0, atol=1e-6)
+    assert result.angles_rad.shape == (5, tree.library.model.dof_count) == result.occluded.shape

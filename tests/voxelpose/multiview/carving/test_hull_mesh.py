@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+import trimesh
+from carving_scenes import figure_points
+
+from calib.errors import InputError
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.hull_mesh import surface, write_ply
+
+
+@pytest.fixture
+def figure() -> tuple[VoxelGrid, np.ndarray]:
+    grid = VoxelGrid.from_bounds((-0.3, -0.3, 0), (0.9, 0.3, 1.9), 0.02)
+    occupancy = np.zeros(grid.shape, bool)
+    occupancy[tuple(grid.indices(figure_points()).T)] = True
+    return grid, occupancy
+
+
+def test_the_surface_is_closed_and_faces_outward(figure):
+    grid, occupancy = figure
+    vertices, faces = surface(grid, occupancy)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    there = np.sort(edges @ [len(vertices), 1])
+    back = np.sort(edges[:, ::-1] @ [len(vertices), 1])
+    np.testing.assert_array_equal(there, back)
+    assert trimesh.Trimesh(vertices, faces, process=False).volume == pytest.approx(
+        occupancy.sum() * 0.02**3, rel=0.06
+    )
+
+
+def test_a_single_voxel_is_not_lost():
+    grid = VoxelGrid(np.array([1.0, 2.0, 3.0]), 0.1, (3, 1, 2))
+    occupancy = np.zeros(grid.shape, bool)
+    occupancy[1, 0, 1] = True
+    vertices, faces = surface(grid, occupancy)
+    assert (len(vertices), len(faces)) == (8, 12)
+    np.testing.assert_allclose(vertices.mean(axis=0), [1.15, 2.05, 3.15])
+    assert trimesh.Trimesh(vertices, faces).is_watertight
+
+
+def test_a_sphere_is_round():
+    grid = VoxelGrid.from_bounds((-1, -1, -1), (1, 1, 1), 0.05)
+    x, y, z = grid.axes()
+    vertices, _ = surface(
+        grid, x[:, None, None] ** 2 + y[None, :, None] ** 2 + z[None, None, :] ** 2 < 0.8**2
+    )
+    radii = np.linalg.norm(vertices, axis=1)
+    assert np.abs(radii - 0.8).max() < 0.05
+    assert radii.std() < 0.012
+
+
+def test_the_written_mesh_reads_back(figure, tmp_path):
+    path = tmp_path / "hull.ply"
+    write_ply(path, *figure)
+    mesh = trimesh.load(path)
+    assert isinstance(mesh, trimesh.Trimesh)
+    assert mesh.volume == pytest.approx(figure[1].sum() * 0.02**3, rel=0.06)
+    assert [file.name for file in tmp_path.iterdir()] == ["hull.ply"]
+
+
+def test_the_written_voxels_read_back(figure, tmp_path):
+    grid, occupancy = figure
+    write_ply(tmp_path / "hull.ply", grid, occupancy, "voxels")
+    cloud = trimesh.load(tmp_path / "hull.ply")
+    again = np.zeros(grid.shape, bool)
+    again[tuple(grid.indices(cloud.vertices).T)] = True
+    np.testing.assert_array_equal(again, occupancy)
+
+
+def test_what_cannot_be_written_is_said(figure, tmp_path):
+    with pytest.raises(InputError, match=r"hull\.ply cannot be written"):
+        write_ply(tmp_path / "missing" / "hull.ply", *figure)
+    grid, occupancy = figure
+    with pytest.raises(ValueError, match="no voxel is occupied"):
+        write_ply(tmp_path / "hull.ply", grid, np.zeros_like(occupancy))
+    with pytest.raises(ValueError, match="occupancy must be"):
+        surface(grid, occupancy[1:])

@@ -1,0 +1,288 @@
+"""Paper B's matcher: sampling within limits, movable areas, interference, the resulting posture."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
+from silhouette_core.motion.dynamics import RELAXED_RAD
+from silhouette_core.motion.kinematics import forward, quaternions
+from tests.voxelpose.multiview.matching_scenes import (
+    fitting_model,
+    hull,
+    joint_errors_m,
+    other_body,
+    stance,
+    views,
+)
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.joint_search import interference_groups
+from voxelpose.multiview.matching.kernels.bits import count_common
+from voxelpose.multiview.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
+from voxelpose.multiview.matching.matcher import (
+    LimbPlacements,
+    MatchSettings,
+    _Search,
+    match,
+    movable_areas,
+)
+from voxelpose.multiview.matching.voxel_set import VoxelSet
+
+LIMB = {limb.name: limb for limb in LIMBS}
+LOW, HIGH = HUMAN.dof_limits_rad.T
+STEP = np.radians(15.0)
+TURNS = {
+    "left_upper_arm.abduction": 25.0,
+    "right_upper_arm.abduction": 10.0,
+    "left_thigh.flexion": 45.0,
+    "left_shin.flexion": 70.0,
+}
+
+
+@pytest.fixture(scope="module")
+def body_volume():
+    return BodyVolume.from_model(fitting_model(), 0.025)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Somebody else with both arms out to the sides and the left leg raised, and the hull that six
+    cameras leave.
+    """
+    body = other_body(1)
+    pose = stance(body, TURNS)
+    return body, pose, *hull(views(), body, pose, 0.025)
+
+
+@pytest.mark.parametrize("name", [limb.name for limb in LIMBS if limb.parent])
+@pytest.mark.parametrize("around", [None, np.radians(30.0)])
+def test_samples_stay_within_limits_and_hold_the_present_angles(name, around):
+    result = sample_angles(LIMB[name], RELAXED_RAD, STEP, around)
+    np.testing.assert_array_equal(result[0], RELAXED_RAD)
+    assert within_limits(result).all() and len(result) > 5
+    own = {name, LIMB[name].twist_of}
+    strange = [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] not in own]
+    assert (result[:, strange] == RELAXED_RAD[strange]).all()
+    if around is not None and LIMB[name].swing:
+        assert np.abs(result - RELAXED_RAD).max() <= around + 1e-9
+
+
+def test_a_full_search_reaches_both_ends_of_every_swing():
+    for limb in LIMBS:
+        for name in limb.swing:
+            k = HUMAN.dof_names.index(name)
+            angles = np.unique(sample_angles(limb, RELAXED_RAD, STEP)[1:, k])
+            np.testing.assert_allclose([angles[0], angles[-1]], [LOW[k], HIGH[k]])
+            assert np.diff(angles).max() <= STEP + 1e-9
+
+
+def test_twist_turns_the_bone_about_itself(body_volume):
+    """Whatever bend and twist are tried, the knee stays where the thigh has put it."""
+    turned = RELAXED_RAD.copy()
+    turned[HUMAN.dof_names.index("left_thigh.flexion")] = 0.9
+    turned[HUMAN.dof_names.index("left_thigh.abduction")] = 0.3
+    samples = sample_hinge(LIMB["left_shin"], turned[None], STEP, None)[0]
+    _, knees = body_volume.placements(LIMB["left_shin"], stance(body_volume.model), samples)
+    # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3
+    # degrees.
+    assert np.linalg.norm(knees - knees.mean(0), axis=1).max() < 0.06
+
+
+def test_limbs_are_placed_where_the_whole_body_would_have_them(body_volume):
+    rng = np.random.default_rng(6)
+    angles = rng.uniform(LOW, HIGH, (5, len(LOW)))
+    root = stance(body_volume.model).moved(
+        np.r_[0.3, -0.2, 0.1, 0.5, -0.4, 1.0, np.zeros(len(LOW))]
+    )
+    quaternion = np.tile(quaternions(root.root_rotation), (5, 1))
+    rotation, origin = forward(body_volume.model, np.tile(root.root_m, (5, 1)), quaternion, angles)
+    for limb in LIMBS:
+        rotations, origins = body_volume.placements(limb, root, angles)
+        np.testing.assert_allclose(rotations, rotation[:, limb.part], atol=1e-12)
+        np.testing.assert_allclose(origins, origin[:, limb.part], atol=1e-12)
+
+
+def candidates_of(bits, limb="neck"):
+    words = np.packbits(np.asarray(bits, bool), axis=1, bitorder="little")
+    words = np.pad(words, ((0, 0), (0, -words.shape[1] % 8))).view(np.uint64)
+    return LimbPlacements(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)))
+
+
+def test_movable_area_is_what_some_placement_covers():
+    area = candidates_of([[1, 0, 0, 0], [0, 0, 1, 0]]).movable_area
+    assert area[0] == 0b101
+
+
+def test_interference_is_passed_on_from_part_to_part():
+    """The first meets the second and the second the third; the fourth meets nobody, though all four
+    are tried at once.
+    """
+    areas = [[1, 1, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0], [0, 0, 1, 1, 0, 0], [0, 0, 0, 0, 1, 0]]
+    areas = [candidates_of([row]).movable_area for row in areas]
+    assert interference_groups(areas) == [[0, 1, 2], [3]]
+    assert count_common(areas[0], areas[1]) == 1
+
+
+def test_arms_apart_are_matched_singly_and_legs_together(body_volume, scene):
+    _, _, grid, occupancy = scene
+    start = stance(body_volume.model, TURNS)
+    result = match(body_volume, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
+    groups = [set(group) for group in result.groups]
+    assert {"left_upper_arm"} in groups and {"right_upper_arm"} in groups
+    assert {"left_thigh", "right_thigh"} in groups
+    assert sorted(name for group in result.groups for name in group) == sorted(
+        limb.name for limb in LIMBS
+    )
+    plain = match(
+        body_volume,
+        grid,
+        occupancy,
+        start,
+        MatchSettings(around_rad=np.radians(20.0), interference=False),
+    )
+    assert all(len(group) == 1 for group in plain.groups)
+
+
+@pytest.mark.parametrize("interference", [True, False])
+def test_what_one_group_decides_outlasts_the_next(body_volume, scene, interference):
+    """Every group of a level keeps its angles, however many groups follow it."""
+    body, truth, grid, occupancy = scene
+    result = match(
+        body_volume,
+        grid,
+        occupancy,
+        stance(body_volume.model),
+        MatchSettings(interference=interference),
+    )
+    errors = dict(
+        zip(
+            LANDMARK_NAMES, joint_errors_m(body_volume.model, result.pose, body, truth), strict=True
+        )
+    )
+    # Both arms and the left leg are far from the stance that the search starts from.
+    for name in ("left_elbow", "right_elbow", "left_knee"):
+        assert errors[name] < 0.12, name
+
+
+def test_full_search_finds_the_postures_of_others(body_volume):
+    """Four bodies of other shape in two postures, from the relaxed stance: joints to a few
+    centimetres, and few limbs astray.
+    """
+    seated = {
+        f"{side}_{name}": angle
+        for side in ("left", "right")
+        for name, angle in (("thigh.flexion", 80.0), ("shin.flexion", 85.0))
+    }
+    errors = []
+    for seed, turns in ((0, TURNS), (1, seated), (2, TURNS), (4, seated)):
+        body = other_body(seed)
+        truth = stance(body, turns)
+        result = match(body_volume, *hull(views(), body, truth, 0.025), stance(body_volume.model))
+        errors.append(joint_errors_m(body_volume.model, result.pose, body, truth))
+        assert within_limits(result.pose.angles_rad)
+        # Six cameras leave a hull that is larger than the body.
+        assert 0.5 < result.explained < 0.9
+    assert np.mean(errors) < 0.06
+    assert np.mean(np.array(errors) > 0.15) < 0.07
+
+
+def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume, scene):
+    _, _, grid, occupancy = scene
+    settings, start = MatchSettings(empty_cost=1.5, taken_cost=0.7), stance(body_volume.model)
+    points = len(body_volume.points["left_thigh"])
+    empty, full = (
+        _Search(body_volume, grid, np.full_like(occupancy, there), start, settings)
+        for there in (False, True)
+    )
+    limb, angles = LIMB["left_thigh"], start.angles_rad[None]
+    assert empty.placements(limb, angles).cost == pytest.approx(1.5 * points)
+    placed = full.placements(limb, angles)
+    assert placed.cost == 0
+    full.decide([placed], (0,), start.angles_rad)
+    # Whatever is placed there again, all its points are taken.
+    assert full.placements(limb, angles).cost == pytest.approx(0.7 * points)
+
+
+def test_explained_share_counts_a_voxel_once(body_volume, scene):
+    _, _, grid, occupancy = scene
+    for interference in (True, False):
+        result = match(
+            body_volume,
+            grid,
+            occupancy,
+            stance(body_volume.model),
+            MatchSettings(interference=interference),
+        )
+        voxel_set = VoxelSet(grid, occupancy)
+        union = np.zeros(voxel_set.words, np.uint64)
+        for limb in LIMBS:
+            placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
+            union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
+        assert result.explained == pytest.approx(
+            np.bitwise_count(union).sum() / len(voxel_set), abs=0.01
+        )  # a twist moves the bone above a little
+
+
+def test_same_answer_for_any_number_of_threads(body_volume, scene):
+    from silhouette_core.jit import set_threads
+
+    _, _, grid, occupancy = scene
+    poses = []
+    try:
+        for threads in (1, 2):
+            set_threads(threads)
+            poses.append(
+                match(
+                    body_volume,
+                    grid,
+                    occupancy,
+                    stance(body_volume.model),
+                    MatchSettings(step_rad=np.radians(25.0)),
+                ).pose.angles_rad
+            )
+    finally:
+        set_threads(None)
+    np.testing.assert_array_equal(*poses)
+
+
+def test_an_empty_hull_leaves_the_pose_as_it_was(body_volume):
+    grid, occupancy = hull(views(2), other_body(), stance(other_body()))
+    start = stance(body_volume.model)
+    result = match(
+        body_volume, grid, np.zeros_like(occupancy), start, MatchSettings(step_rad=np.radians(40.0))
+    )
+    assert result.explained == 0
+    assert within_limits(result.pose.angles_rad)
+
+
+def test_movable_areas_of_a_posed_body(body_volume, scene):
+    body, pose, grid, occupancy = scene
+    result = {
+        area.limb.name: area
+        for area in movable_areas(body_volume, grid, occupancy, stance(body_volume.model, TURNS))
+    }
+    assert set(result) == {limb.name for limb in LIMBS if limb.parent}
+    for name, area in result.items():
+        assert occupancy[tuple(area.voxels.T)].all()
+        assert all(name in result[other].interferes for other in area.interferes)
+        shared, voxels = (
+            set(map(tuple, voxels.tolist())) for voxels in (area.disputed, area.voxels)
+        )
+        assert shared <= voxels and bool(shared) == (len(area.interferes) > 1)
+    assert "right_thigh" in result["left_thigh"].interferes
+    assert "left_thigh" not in result["left_shin"].interferes
+    hand = forward(
+        body, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
+    )[1][0]
+    near = (
+        np.linalg.norm(
+            grid.occupied_points(occupancy) - hand[body.names.index("left_hand")], axis=1
+        )
+        < 0.05
+    )
+    theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
+    assert (
+        len(theirs & set(map(tuple, result["left_forearm"].voxels.tolist())))
+        > 0.9 * len(theirs)
+        > 0
+    )
+    assert not theirs & set(map(tuple, result["right_shin"].voxels.tolist()))

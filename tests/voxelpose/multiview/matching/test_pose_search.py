@@ -1,0 +1,166 @@
+"""Pose of a single frame without a prior, and of a short motion: torso, limbs, whole search."""
+
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.surface import Surface
+from tests.voxelpose.multiview.matching_scenes import (
+    fitting_model,
+    hull,
+    joint_errors_m,
+    observe,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.multiview.carving import observe as observe_module
+from voxelpose.multiview.carving.carver import CarveRule
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import FrameObservation, HullObserver
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.limb_search import place_limb
+from voxelpose.multiview.matching.limbs import CHAINS
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+
+TURNS = {"left_upper_arm.abduction": 20.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0}
+TORSO = [
+    LANDMARK_NAMES.index(name)
+    for name in ("left_hip", "right_hip", "left_shoulder", "right_shoulder", "neck")
+]
+
+
+@pytest.fixture(scope="module")
+def body():
+    model = fitting_model()
+    return BodyGeometry(model, BodyVolume.from_model(model, 0.03), Surface(model, 600))
+
+
+def turned(pose: Pose, yaw_deg: float) -> Pose:
+    step = np.zeros(6 + len(pose.angles_rad))
+    step[5] = np.radians(yaw_deg)
+    return pose.moved(step)
+
+
+def test_torso_is_among_the_first_placements(body):
+    actor = other_body(1)
+    truth = turned(stance(actor, TURNS), 50)
+    result = find_torso(body.body_volume, *hull(views(), actor, truth))
+    assert 2 <= len(result) <= 8
+    errors = [joint_errors_m(body.model, pose, actor, truth)[TORSO].mean() for pose in result]
+    assert min(errors) < 0.10
+    # Front and back look alike to a torso: the other way round is offered as well.
+    facing = [pose.root_rotation[:, 1] @ truth.root_rotation[:, 1] for pose in result]
+    assert min(facing) < -0.7 < 0.7 < max(facing)
+
+
+def test_no_hull_no_torso(body):
+    grid = VoxelGrid(np.zeros(3), 0.1, (5, 5, 5))
+    nothing = np.zeros(grid.shape, bool)
+    assert find_torso(body.body_volume, grid, nothing) == []
+    seen_by = views(2)
+    masks = photograph(seen_by, body.model, stance(body.model))
+    assert find_pose(body, FrameObservation(seen_by, masks, grid, nothing)) == []
+
+
+@pytest.mark.parametrize(
+    ("chain", "turns"),
+    [
+        (0, {"left_upper_arm.abduction": 40.0}),
+        (3, {"right_thigh.flexion": 50.0, "right_shin.flexion": 60.0}),
+    ],
+)
+def test_a_limb_is_found_on_the_silhouettes_alone(body, chain, turns):
+    """Everything but one limb stands right."""
+    actor = other_body(1)
+    truth, start = stance(actor, turns), stance(body.model)
+    result = place_limb(body.body_volume, observe(views(), actor, truth), start, CHAINS[chain])
+    ends = [
+        LANDMARK_NAMES.index(name)
+        for name in (("left_elbow", "left_wrist"), ("right_knee", "right_ankle"))[chain > 1]
+    ]
+    before, after = (
+        joint_errors_m(body.model, pose, actor, truth)[ends] for pose in (start, result)
+    )
+    assert before.max() > 0.3 and after.max() < 0.15
+    own = {limb.name for limb in CHAINS[chain]}
+    other = [k for k, name in enumerate(body.model.dof_names) if name.partition(".")[0] not in own]
+    np.testing.assert_array_equal(result.angles_rad[other], start.angles_rad[other])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "yaw_deg"), [(1, 50.0), (4, -130.0)])
+def test_whole_search_from_nothing(body, seed, yaw_deg):
+    """Another body, turned, two limbs moved: joints to a few centimetres, not front to back."""
+    actor = other_body(seed)
+    truth = turned(stance(actor, TURNS), yaw_deg)
+    seen_by = views()
+    frame = FrameObservation(
+        seen_by, photograph(seen_by, actor, truth), *hull(seen_by, actor, truth)
+    )
+    result = find_pose(body, frame, MatchSettings(), 4)
+    errors = joint_errors_m(body.model, result[0].pose, actor, truth)
+    assert errors.mean() < 0.05 and errors.max() < 0.15
+    assert [f.error for f in result] == sorted(f.error for f in result)
+    assert result[0].error < 0.2
+
+
+@pytest.mark.slow
+def test_a_motion_is_tracked_both_ways(body, monkeypatch):
+    """Six frames of a rising arm; the third is known. The gap of one empty frame stops the
+    tracking, and remains without a pose. No stage carves a hull again.
+    """
+    carved = []
+    carve = observe_module.carve
+    monkeypatch.setattr(
+        observe_module, "carve", lambda *given: carved.append(given) or carve(*given)
+    )
+    actor, seen_by = other_body(1), views(4)
+    truth = [
+        stance(actor, {"left_upper_arm.abduction": 10.0 * t, "right_thigh.flexion": 5.0 * t})
+        for t in range(6)
+    ]
+    store = MaskStore([camera.size for camera in seen_by.rig], 6)
+    try:
+        for t, pose in enumerate(truth):
+            masks = photograph(seen_by, actor, pose)
+            store.put(t, [np.zeros_like(mask) for mask in masks] if t == 5 else masks)
+        observer = HullObserver(
+            seen_by,
+            VoxelGrid.from_bounds((-1, -1, -0.1), (1, 1, 2.2), 0.05),
+            0.03,
+            CarveRule(least_agreeing=3),
+        )
+        observations = ObservationStore(observer, store)
+        advanced = []
+        track = PoseTracker(
+            body,
+            observations,
+            PoseTrackerSettings(15.0, MatchSettings()),
+            lambda _: nullcontext(),
+            lambda: advanced.append(1),
+        )
+        track.begin(
+            {2: Pose(truth[2].root_m, truth[2].root_rotation, truth[2].angles_rad)}, {2: 0.12}
+        )
+        track.recheck()
+        track.polish()
+        for t in range(6):
+            track.observe(t)
+        observations.close()
+    finally:
+        store.close()
+    assert track.poses[5] is None and np.isinf(track.error[5])
+    for t in range(5):
+        assert joint_errors_m(body.model, track.poses[t], actor, truth[t]).mean() < 0.04, t
+    assert len(advanced) == 4 + 1 + 6
+    assert len(carved) == 5 * 4 + 1  # four carves make one hull, one finds that nobody is there

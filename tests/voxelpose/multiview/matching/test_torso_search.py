@@ -1,0 +1,42 @@
+"""Placements of the torso: different ones, both ways round."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.motion.pose import Pose
+from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, other_body, stance, views
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.torso_search import find_torso
+
+BODY = BodyVolume.from_model(fitting_model(), 0.03)
+
+
+def turned(pose: Pose, yaw_deg: float) -> Pose:
+    step = np.zeros(6 + len(pose.angles_rad))
+    step[5] = np.radians(yaw_deg)
+    return pose.moved(step)
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 100.0])
+def test_placements_differ_clearly(yaw_deg):
+    actor = other_body(2)
+    found = find_torso(BODY, *hull(views(), actor, turned(stance(actor), yaw_deg)), 6)
+    assert len(found) == 6
+    middle = np.mean([BODY.model.joints_m[k] for k in range(3)], axis=0) - BODY.model.joints_m[0]
+    for k, one in enumerate(found):
+        for other in found[:k]:
+            apart = np.linalg.norm(
+                (one.root_m + one.root_rotation @ middle)
+                - (other.root_m + other.root_rotation @ middle)
+            )
+            turn = (np.trace(one.root_rotation.T @ other.root_rotation) - 1) / 2
+            assert apart > 0.05 or np.degrees(np.arccos(np.clip(turn, -1, 1))) > 39
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 75.0, 100.0, 200.0])
+def test_of_two_placements_one_is_the_other_way_round(yaw_deg):
+    actor = other_body(2)
+    truth = turned(stance(actor), yaw_deg)
+    found = find_torso(BODY, *hull(views(), actor, truth), 2)
+    facing = sorted(pose.root_rotation[:, 1] @ truth.root_rotation[:, 1] for pose in found)
+    assert facing[0] < -0.8 and facing[1] > 0.8

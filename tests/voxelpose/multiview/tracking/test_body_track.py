@@ -1,0 +1,95 @@
+"""A body and its latest poses, from frame to frame; rules stand for the refinement."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from silhouette_core.motion.dynamics import FPS, POSE_STEP_SIGMA
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.surface import Surface
+from tests.voxelpose.multiview.matching_scenes import fitting_model, photograph, stance, views
+from voxelpose.multiview.matching.pose_search import PoseFit
+from voxelpose.multiview.tracking import body_track
+from voxelpose.multiview.tracking.body_track import BodyTrack, observed_near
+
+SEEN_BY = views(2)
+BODY = SimpleNamespace(model=fitting_model(), surface=Surface(fitting_model(), 200))
+
+
+def at(x_m: float) -> Pose:
+    return stance(BODY.model, place_m=(x_m, 0.0))
+
+
+def track_at(x_m: float, errors: tuple[float, ...] = (0.1,)) -> BodyTrack:
+    """Stood at 0 a frame before."""
+    return BodyTrack(BODY, 1 / FPS, PoseFit(at(x_m), errors[-1]), (0.0, at(0.0)), errors)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def refined(monkeypatch):
+    """Errors that refinements find, one after the other; the pose is that where they start.
+
+    Returns lists of these errors, of the priors, and of the largest reaches.
+    """
+    errors, priors, reaches = [], [], []
+
+    def refine_fit(body, observation, start, prior, settings):
+        priors.append(prior)
+        reaches.append(settings.reaches_m[0])
+        return PoseFit(start, errors[len(priors) - 1])
+
+    monkeypatch.setattr(body_track, "refine_fit", refine_fit)
+    monkeypatch.setattr(body_track, "observed_near", lambda *given: None)
+    return errors, priors, reaches
+
+
+def step(track: BodyTrack, frames: float) -> BodyTrack:
+    """The track after some times 1 / FPS."""
+    return track.step(SEEN_BY.rig, track.time_s + frames / FPS, dict.fromkeys(SEEN_BY.rig.names))  # type: ignore[arg-type]
+
+
+def test_after_a_long_gap_at_most_three_steps_are_expected():
+    expected = track_at(0.1).predicted(20 / FPS)
+    assert expected.root_m[0] == pytest.approx(0.1 + 3 * 0.1)
+
+
+def test_a_frame_that_fits_badly_is_refined_again_from_the_last_pose(refined):
+    errors, priors, _ = refined
+    errors += [0.3, 0.2]
+    found = step(track_at(0.1), 1)
+    assert (found.fit.error, found.fit.pose.root_m[0]) == (0.2, pytest.approx(0.1))
+    assert priors[1].pose.root_m[0] == pytest.approx(0.1)
+    errors[:] = [0.3, 0.4]
+    priors.clear()
+    assert step(track_at(0.1), 1).fit.error == 0.3
+
+
+def test_a_longer_time_between_frames_is_given_longer_steps_and_reaches(refined):
+    errors, priors, reaches = refined
+    errors += [0.1, 0.1]
+    for frames in (1, 4):
+        step(track_at(0.1), frames)
+    np.testing.assert_allclose(priors[0].sigma, POSE_STEP_SIGMA)
+    np.testing.assert_allclose(priors[1].sigma, 4 * POSE_STEP_SIGMA)
+    assert reaches == [0.18, 0.30]
+
+
+def test_the_usual_error_is_the_median_of_the_last_twelve(refined):
+    errors, _, _ = refined
+    errors += [0.11]
+    found = step(track_at(0.1, (0.5,) * 10 + (0.1,) * 6), 1)
+    assert len(found.errors) == 12
+    assert found.errors[-1] == 0.11
+    assert found.usual == pytest.approx(0.105, abs=0.006)
+
+
+def test_silhouettes_far_from_the_body_do_not_count():
+    """Somebody else stands 1.2 m beside the body."""
+    views_of_both = views(2)
+    own, other = (photograph(views_of_both, BODY.model, at(x_m)) for x_m in (0.0, 1.2))
+    both = {str(c): a | b for c, (a, b) in enumerate(zip(own, other, strict=True))}
+    seen = observed_near(BODY, views_of_both, both, at(0.0))  # type: ignore[arg-type]
+    for mask, body, beside in zip(seen.masks, own, other, strict=True):
+        assert (mask & body).sum() == body.sum()
+        assert (mask & beside & ~body).sum() < 0.2 * (beside & ~body).sum()

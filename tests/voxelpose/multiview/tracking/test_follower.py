@@ -1,0 +1,213 @@
+import numpy as np
+import pytest
+
+from benchmarks.follower import AtOnce
+from silhouette_core.body.sizes import SHAPE_AXES
+from silhouette_core.motion.pose import Pose
+from tests.voxelpose.multiview.matching_scenes import (
+    STATURE_M,
+    joint_errors_m,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.multiview.tracking import track_jobs
+from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near, views_of
+from voxelpose.multiview.tracking.follower import PoseFollower
+from voxelpose.multiview.tracking.track_jobs import FollowSettings, catch_up, search
+
+SEEN_BY = views(4)
+PERSON = other_body(template="male")
+KNOWN = FollowSettings(STATURE_M)
+_TRUNK = ("trunk_width", "trunk_depth")
+
+
+def walking(frame: int) -> Pose:
+    """Walks to the left at 1.2 m/s, swinging the arms, and bends one of them."""
+    swing = 30 * np.sin(0.2 * frame)
+    turns = {
+        "left_upper_arm.forward": swing,
+        "right_upper_arm.forward": -swing,
+        "left_thigh.flexion": -0.8 * swing + 10,
+        "right_thigh.flexion": 0.8 * swing + 10,
+        "right_forearm.flexion": 30 + frame,
+    }
+    return stance(PERSON, turns, (0.04 * frame - 0.4, 0.0))
+
+
+def masks_of(pose: Pose, cameras: slice = slice(None)) -> dict[str, np.ndarray]:
+    """Silhouettes by camera name."""
+    pictures = photograph(SEEN_BY, PERSON, pose)
+    return dict(zip(SEEN_BY.rig.names[cameras], pictures[cameras], strict=True))
+
+
+def nobody() -> dict[str, np.ndarray]:
+    """Empty silhouettes."""
+    return {camera.name: np.zeros(camera.size[::-1], bool) for camera in SEEN_BY.rig}
+
+
+@pytest.fixture
+def follower() -> PoseFollower:
+    return PoseFollower(SEEN_BY.rig, KNOWN, AtOnce())
+
+
+def error_mm(follower: PoseFollower, pose: Pose, truth: Pose) -> float:
+    """Mean joint error."""
+    assert follower.body is not None
+    return 1000 * float(joint_errors_m(follower.body.model, pose, PERSON, truth).mean())
+
+
+@pytest.mark.slow
+def test_a_walker_is_found_and_followed(follower):
+    errors = []
+    for frame in range(25):
+        fit = follower.step(frame / 30, masks_of(walking(frame)))
+        if frame > 1:
+            assert fit is not None
+            errors.append(error_mm(follower, fit.pose, walking(frame)))
+    assert np.median(errors) < 45
+    assert errors[-1] < 60
+
+
+@pytest.mark.slow
+def test_a_camera_may_be_missing_for_a_while(follower):
+    for frame in range(14):
+        cameras = slice(0, 3) if 5 <= frame < 10 else slice(None)
+        fit = follower.step(frame / 30, masks_of(walking(frame), cameras))
+    assert fit is not None
+    assert error_mm(follower, fit.pose, walking(13)) < 60
+
+
+@pytest.mark.slow
+def test_a_person_who_left_is_found_again(follower):
+    for frame in range(3):
+        follower.step(frame / 30, masks_of(walking(frame)))
+    assert follower.body is not None
+    assert follower.step(0.1, nobody()) is None
+    assert follower.body is None
+    for frame in range(20, 23):
+        fit = follower.step(2 + frame / 30, masks_of(walking(frame)))
+    assert fit is not None
+    assert error_mm(follower, fit.pose, walking(22)) < 60
+
+
+@pytest.mark.slow
+def test_slow_cameras_are_followed_too(follower):
+    """More than half a second between two frames, after which a track is usually given up."""
+    for frame in range(4):
+        fit = follower.step(0.6 * frame, masks_of(walking(3 * frame)))
+    assert fit is not None
+    assert error_mm(follower, fit.pose, walking(9)) < 100
+
+
+def test_nobody_is_not_searched_for(follower):
+    class Refusing(AtOnce):
+        def submit(self, fn, /, *args, **kwargs):
+            raise AssertionError("a search for nobody")
+
+    follower._executor = Refusing()
+    assert follower.step(0.0, nobody()) is None
+
+
+@pytest.mark.slow
+def test_what_is_found_late_catches_up():
+    """The search took 10 frames, in which the person has walked 0.4 m."""
+    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(walking(0))), 4)
+    assert found is not None
+    later = [Moment.of(k / 30, masks_of(walking(k))) for k in range(1, 11)]
+    track = catch_up(SEEN_BY.rig, found, later)
+    assert track is not None
+    assert track.time_s == pytest.approx(10 / 30)
+    offset = np.linalg.norm(track.fit.pose.root_m - walking(10).root_m)
+    assert offset < 0.05
+    assert catch_up(SEEN_BY.rig, found, [Moment.of(0.1, nobody())]) is None
+
+
+@pytest.mark.slow
+def test_the_hull_tells_a_stout_person():
+    girths = [axis.along == "girth" or axis.name in _TRUNK for axis in SHAPE_AXES]
+    stout = PERSON.reshaped(PERSON.shape + 0.3 * np.array(girths))
+    pictures = photograph(SEEN_BY, stout, stance(stout))
+    masks = dict(zip(SEEN_BY.rig.names, pictures, strict=True))
+    slim, found = (
+        search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, seen), 3)
+        for seen in (masks_of(stance(PERSON)), masks)
+    )
+    assert slim is not None
+    assert found is not None
+    volumes = [one.body.model.part_volumes_m3(0.02).sum() for one in (slim, found)]
+    assert volumes[1] > 1.15 * volumes[0]
+
+
+def test_a_moment_keeps_silhouettes():
+    masks = masks_of(walking(0))
+    again = Moment.of(0.0, masks).masks()
+    for name, mask in masks.items():
+        assert np.array_equal(again[name], mask)
+
+
+@pytest.mark.slow
+def test_what_is_far_from_the_body_is_left_out():
+    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(walking(0))), 3)
+    assert found is not None
+    masks = masks_of(walking(0))
+    stained = {name: mask.copy() for name, mask in masks.items()}
+    for mask in stained.values():
+        mask[:40, :40] = True
+    seen = views_of(SEEN_BY.rig, tuple(masks))
+    observation = observed_near(found.body, seen, stained, found.fit.pose)
+    for mask, original in zip(observation.masks, masks.values(), strict=True):
+        assert not mask[:40, :40].any()
+        assert (mask & original).sum() > 0.99 * original.sum()
+
+
+def test_time_stretches_the_prediction():
+    """A frame that was dropped doubles the step that is expected."""
+    first, second = stance(PERSON), stance(PERSON, place_m=(0.1, 0.0))
+    fit = type("Fit", (), {"pose": second, "error": 0.1})()
+    body = type("Body", (), {"model": PERSON})()
+    track = BodyTrack(body, 0.1, fit, (0.0, first))  # type: ignore[arg-type]
+    one, two = (track.predicted(t).root_m[0] - second.root_m[0] for t in (0.2, 0.3))
+    assert two == pytest.approx(2 * one)
+    assert 0.05 < one < 0.1
+
+
+def striding(frame: int) -> Pose:
+    """From one frame to the next the legs change places, as in a run seen too seldom."""
+    ahead, behind = {"thigh": 22, "shin": 8}, {"thigh": -10, "shin": 14}
+    left, right = (behind, ahead) if frame else (ahead, behind)
+    turns = {f"left_{part}.flexion": angle for part, angle in left.items()}
+    turns |= {f"right_{part}.flexion": angle for part, angle in right.items()}
+    return stance(PERSON, turns, (0.0, 0.0))
+
+
+@pytest.mark.slow
+def test_limbs_that_jump_while_catching_up_are_searched(monkeypatch):
+    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(striding(0))), 4)
+    assert found is not None
+    later = [Moment.of(0.1 * k, masks_of(striding(k))) for k in range(1, 4)]
+    errors = []
+    for most in (1, 0):  # the second without the search
+        monkeypatch.setattr(track_jobs, "_MOST_SEARCHES", most)
+        track = catch_up(SEEN_BY.rig, found, later)
+        assert track is not None
+        wrong = joint_errors_m(track.body.model, track.fit.pose, PERSON, striding(3))
+        errors.append(1000 * float(wrong.mean()))
+    assert errors[0] < 50
+    assert errors[1] > 1.5 * errors[0]
+
+
+@pytest.mark.slow
+def test_what_stays_wrong_is_given_up():
+    """Somebody else stands where the body was found, lying on the floor from then on."""
+    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(striding(0))), 4)
+    assert found is not None
+    crouching = stance(
+        PERSON,
+        dict.fromkeys(("left_thigh.flexion", "right_thigh.flexion"), 110)
+        | dict.fromkeys(("left_shin.flexion", "right_shin.flexion"), 130),
+        (0.5, 0.4),
+    )
+    later = [Moment.of(0.1 * k, masks_of(crouching)) for k in range(1, 12)]
+    assert catch_up(SEEN_BY.rig, found, later) is None

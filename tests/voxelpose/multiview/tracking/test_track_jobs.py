@@ -1,0 +1,81 @@
+"""Catching up, and searched limbs; tables of errors stand for what refinement finds."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import pytest
+
+from voxelpose.multiview.tracking import track_jobs
+from voxelpose.multiview.tracking.track_jobs import catch_up, search_limbs
+
+
+@dataclass(frozen=True)
+class Track:
+    """A track that steps as a table of errors by time says; 0.1 where it says nothing."""
+
+    table: dict[float, float] = field(default_factory=dict)
+    time_s: float = 0.0
+    error: float = 0.1
+    steps: list[float] = field(default_factory=list)
+    usual = 0.1
+    before = None
+    body = None
+
+    @property
+    def fit(self):
+        return SimpleNamespace(error=self.error, pose=None)
+
+    def step(self, rig, time_s, masks, settings):
+        self.steps.append(time_s)
+        return replace(self, time_s=time_s, error=self.table.get(time_s, 0.1))
+
+
+def moments(count: int, interval_s: float) -> list:
+    return [SimpleNamespace(time_s=k * interval_s, masks=dict) for k in range(1, count + 1)]
+
+
+@pytest.fixture(autouse=True)
+def no_limbs_found(monkeypatch):
+    monkeypatch.setattr(track_jobs, "search_limbs", lambda *given: None)
+
+
+def test_every_other_frame_is_passed_over_but_not_the_last_ones():
+    track = Track()
+    assert catch_up(None, track, moments(10, 0.03)) is not None  # type: ignore[arg-type]
+    assert [round(t / 0.03) for t in track.steps] == [2, 4, 6, 8, 9, 10]
+
+
+def test_of_frames_far_apart_none_is_passed_over():
+    track = Track()
+    assert catch_up(None, track, moments(4, 0.1)) is not None  # type: ignore[arg-type]
+    assert len(track.steps) == 4
+
+
+@pytest.mark.parametrize(
+    ("wrong", "lost"), [((1, 2, 3, 4, 5), True), ((1, 2, 3, 4, 6, 7, 8, 9), False)]
+)
+def test_a_track_that_is_wrong_in_five_frames_running_is_lost(wrong, lost):
+    later = moments(9, 0.1)
+    track = Track({later[k - 1].time_s: 0.2 for k in wrong})
+    assert (catch_up(None, track, later) is None) == lost  # type: ignore[arg-type]
+
+
+def test_a_track_that_explains_nothing_is_lost():
+    later = moments(3, 0.1)
+    assert catch_up(None, Track({later[1].time_s: 0.5}), later) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.099, False), (0.05, True)])
+def test_searched_limbs_have_to_explain_more(monkeypatch, found, better):
+    @dataclass(frozen=True)
+    class Standing:
+        fit: SimpleNamespace
+        body: None = None
+
+    for name in ("observed_near", "views_of"):
+        monkeypatch.setattr(track_jobs, name, lambda *given: None)
+    moved = SimpleNamespace(error=found)
+    monkeypatch.setattr(track_jobs, "move_limbs", lambda *given: moved)
+    track = Standing(SimpleNamespace(error=0.1, pose=None))
+    result = search_limbs(None, track, moments(1, 0.1)[0])  # type: ignore[arg-type]
+    assert (result is not None and result.fit is moved) == better

@@ -1,0 +1,107 @@
+"""Poses over time: what was begun wrongly, and what jumps."""
+
+from collections.abc import Iterator
+from contextlib import closing, nullcontext
+
+import numpy as np
+import pytest
+
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.surface import Surface
+from tests.voxelpose.multiview.matching_scenes import (
+    fitting_model,
+    joint_errors_m,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.multiview.carving.carver import CarveRule
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.matching.pose_search import BodyGeometry
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+
+pytestmark = pytest.mark.slow
+FRAMES = 7
+ACTOR = other_body(1)
+TRUTH = [
+    stance(ACTOR, {"left_upper_arm.abduction": 8.0 * t, "right_thigh.flexion": 5.0 * t})
+    for t in range(FRAMES)
+]
+
+
+@pytest.fixture(scope="module")
+def observations() -> Iterator[ObservationStore]:
+    seen_by = views(4)
+    volume = VoxelGrid.from_bounds((-1, -1, -0.1), (1, 1, 2.2), 0.05)
+    observer = HullObserver(seen_by, volume, 0.03, CarveRule(least_agreeing=3))
+    with (
+        closing(MaskStore([camera.size for camera in seen_by.rig], FRAMES)) as masks,
+        closing(ObservationStore(observer, masks)) as store,
+    ):
+        for t, pose in enumerate(TRUTH):
+            masks.put(t, photograph(seen_by, ACTOR, pose))
+        yield store
+
+
+@pytest.fixture
+def tracker(observations) -> PoseTracker:
+    model = fitting_model()
+    body = BodyGeometry(model, BodyVolume.from_model(model, 0.03), Surface(model, 600))
+    settings = PoseTrackerSettings(30.0, MatchSettings())
+    return PoseTracker(body, observations, settings, lambda _: nullcontext(), lambda: None)
+
+
+def half_turned(pose: Pose) -> Pose:
+    step = np.zeros(6 + len(pose.angles_rad))
+    step[5] = np.pi
+    return pose.moved(step)
+
+
+def errors_m(tracker: PoseTracker) -> np.ndarray:
+    return np.array(
+        [
+            joint_errors_m(tracker.body.model, pose, ACTOR, true).mean()
+            for pose, true in zip(tracker.poses, TRUTH, strict=True)
+        ]
+    )
+
+
+@pytest.mark.parametrize("wrong", [[3], [4, 5, 6], [0, 1]])
+def test_what_is_turned_half_round_is_mended_from_its_neighbours(tracker, wrong):
+    tracker.poses = [half_turned(p) if t in wrong else p for t, p in enumerate(TRUTH)]
+    tracker.error[:] = 0.12
+    tracker.mend_jumps()
+    assert errors_m(tracker).max() < 0.05
+
+
+def test_a_motion_without_jumps_is_left_alone(tracker):
+    tracker.poses, tracker.error[:] = list(TRUTH), 0.12
+    tracker.mend_jumps()
+    assert all(pose is true for pose, true in zip(tracker.poses, TRUTH, strict=True))
+
+
+def test_what_explains_the_silhouettes_far_better_may_jump(tracker):
+    tracker.poses = [half_turned(p) if t > 3 else p for t, p in enumerate(TRUTH)]
+    tracker.error[:] = [0.12] * 4 + [0.01] * 3
+    before = list(tracker.poses)
+    tracker.mend_jumps()
+    assert tracker.poses == before
+
+
+def test_first_poses_that_are_all_wrong_are_begun_again(tracker):
+    tracker.poses, tracker.error[:] = [half_turned(pose) for pose in TRUTH], 0.3
+    tracker.begin_again()
+    assert errors_m(tracker).max() < 0.06
+
+
+def test_good_first_poses_are_kept(tracker):
+    tracker.poses, tracker.error[:] = list(TRUTH), 0.1
+    before = list(tracker.poses)
+    tracker.begin_again()
+    assert tracker.poses == before

@@ -1,0 +1,1 @@
+"""Generator of the two template bodies. Not installed."""

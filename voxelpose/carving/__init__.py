@@ -1,1 +1,0 @@
-"""Voxel grids and visual hulls."""

@@ -1,0 +1,170 @@
+"""Visual hull of one frame of a recording folder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Rig
+from calib.errors import InputError
+from silhouette_core.image.silhouettes import Silhouettes
+from voxelpose.multiview.carving.bounds import (
+    check_tolerance,
+    grid_within,
+    place_grid,
+    require_foreground,
+)
+from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.hull_mesh import write_ply
+from voxelpose.recording.folder import Recording
+
+
+@dataclass(frozen=True)
+class CarveSettings:
+    """Settings of carving a frame and writing its hull.
+
+    Attributes:
+        frame: Number of the frame.
+        voxel_size_m: Edge of a voxel, m; None divides the volume's longest edge by `resolution`.
+        resolution: Voxels along the longest edge where no size is given.
+        volume_m: Low corner x, y, z and high corner x, y, z, world, m; None finds the volume.
+        rule: Condition under which a voxel is occupied.
+        style: "surface" writes a triangle mesh, "voxels" the centres of the occupied voxels.
+        cameras: Names of the cameras to use; None means all.
+        unit: Unit of the calibration's lengths where its file does not say.
+    """
+
+    frame: int = 0
+    voxel_size_m: float | None = None
+    resolution: int = 192
+    volume_m: tuple[float, float, float, float, float, float] | None = None
+    rule: CarveRule = field(default_factory=CarveRule)
+    style: Literal["surface", "voxels"] = "surface"
+    cameras: tuple[str, ...] | None = None
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        """Checks the settings."""
+        if self.frame < 0:
+            raise InputError(f"frame {self.frame} is impossible: the first is 0")
+        if self.voxel_size_m is not None and not (
+            np.isfinite(self.voxel_size_m) and self.voxel_size_m > 0
+        ):
+            raise InputError(
+                f"voxels of {self.voxel_size_m:g} m are impossible: give a positive size"
+            )
+        if self.resolution < 1:
+            raise InputError(
+                f"a resolution of {self.resolution} voxels is impossible: give at least 1"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """A carved frame.
+
+    Attributes:
+        grid: Positions of the voxels.
+        occupancy: (nx, ny, nz) bool.
+        rig: The cameras used.
+        masks: (h, w) bool by camera name.
+        without_background: Cameras without frames of the empty scene, whose background was
+            estimated from the recording itself.
+    """
+
+    grid: VoxelGrid
+    occupancy: NDArray[np.bool_]
+    rig: Rig
+    masks: dict[str, NDArray[np.bool_]]
+    without_background: tuple[str, ...] = ()
+
+    @property
+    def volume_l(self) -> float:
+        """Volume of the occupied voxels, litres."""
+        return float(np.count_nonzero(self.occupancy)) * self.grid.voxel_size_m**3 * 1000
+
+
+def carve_recording(
+    folder: Path | str,
+    out: Path | str | None = None,
+    settings: CarveSettings | None = None,
+    overwrite: bool = False,
+) -> Hull:
+    """Visual hull of one frame of a recording, written to a file if one is named.
+
+    Args:
+        folder: The recording folder; see docs/recordings.md.
+        out: PLY file to write; None writes nothing.
+        settings: Frame, volume, resolution and rule.
+        overwrite: Whether `out` may exist.
+
+    Returns:
+        The hull.
+
+    Raises:
+        InputError: Input is missing or inconsistent; nothing is written.
+    """
+    settings = settings or CarveSettings()
+    if out is not None and Path(out).exists() and not overwrite:
+        raise InputError(f"{out} exists: choose another name, or say --overwrite")
+    cameras = None if settings.cameras is None else list(settings.cameras)
+    # A single frame needs no frame rate: any value does for folders of images.
+    recording = Recording.open(
+        folder, (settings.frame, settings.frame + 1), cameras, settings.unit, fps=1.0
+    )
+    silhouettes = Silhouettes(recording)
+    _, _, frames = next(iter(recording))
+    hull = carve_masks(
+        recording.rig,
+        silhouettes.of(frames),
+        settings,
+        silhouettes.without_background,
+        silhouettes.unknown_of(recording.rig.names),
+    )
+    if out is not None:
+        write_ply(out, hull.grid, hull.occupancy, settings.style)
+    return hull
+
+
+def carve_masks(
+    rig: Rig,
+    masks: dict[str, NDArray[np.bool_]],
+    settings: CarveSettings,
+    without_background: tuple[str, ...] = (),
+    unknown: Sequence[NDArray[np.bool_]] | None = None,
+) -> Hull:
+    """Visual hull of one set of silhouettes, in the given volume or in the smallest that holds it.
+
+    Args:
+        rig: C cameras.
+        masks: Silhouettes, (h, w) bool, by camera name.
+        settings: Volume, resolution and rule.
+        without_background: Cameras whose background was estimated from the recording.
+        unknown: As of `carve`.
+
+    Raises:
+        InputError: No voxel is occupied.
+    """
+    if settings.volume_m is None:
+        size = settings.voxel_size_m, settings.resolution
+        grid = place_grid(rig, masks, *size, settings.rule, unknown)
+    else:
+        check_tolerance(settings.rule.tolerance, len(rig))
+        require_foreground(rig, [masks[name] for name in rig.names], settings.rule.tolerance)
+        low, high = np.array(settings.volume_m[:3]), np.array(settings.volume_m[3:])
+        grid = grid_within(
+            low,
+            high,
+            settings.voxel_size_m or max(float((high - low).max()), 1e-9) / settings.resolution,
+        )
+    occupancy = carve(rig, masks, grid, settings.rule, unknown)
+    if not occupancy.any():
+        raise InputError(
+            "no voxel is left: choose smaller voxels, another volume, or tolerate a bad camera"
+            " (--tolerance 1)"
+        )
+    return Hull(grid, occupancy, rig, masks, without_background)

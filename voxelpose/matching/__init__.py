@@ -1,1 +1,0 @@
-"""Articulated body to voxels: paper B, and the refinement and tracking beyond it."""

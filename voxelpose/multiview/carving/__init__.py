@@ -1,0 +1,1 @@
+"""Voxels from silhouettes: the visual hull, and one body's part of it."""

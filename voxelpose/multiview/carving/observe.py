@@ -1,0 +1,348 @@
+"""One body's hull and silhouettes from the raw silhouettes of one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from calib.components import MaskComponents, label_components
+from calib.errors import InputError
+from silhouette_core.image.cleanup import dilated
+from silhouette_core.refinement.observation import Observation, PinholeViews
+from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
+from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+
+_COARSE_M = 0.05
+_MARGIN_M = 0.10
+_LIMB_M = 1.0  # a leg's length, with the foot
+_EXPLAINED = 0.04  # largest unexplained fraction of a silhouette that the hull counts as explaining
+_SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
+_CRUMB = 0.03  # of the largest component
+_GAP_M = 0.25  # height of a gap between pieces of one body
+_SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
+# A person's hull is up to so large, and in most poses at least so long; what is larger or shorter
+# counts for less beside it: a board or a box that came with the person.
+_PERSON_M3, _PERSON_M = 0.25, 1.6
+_NEAR_M = 1.0  # distance from the last position at which a component's weight falls to 1/e
+
+COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
+"""A component of a hull, as a row of a table."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameObservation:
+    """One frame ready for fitting: the silhouettes of one body, and its hull.
+
+    Attributes:
+        views: the C cameras.
+        masks: C arrays (h, w) bool, silhouettes without what does not belong to the hull.
+        grid: a window of voxels around the body.
+        occupancy: (nx, ny, nz) bool, the hull's largest component in it.
+    """
+
+    views: PinholeViews
+    masks: list[np.ndarray]
+    grid: VoxelGrid
+    occupancy: np.ndarray
+
+    @cached_property
+    def observation(self) -> Observation:
+        """The silhouettes with contours and distances, for refinement; prepared when first used."""
+        middle = self.grid.occupied_points(self.occupancy).mean(0)
+        distance = float(np.median(np.linalg.norm(self.views.center_m - middle, axis=1)))
+        return Observation.from_masks(self.views, self.masks, distance)
+
+
+@dataclass(frozen=True, eq=False)
+class HullComponents:
+    """The n connected components of a hull.
+
+    Attributes:
+        volume_m3: (n,) float64, volumes.
+        center_m: (n, 3) float64, centres of mass in the world.
+        bounds_m: (n, 2, 3) float64, lower and upper corner of each component's box.
+    """
+
+    volume_m3: np.ndarray
+    center_m: np.ndarray
+    bounds_m: np.ndarray
+
+    @classmethod
+    def from_voxels(cls, voxels: MaskComponents, grid: VoxelGrid) -> HullComponents:
+        """Measures the components of a grid's voxels."""
+        return cls(
+            voxels.sizes[1:] * grid.voxel_size_m**3,
+            grid.origin_m + (voxels.centroids + 0.5) * grid.voxel_size_m,
+            grid.origin_m + voxels.bounds * grid.voxel_size_m,
+        )
+
+    @classmethod
+    def from_table(cls, table: np.ndarray) -> HullComponents:
+        """Components of the rows (n,) of a table of dtype `COMPONENT`."""
+        return cls(*(table[name] for name in COMPONENT.names or ()))
+
+    def table(self) -> np.ndarray:
+        """The components as rows (n,) of dtype `COMPONENT`."""
+        rows = np.empty(len(self.volume_m3), COMPONENT)
+        for name in COMPONENT.names or ():
+            rows[name] = getattr(self, name)
+        return rows
+
+    def body(self, near_m: np.ndarray | None, person: bool = True) -> int | None:
+        """Index of the body's component, or None where none is large enough.
+
+        Args:
+            near_m: (3,) where the body was last: near components are preferred. None: the largest.
+            person: whether it is a person's, so that components larger or shorter than persons are
+                count for less.
+        """
+        weight = self.volume_m3
+        if not len(weight):
+            return None
+        if person:
+            longest_m = np.ptp(self.bounds_m, axis=1).max(axis=1)
+            fitting = np.minimum(_PERSON_M3 / weight, 1) * np.minimum(longest_m / _PERSON_M, 1)
+            weight = weight * fitting**2
+        if near_m is not None and len(weight) > 1:
+            distance = np.linalg.norm(self.center_m - near_m, axis=1)
+            weight = weight * np.exp(-((distance / _NEAR_M) ** 2))
+        best = int(weight.argmax())
+        return best if self.volume_m3[best] >= _SMALLEST_M3 else None
+
+
+def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
+    """Rule by which a voxel may belong to a body.
+
+    A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
+
+    Args:
+        cameras: number of cameras.
+        tolerance: number of them that may be wrong about a voxel.
+        partly_unknown: number of them of which parts are unknown, so that fewer may agree, but two.
+
+    Raises:
+        InputError: so many cameras may be wrong that none need agree.
+    """
+    most = max(2, 3 * cameras // 4)
+    if not 0 <= tolerance <= most:
+        raise InputError(
+            f"a tolerance of {tolerance} of {cameras} cameras leaves none to agree: give at most"
+            f" {most}"
+        )
+    return CarveRule(tolerance, least_agreeing=_least(most - tolerance, partly_unknown))
+
+
+def _least(usual: int, partly_unknown: int) -> int:
+    """Fewest cameras that must agree where parts of some are unknown."""
+    return max(usual - partly_unknown, min(usual, 2))
+
+
+class HullObserver:
+    """Turns a frame's raw silhouettes into one body's hull and silhouettes.
+
+    Args:
+        views: the cameras.
+        volume: where the body may be.
+        voxel_size_m: of the fine window.
+        rule: how many cameras may object to a voxel.
+        joined_m: pieces of a hull up to so far apart are one body's; 0: only those above one
+            another are. Thin arms of other bodies than a person's vanish between voxels.
+    """
+
+    def __init__(
+        self,
+        views: PinholeViews,
+        volume: VoxelGrid,
+        voxel_size_m: float,
+        rule: CarveRule | None = None,
+        joined_m: float = 0.0,
+        person: bool = True,
+    ):
+        """Keeps the settings."""
+        self.views = views
+        self._joined_m, self._person = joined_m, person
+        self.voxel_size_m = voxel_size_m
+        self.rule = rule or CarveRule()
+        self.volume = volume
+        low = volume.origin_m
+        self._coarse = VoxelGrid.from_bounds(low, low + volume.size_m, max(_COARSE_M, voxel_size_m))
+
+    def observe(
+        self, masks: list[np.ndarray], near_m: np.ndarray | None = None
+    ) -> FrameObservation | None:
+        """One body of a frame, or None where no hull of a body's size is left.
+
+        Args:
+            masks: a silhouette (h, w) bool per camera.
+            near_m: (3,) where the body was last; of several hulls the one there is used. None: the
+                largest.
+        """
+        components = self.components(masks)
+        body = self.body(components, near_m)
+        if body is None:
+            return None
+        grid = self.window(components, body)
+        return self.select(*self.carve(masks, grid), grid, near_m)
+
+    def components(self, masks: list[np.ndarray]) -> HullComponents:
+        """Components of the coarse hull of the whole volume."""
+        hull = carve(self.views.rig, masks, self._coarse, self.rule, self.views.unknown)
+        return HullComponents.from_voxels(
+            _label_bodies(hull, self._coarse, self._joined_m), self._coarse
+        )
+
+    def body(self, components: HullComponents, near_m: np.ndarray | None) -> int | None:
+        """Index of the body's component, see `HullComponents.body`."""
+        return components.body(near_m, self._person)
+
+    def window(self, components: HullComponents, body: int) -> VoxelGrid:
+        """Fine grid around one component of the coarse hull."""
+        low, high = components.bounds_m[body]
+        return VoxelGrid.from_bounds(low - _MARGIN_M, high + _MARGIN_M, self.voxel_size_m)
+
+    def carve(
+        self, masks: list[np.ndarray], grid: VoxelGrid
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """Silhouettes confirmed by the other cameras, and their hull (nx, ny, nz) bool in a window.
+
+        Args:
+            masks: a raw silhouette (h, w) bool per camera.
+            grid: the window.
+        """
+        masks = self._confirmed_by_others(masks, self._surroundings(grid))
+        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
+
+    def _surroundings(self, grid: VoxelGrid) -> VoxelGrid:
+        """Where silhouettes are confirmed: the window, or as far as limbs go that only one camera
+        may see, and that are no part of the hull therefore.
+        """
+        if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
+            return grid
+        low, high = grid.origin_m - _LIMB_M, grid.origin_m + grid.size_m + _LIMB_M
+        return VoxelGrid.from_bounds(low, high, _COARSE_M)
+
+    def select(
+        self,
+        masks: list[np.ndarray],
+        occupancy: np.ndarray,
+        grid: VoxelGrid,
+        near_m: np.ndarray | None,
+    ) -> FrameObservation | None:
+        """The body's component of a carved window, or None where it is too small for a body."""
+        voxels = _label_bodies(occupancy, grid, self._joined_m)
+        body = self.body(HullComponents.from_voxels(voxels, grid), near_m)
+        if body is None:
+            return None
+        return FrameObservation(self.views, masks, grid, voxels.labels == body + 1)
+
+    def _dilated(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+        """Silhouettes widened by half a voxel.
+
+        A voxel then stays where it touches the body, so that thin limbs do not vanish between voxel
+        centres.
+        """
+        middle = grid.origin_m + 0.5 * grid.size_m
+        wide = []
+        for c, mask in enumerate(masks):
+            depth = float(self.views.rotation[c, 2] @ middle + self.views.translation_m[c, 2])
+            reach = max(
+                round(0.5 * grid.voxel_size_m * self.views.intrinsics[c, 0] / max(depth, 0.1)), 0
+            )
+            wide.append(dilated(mask, 2 * reach + 1))
+        return wide
+
+    def _confirmed_by_others(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+        """Pixels of each silhouette into which a voxel near the body projects.
+
+        A limb that one camera misses leaves the hull, and all other cameras then show something
+        that the hull does not explain. So where at least two cameras are explained, large pieces
+        that only some of the others show are false foreground. Small ones stay,
+        if most cameras agree: hands and feet are easily lost from a hull.
+        """
+        strict_rule = self.rule
+        if self.views.unknown is not None:  # what no other camera sees, none contradicts
+            strict_rule = replace(self.rule, least_agreeing=1)
+        strict = self._confirmed(masks, grid, strict_rule)
+        if len(masks) < 4:
+            return strict
+        tolerance = self.rule.tolerance + max(1, len(masks) // 4)
+        least = _least(3 * len(masks) // 4 - tolerance + 1, self.views.partly_unknown)
+        loose = self._confirmed(
+            masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=least)
+        )
+        missing = sorted(
+            1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
+            for a, b in zip(strict, loose, strict=True)
+        )
+        if missing[1] >= _EXPLAINED:
+            return loose
+        return [
+            sure | _small_components(likely & ~sure, _SMALL * np.count_nonzero(sure))
+            for sure, likely in zip(strict, loose, strict=True)
+        ]
+
+    def _confirmed(
+        self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
+    ) -> list[np.ndarray]:
+        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        hull = carve(self.views.rig, wide, grid, rule, unknown)
+        hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
+        for c, mask in enumerate(masks):
+            footprint = np.zeros(mask.shape, np.uint8)
+            depth = mark_voxels(hull, *axes, self.views.rig.cameras[c].projection, footprint)
+            size_px = self.views.intrinsics[c, 0] * grid.voxel_size_m / max(depth, 0.1)
+            # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
+            # misses at the edge.
+            side = int(np.ceil(2 * size_px)) | 1
+            result, window = np.zeros_like(mask), _window(mask, side // 2)
+            result[window] = mask[window] & dilated(footprint[window].view(np.bool_), side)
+            confirmed.append(result)
+        return confirmed
+
+
+def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> MaskComponents:
+    """Components of a hull, where pieces above one another are one.
+
+    A stripe of the wall's colour in one camera cuts a hull in two at its height, and what is above
+    a gap belongs to what is below it. People beside each other remain apart, unless pieces up to
+    `joined_m` apart are one.
+    """
+    reach = round(0.5 * _GAP_M / grid.voxel_size_m)
+    columns = occupancy.reshape(-1, occupancy.shape[2]).view(np.uint8)
+    line = np.ones((1, 2 * reach + 1), np.uint8)
+    joined = np.asarray(cv2.dilate(columns, line)).view(np.bool_).reshape(occupancy.shape)
+    if joined_m and occupancy.any():
+        apart = np.asarray(distance_transform_edt(~occupancy), float) * grid.voxel_size_m
+        joined = joined | (apart <= 0.5 * joined_m)
+    labels = np.where(occupancy, label_components(joined).labels, 0)
+    return MaskComponents(labels, np.bincount(labels[occupancy], minlength=1))
+
+
+def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
+    """Rows and columns of a mask with foreground, and a margin around them."""
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    rows = slice(max(top - margin_px, 0), min(top + height + margin_px, mask.shape[0]))
+    return rows, slice(max(left - margin_px, 0), min(left + width + margin_px, mask.shape[1]))
+
+
+def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
+    """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
+    components = label_components(occupancy)
+    return (components.sizes >= _CRUMB * components.sizes.max(initial=1))[components.labels]
+
+
+def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:
+    """Connected components of a mask of at most `most_px` pixels."""
+    result, window = np.zeros_like(mask), _window(mask, 0)
+    if not mask[window].size:
+        return result
+    components = label_components(mask[window])
+    result[window] = mask[window] & (components.sizes <= most_px)[components.labels]
+    return result

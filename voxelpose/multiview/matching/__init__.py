@@ -1,0 +1,1 @@
+"""Paper B: a posture from voxels, interfering parts matched jointly."""

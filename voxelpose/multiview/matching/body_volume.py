@@ -1,0 +1,129 @@
+"""A body filled with points, limb by limb, to be placed many times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from silhouette_core.body.kinematic_tree import KinematicTree
+from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
+from voxelpose.multiview.matching.limbs import Limb
+from voxelpose.multiview.matching.tree_limbs import chains_of, has_person_limbs, limbs_of
+
+
+@dataclass(frozen=True, eq=False)
+class BodyVolume:
+    """A body filled with points, about one per voxel.
+
+    Attributes:
+        model: The body.
+        points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
+            limb's first part.
+        part_points: P arrays (n_p, 3), the same points by part, relative to each part's own joint.
+        backend: Scores many placements at once.
+        limbs: What is placed, the root limb first.
+    """
+
+    model: BodyModel
+    points: dict[str, np.ndarray]
+    part_points: list[np.ndarray]
+    backend: Backend
+    limbs: tuple[Limb, ...]
+
+    @classmethod
+    def from_model(cls, model: BodyModel, spacing_m: float, backend: Backend = CPU) -> BodyVolume:
+        """Fills a body, one point every `spacing_m` along each axis."""
+        parts = model.part_points(spacing_m)
+        points, limbs = {}, limbs_of(model, parts, spacing_m)
+        for limb in limbs:
+            own = [model.names.index(name) for name in limb.parts]
+            at_rest = np.concatenate([parts[p] + model.joints_m[p] for p in own])
+            points[limb.name] = at_rest - model.joints_m[own[0]]
+        return cls(model, points, parts, backend, limbs)
+
+    @property
+    def root_limb(self) -> Limb:
+        """The limb at the root of the tree."""
+        return self.limbs[0]
+
+    @property
+    def is_person(self) -> bool:
+        """Whether the body has all limbs of a person."""
+        return has_person_limbs(self.model)
+
+    @cached_property
+    def chains(self) -> tuple[tuple[Limb, ...], ...]:
+        """Limbs that are searched together, from the upper to the lower one."""
+        return chains_of(self.limbs)
+
+    def placements(
+        self, limb: Limb, root: Pose, angles_rad: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Placements of a limb for K choices of angles.
+
+        Args:
+            limb: The limb.
+            root: Gives root position and rotation.
+            angles_rad: (K, D).
+
+        Returns:
+            Rotations (K, 3, 3) and translations (K, 3) m, world from the limb's first part.
+        """
+        model = self.model
+        chain, parents, dofs, dof_parts = _chain(model.tree, model.names.index(limb.name))
+        angles = np.ascontiguousarray(angles_rad[:, dofs])
+        turn, origin = root.root_rotation, root.root_m
+        # Parts above the first that moves lie where they lie in all placements.
+        moving = dof_parts[(angles != angles[:1]).any(0)] if len(angles) else dof_parts[:0]
+        still = int(moving.min(initial=len(chain) - 1))
+        if still > 1:
+            above = dof_parts < still
+            turns, places = np.empty((still, 3, 3)), np.empty((still, 3))
+            place_parts(
+                parents[:still],
+                model.joints_m[chain[:still]],
+                dof_parts[above],
+                model.dof_axis[dofs[above]],
+                turn,
+                origin,
+                angles[0, above],
+                turns,
+                places,
+            )
+            turn, origin = turns[-1], places[-1]
+            chain, parents = chain[still - 1 :], parents[still - 1 :] - np.int32(still - 1)
+            dofs, angles = dofs[~above], np.ascontiguousarray(angles[:, ~above])
+            dof_parts = dof_parts[~above] - np.int32(still - 1)
+        rotations, origins = np.empty((len(angles_rad), 3, 3)), np.empty((len(angles_rad), 3))
+        place_one_part(
+            parents,
+            model.joints_m[chain],
+            dof_parts,
+            model.dof_axis[dofs],
+            turn,
+            origin,
+            angles,
+            len(chain) - 1,
+            rotations,
+            origins,
+        )
+        return rotations, origins
+
+
+@lru_cache(maxsize=512)
+def _chain(tree: KinematicTree, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Returns the parts from the root to one part, their parents within that chain, the angles that
+    turn them, and the part of each.
+    """
+    chain = [part]
+    while tree.parents[chain[0]] >= 0:
+        chain.insert(0, int(tree.parents[chain[0]]))
+    dofs = np.flatnonzero(np.isin(tree.dof_part, chain))
+    dof_parts = np.searchsorted(chain, tree.dof_part[dofs]).astype(np.int32)
+    return np.array(chain), np.arange(-1, len(chain) - 1, dtype=np.int32), dofs, dof_parts

@@ -1,0 +1,169 @@
+"""Search for a whole limb on the silhouettes, where the voxels of a thin arm are missing.
+
+One camera that errs by a few pixels carves a forearm away, but the other cameras still show it. The
+rest of the body stays, and an arm or a leg is placed (both its parts, over the whole range of its
+joints) where it explains most of the silhouettes that the rest of the body does not. Beyond paper
+B: part by part along the body tree, but scored on the images.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.raster import render_many
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.scoring.silhouette_error import posed_mesh
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.limbs import (
+    Limb,
+    sample_angles,
+    sample_grid,
+    sample_hinge,
+    within_limits,
+)
+
+_STEP_RAD = np.radians(15.0)
+_UNEXPLAINED, _EXPLAINED, _OUTSIDE = 2, 0, -3
+_POINTS = 40
+_FINALISTS = 12
+
+
+def place_limb(
+    body_volume: BodyVolume,
+    observation: Observation,
+    pose: Pose,
+    chain: tuple[Limb, ...],
+    around_rad: float | None = None,
+) -> Pose:
+    """Pose with one arm, leg or other chain where it explains most of what the rest does not.
+
+    Args:
+        body_volume: The body.
+        observation: The frame.
+        pose: Everything but the limb is taken from it.
+        chain: Upper and lower part, or one that carries none.
+        around_rad: Searches at most this far from `pose`; None: the whole range.
+    """
+    upper, tree = chain[0], body_volume.model.tree
+    covering = _Covering(body_volume.model, observation)
+    searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
+    images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
+    above = sample_angles(upper, pose.angles_rad, _STEP_RAD, around_rad, tree)
+    first = _scores(body_volume, observation, images, upper, pose, above)
+    if len(chain) == 1:
+        return Pose(pose.root_m, pose.root_rotation, above[int(first.argmax())])
+    lower = chain[1]
+    # The upper part alone rules out most of the range.
+    likely = np.argsort(-first, kind="stable")[: max(len(first) // 2, 1)]
+    above, first = above[likely], first[likely]
+    sample_below = sample_grid if lower.angles else sample_hinge
+    below = sample_below(lower, above, _STEP_RAD, around_rad, tree)
+    possible = within_limits(below, tree)
+    second = _scores(
+        body_volume, observation, images, lower, pose, below.reshape(-1, below.shape[-1])
+    ).reshape(below.shape[:2])
+    bound = first + np.where(possible, second, -np.inf).max(1)
+    best, result = -np.inf, pose
+    # Folded onto the upper part, the lower one would count the same pixels again: the likeliest
+    # placements are scored again without those.
+    for k in np.argsort(-bound, kind="stable")[:_FINALISTS]:
+        if bound[k] <= best or not np.isfinite(bound[k]):
+            break
+        placed = Pose(pose.root_m, pose.root_rotation, above[k])
+        left = covering.explained(images, placed, (upper,), rest=False)
+        rest = _scores(body_volume, observation, left, lower, pose, below[k])
+        m = int(np.where(possible[k], rest, -np.inf).argmax())
+        if first[k] + rest[m] > best:
+            best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, below[k, m])
+    return result
+
+
+def _carried(limb: Limb | None, upper: Limb, limbs: Sequence[Limb]) -> bool:
+    """Whether a limb is another one or is carried by it."""
+    while limb is not None and limb.name != upper.name:
+        limb = next((one for one in limbs if one.name == limb.carried_by), None)
+    return limb is not None
+
+
+def _pixel_values(observation: Observation) -> np.ndarray:
+    """Value (C, h, w) int8 of each pixel for a limb, where no other part covers it; what is
+    unknown is worth nothing.
+    """
+    masks, unknown = observation.masks, observation.views.unknown
+    height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
+    images = np.zeros((len(masks), height, width), np.int8)
+    for image, mask in zip(images, masks, strict=True):
+        inside = mask.view(np.int8) * np.int8(_UNEXPLAINED - _OUTSIDE)
+        np.add(inside, np.int8(_OUTSIDE), out=image[: mask.shape[0], : mask.shape[1]])
+    for image, where in zip(images, unknown or (), strict=unknown is not None):
+        image[: where.shape[0], : where.shape[1]][where] = _EXPLAINED
+    return images
+
+
+class _Covering:
+    """Draws parts of a body into all views of a frame at once, where the silhouettes are."""
+
+    def __init__(self, model: BodyModel, observation: Observation):
+        views = observation.views
+        matrices = np.stack([camera.matrix for camera in views.rig])
+        self.model = model
+        boxes = np.array([cv2.boundingRect(mask.view(np.uint8)) for mask in observation.masks])
+        self._corners = boxes[:, :2]
+        width, height = np.maximum(boxes[:, 2:].max(0), 1)
+        self._size = int(width), int(height)
+        matrices[:, :2] -= self._corners[:, :, None] * matrices[:, 2:]
+        # Pixel positions times depth: all cameras are drawn by the same matrix.
+        self._turn = views.rotation.transpose(0, 2, 1) @ matrices.transpose(0, 2, 1)
+        self._shift = np.einsum("ci,cji->cj", views.translation_m, matrices)[:, None]
+
+    def explained(
+        self, images: np.ndarray, pose: Pose, limbs: tuple[Limb, ...], rest: bool
+    ) -> np.ndarray:
+        """Pixel values (C, h, w) int8 of which those that parts of the body cover are explained.
+
+        Args:
+            images: (C, h, w) int8, values so far; outside of the silhouettes they stay.
+            pose: of the body.
+            limbs: whose parts are drawn.
+            rest: all parts but those are drawn instead.
+        """
+        model = self.model
+        parts = [model.names.index(name) for limb in limbs for name in limb.parts]
+        drawn = np.isin(model.face_part, parts) != rest
+        meshes = posed_mesh(model, pose) @ self._turn + self._shift
+        # An opened body shows its inside: both sides of the faces are drawn.
+        covered = render_many(
+            meshes,
+            model.faces[drawn],
+            model.face_part[drawn],
+            np.eye(3),
+            self._size,
+            cull_back=False,
+        )
+        images = images.copy()
+        for image, own, (left, top) in zip(images, covered, self._corners, strict=True):
+            window = image[top : top + own.shape[0], left : left + own.shape[1]]
+            own = own[: window.shape[0], : window.shape[1]]
+            window[(own > 0) & (window > _EXPLAINED)] = _EXPLAINED
+        return images
+
+
+def _scores(
+    body_volume: BodyVolume,
+    observation: Observation,
+    images: np.ndarray,
+    limb: Limb,
+    pose: Pose,
+    angles: np.ndarray,
+) -> np.ndarray:
+    """Scores (K,) of a limb's placements, per volume the same for all limbs."""
+    points = body_volume.points[limb.name]
+    step = max(len(points) // _POINTS, 1)
+    return float(step) * body_volume.backend.pixel_scores(
+        observation.views, images, points[::step], *body_volume.placements(limb, pose, angles)
+    )

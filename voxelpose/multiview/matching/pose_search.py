@@ -1,0 +1,220 @@
+"""Pose of a single frame without a prior: torso placements, paper B's matching, refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.dynamics import relaxed_rad
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import (
+    PosePrior,
+    RefineSettings,
+    RefineStart,
+    refine_many,
+)
+from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.silhouette_error import mask_errors
+from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.limb_search import place_limb
+from voxelpose.multiview.matching.matcher import MatchSettings, match
+from voxelpose.multiview.matching.torso_search import find_torso
+
+SEARCHED = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+"""For poses from a search, right to within a sampling step."""
+_HELD_SIGMA = 1e-5  # m and rad
+_COARSE_RAD = np.radians(30.0)
+_SHORT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyGeometry:
+    """One body prepared for both kinds of fitting.
+
+    Attributes:
+        model: the body.
+        body_volume: its inside as points, for matching.
+        surface: its surface as points, for refinement.
+        root: places the root part where it stands still at a known place; None: it is estimated.
+    """
+
+    model: BodyModel
+    body_volume: BodyVolume
+    surface: Surface
+    root: Pose | None = None
+
+    def held(self, start: RefineStart) -> RefineStart:
+        """Start with the root at its known place, if there is one."""
+        if self.root is None:
+            return start
+        at = self.root.root_m, self.root.root_rotation
+        prior = start.prior or PosePrior(start.pose, np.full(6 + self.model.dof_count, np.inf))
+        sigma = prior.sigma.copy()
+        sigma[:6] = _HELD_SIGMA
+        return replace(
+            start,
+            pose=Pose(*at, start.pose.angles_rad),
+            prior=PosePrior(Pose(*at, prior.pose.angles_rad), sigma),
+        )
+
+    @classmethod
+    def from_surface(
+        cls, surface: Surface, voxel_size_m: float, backend: Backend = CPU
+    ) -> BodyGeometry:
+        """Samples the inside of a body for voxels of that size."""
+        volume = BodyVolume.from_model(surface.model, voxel_size_m, backend)
+        return cls(surface.model, volume, surface)
+
+    @classmethod
+    def from_model(cls, model: BodyModel, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+        """Samples surface and inside of a body."""
+        person = model.person
+        taken = None if person is None else sampled_vertices(person.sex)
+        surface = Surface(model, taken=taken)
+        return cls.from_surface(surface, voxel_size_m, backend)
+
+    @classmethod
+    def from_sizes(cls, sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+        """Samples a body of these measurements."""
+        return cls.from_model(BodyModel.from_sizes(sizes), voxel_size_m, backend)
+
+
+@cache
+def sampled_vertices(sex: str) -> np.ndarray:
+    """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
+    return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFit:
+    """A pose and how well it explains the silhouettes.
+
+    Attributes:
+        pose: the pose.
+        error: XOR over OR of silhouettes and pose, mean of the cameras.
+        stopped: groups of limbs whose joint search stopped at a bound on the way to the pose.
+    """
+
+    pose: Pose
+    error: float
+    stopped: tuple[tuple[str, ...], ...] = ()
+
+
+def find_pose(
+    body: BodyGeometry,
+    frame: FrameObservation,
+    settings: MatchSettings | None = None,
+    count: int = 10,
+) -> list[PoseFit]:
+    """Searches the whole range of postures.
+
+    Args:
+        body: the body.
+        frame: silhouettes and hull.
+        settings: of the matcher.
+        count: torso placements to try.
+
+    Returns:
+        Poses, best first, at most one per torso placement; empty where there is no hull.
+    """
+    placements = _placements(body, frame, settings or MatchSettings(), count)
+    if not placements:
+        return []
+    first = sorted(_matches(body, frame, placements, settings), key=_error)
+    # With the torso now well placed the limbs are matched again; where that is no better, the
+    # first fit stands.
+    again = _matches(body, frame, [fit.pose for fit in first[:3]], settings)
+    ranked = sorted([*again, *first], key=_error)
+    moved = [
+        replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in ranked[:2]
+    ]
+    return sorted([*moved, *ranked[2:]], key=_error)
+
+
+def _placements(
+    body: BodyGeometry, frame: FrameObservation, settings: MatchSettings, count: int
+) -> list[Pose]:
+    """Placements of the root to try: of a person's torso; of another root those from which the
+    whole body, matched coarsely part by part, fits best.
+    """
+    volume, hull = body.body_volume, (frame.grid, frame.occupancy)
+    if body.root is not None:
+        at = body.root.root_m, body.root.root_rotation
+        return [Pose(*at, relaxed_rad(body.model.tree).copy())]
+    if volume.is_person:
+        return find_torso(volume, *hull, count)
+    coarse = replace(settings, step_rad=max(settings.step_rad, _COARSE_RAD))
+    roots = find_torso(volume, *hull, 3 * count)
+    matched = [match(volume, *hull, root, coarse) for root in roots]
+    order = np.argsort([-one.score for one in matched], kind="stable")
+    return [roots[k] for k in order[:count]]
+
+
+def move_limbs(
+    body: BodyGeometry, observation: Observation, fit: PoseFit, prior: PosePrior | None = None
+) -> PoseFit:
+    """Searches each arm and leg on the silhouettes, and keeps what lowers the error."""
+    chains = body.body_volume.chains
+    while chains:
+        volume = body.body_volume
+        placed = [place_limb(volume, observation, fit.pose, chain) for chain in chains]
+        starts = [RefineStart(pose, _SHORT, prior) for pose in placed]
+        moved = refine_fits(body, observation, starts)
+        # The best one moves first, and the others that would gain are searched again beside it.
+        order = sorted(range(len(chains)), key=lambda k: moved[k].error)
+        gains = [k for k in order if moved[k].error < 0.99 * fit.error]
+        if not gains:
+            break
+        fit, chains = moved[gains[0]], tuple(chains[k] for k in sorted(gains[1:]))
+    return fit
+
+
+def refine_fit(
+    body: BodyGeometry,
+    observation: Observation,
+    start: Pose,
+    prior: PosePrior | None,
+    settings: RefineSettings,
+) -> PoseFit:
+    """Refines a pose on the silhouettes, and measures its error; arguments as of `refine`."""
+    return refine_fits(body, observation, [RefineStart(start, settings, prior)])[0]
+
+
+def refine_fits(
+    body: BodyGeometry, observation: Observation, starts: Sequence[RefineStart]
+) -> list[PoseFit]:
+    """Refines poses on the silhouettes and measures their errors; arguments as `refine_many`."""
+    if not starts:
+        return []
+    starts = [body.held(start) for start in starts]
+    poses = [fit.pose for fit in refine_many(body.surface, observation, starts)]
+    backend = body.body_volume.backend
+    errors = mask_errors(body.model, poses, observation.views, observation.masks, backend)
+    return [PoseFit(pose, float(error)) for pose, error in zip(poses, errors, strict=True)]
+
+
+def _matches(
+    body: BodyGeometry,
+    frame: FrameObservation,
+    placements: Sequence[Pose],
+    settings: MatchSettings | None,
+) -> list[PoseFit]:
+    """Poses whose limbs are matched from placed torsos, refined."""
+    volume = body.body_volume
+    matched = [match(volume, frame.grid, frame.occupancy, start, settings) for start in placements]
+    starts = [RefineStart(found.pose, SEARCHED) for found in matched]
+    fits = refine_fits(body, frame.observation, starts)
+    return [replace(fit, stopped=found.stopped) for fit, found in zip(fits, matched, strict=True)]
+
+
+def _error(fit: PoseFit) -> float:
+    return fit.error

@@ -1,0 +1,194 @@
+"""Search for the torso, or another root part. Paper B is given the root part's placement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.motion.dynamics import relaxed_rad
+from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.backend import Backend
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.matching.body_volume import BodyVolume
+
+_APART_M, _APART_RAD = 0.12, np.radians(40)
+_MOST_POSITIONS = 1500
+_UNUSUAL = 0.1  # cost of lying on the side, as a fraction of the torso: people mostly stand
+_STEPS = np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Overlap:
+    """The torso's points (n, 3), turned about their mean, and the voxels that they are laid on."""
+
+    backend: Backend
+    grid: VoxelGrid
+    occupancy: np.ndarray
+    points: np.ndarray
+    middle: np.ndarray
+
+    def ranked(
+        self, positions: np.ndarray, rotations: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns positions, rotations and scores, best first: fraction of the points in the hull
+        less the fraction in empty space.
+        """
+        inside, outside = self.backend.voxel_overlap(
+            self.grid,
+            self.occupancy,
+            self.points,
+            np.full(len(self.points), 1 / len(self.points)),
+            rotations,
+            positions - rotations @ self.middle,
+        )
+        scores = inside - outside - _UNUSUAL * (1 - rotations[:, 2, 2])
+        order = np.argsort(-scores, kind="stable")
+        return positions[order], rotations[order], scores[order]
+
+
+def find_torso(
+    body_volume: BodyVolume, grid: VoxelGrid, occupancy: np.ndarray, count: int = 8
+) -> list[Pose]:
+    """Placements of the torso with the head that fit a hull best, in any orientation; of another
+    body than a person's, of its root limb.
+
+    The torso is the thickest part of a body, so only positions deep inside the hull are tried; a
+    torso fits nearly as well turned half round, so both orientations are returned. A root that
+    stands still is upright.
+
+    Args:
+        body_volume: The body.
+        grid: The grid of the hull.
+        occupancy: (nx, ny, nz) bool, the voxels of one body.
+        count: Number of placements, at most.
+
+    Returns:
+        Poses with the relaxed stance's angles, best first, clearly different from one another.
+        Empty for an empty hull.
+    """
+    depth = np.asarray(distance_transform_edt(occupancy), float)
+    if not depth.max():
+        return []
+    model, root = body_volume.model, body_volume.root_limb
+    points = body_volume.points[root.name]
+    if body_volume.is_person:
+        head = body_volume.points["neck"] + model.joints_m[model.names.index("neck")]
+        points = np.concatenate([points, head - model.joints_m[0]])
+    middle = points.mean(0)
+    coarse, fine = (
+        _Overlap(body_volume.backend, grid, occupancy, np.ascontiguousarray(points[::step]), middle)
+        for step in (8, 3)
+    )
+    inner = None if body_volume.is_person else _inner_radius(body_volume, middle)
+    positions = _deep_positions(grid, depth, inner)
+    rotations = _upright_turns() if model.tree.root_fixed else _orientations()
+    # Every position with every orientation on few points, then the best again turned in steps;
+    # only the best of those in smaller steps on more points.
+    ranked = coarse.ranked(
+        np.repeat(positions, len(rotations), axis=0), np.tile(rotations, (len(positions), 1, 1))
+    )
+    tried = [
+        (position, turn)
+        for position, rotation, _ in _different(*ranked, 3 * count)
+        for turn in (rotation, rotation @ np.diag([-1.0, -1.0, 1.0]))
+    ]
+    first = [_polish(coarse, *placement, 0.04, 0.26) for placement in tried]
+    best = _different(*_ranked(first), 2 * count)
+    second = [_polish(fine, position, rotation, 0.02, 0.13) for position, rotation, _ in best]
+    return [
+        Pose(position - rotation @ middle, rotation, relaxed_rad(model.tree).copy())
+        for position, rotation, _ in _different(*_ranked(second), count)
+    ]
+
+
+def _inner_radius(body_volume: BodyVolume, middle: np.ndarray) -> float:
+    """Distance of the middle of the root limb's volume from its surface."""
+    model = body_volume.model
+    parts = [model.names.index(name) for name in body_volume.root_limb.parts]
+    own = np.unique(model.faces[np.isin(model.face_part, parts)])
+    distance, _ = KDTree(model.vertices_m[own]).query(middle + model.joints_m[0])
+    return float(distance)
+
+
+def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -> np.ndarray:
+    step = max(round(0.06 / grid.voxel_size_m), 1)
+    least = 0.6 * depth.max()
+    if inner_m is not None:
+        least = min(least, 0.6 * inner_m / grid.voxel_size_m)
+        step = max(min(step, round(inner_m / grid.voxel_size_m)), 1)
+    deep = np.argwhere(depth > least)
+    if inner_m is not None:
+        step = max(step, int(np.ceil((len(deep) / _MOST_POSITIONS) ** (1 / 3))))
+    kept = deep[(deep % step == 0).all(1)]
+    return grid.centres(kept if len(kept) else deep[:1])
+
+
+def _upright_turns() -> np.ndarray:
+    return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
+
+
+def _orientations() -> np.ndarray:
+    turns = [
+        Rotation.from_euler("zxy", [yaw, pitch, roll], degrees=True)
+        for yaw in range(0, 360, 30)
+        for pitch, roll in (
+            (0, 0),
+            (30, 0),
+            (60, 0),
+            (90, 0),
+            (-30, 0),
+            (0, 30),
+            (0, -30),
+            (30, 30),
+            (30, -30),
+            (0, 70),
+            (0, -70),
+            (180, 0),
+        )
+    ]
+    return Rotation.concatenate(turns).as_matrix()
+
+
+def _polish(
+    overlap: _Overlap, position: np.ndarray, rotation: np.ndarray, step_m: float, step_rad: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """A placement moved by a step along each axis and turned by one about each, in turns."""
+    turns, score = Rotation.from_rotvec(step_rad * _STEPS).as_matrix(), -np.inf
+    for _ in range(2):
+        same = np.broadcast_to(rotation, turns.shape)
+        positions, _, _ = overlap.ranked(position + step_m * _STEPS, same)
+        position = positions[0]
+        same = np.broadcast_to(position, _STEPS.shape)
+        _, rotations, scores = overlap.ranked(same, turns @ rotation)
+        rotation, score = rotations[0], float(scores[0])
+    return position, rotation, score
+
+
+def _ranked(
+    placements: list[tuple[np.ndarray, np.ndarray, float]],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, rotations and scores, best first."""
+    placements = sorted(placements, key=lambda item: -item[2])
+    positions, rotations, scores = (np.array(column) for column in zip(*placements, strict=True))
+    return positions, rotations, scores
+
+
+def _different(
+    positions: np.ndarray, rotations: np.ndarray, scores: np.ndarray, count: int
+) -> list[tuple[np.ndarray, np.ndarray, float]]:
+    kept: list[tuple[np.ndarray, np.ndarray, float]] = []
+    for position, rotation, score in zip(positions, rotations, scores, strict=True):
+        if len(kept) == count:
+            break
+        near = (
+            np.linalg.norm(position - other) < _APART_M
+            and np.arccos(np.clip((np.trace(rotation.T @ turn) - 1) / 2, -1, 1)) < _APART_RAD
+            for other, turn, _ in kept
+        )
+        if not any(near):
+            kept.append((position, rotation, float(score)))
+    return kept

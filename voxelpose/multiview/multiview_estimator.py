@@ -1,0 +1,154 @@
+"""The multi-view estimator: silhouettes of calibrated cameras in, motion out."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.camera import Rig
+from calib.errors import InputError
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.jit import set_threads
+from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.conditioning import conditioned, quality_with_filled
+from silhouette_core.motion.floor import floor_height
+from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.motion import Motion
+from silhouette_core.progress import Reporter, StageClock
+from voxelpose.multiview.carving.bounds import check_tolerance
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.quality.motion_quality import motion_quality
+from voxelpose.multiview.silhouettes.prepared_silhouettes import (
+    PreparationSettings,
+    prepare_silhouettes,
+)
+from voxelpose.multiview.tracking.recording_track import TrackWork
+from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+
+VOXEL_M = 0.025
+_JOINED = 0.5  # of a given body's extent: pieces so near to each other are its
+_REPAIRS = "auto", "say", "off"
+
+
+@dataclass(frozen=True)
+class _Options:
+    """Options of this estimator only.
+
+    Attributes:
+        interference: match interfering parts jointly.
+        voxel_size_m: size of the voxels that are matched, 0.005 to 0.1.
+        tolerance: number of cameras that may be wrong about a voxel.
+        repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
+            it right where that is sure, "say" only tells, "off" does not look.
+        body: the body, as `load_body` names it; empty: it is estimated. Of a person's, only the
+            clothes are, unless it is an earlier result, which wears those of its recording.
+    """
+
+    interference: bool = True
+    voxel_size_m: float = VOXEL_M
+    tolerance: int = 0
+    repair: str = "auto"
+    body: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuses what does not exist, and voxels that cannot be matched."""
+        if self.repair not in _REPAIRS:
+            raise InputError(f"no repair {self.repair!r}: choose from {', '.join(_REPAIRS)}")
+        if not 0.005 <= self.voxel_size_m <= 0.1:
+            raise InputError(
+                f"voxels of {self.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for"
+                " example 0.025"
+            )
+
+
+class MultiViewEstimator:
+    """Estimates motion from two or more calibrated cameras.
+
+    Source: Iiyama, Kameda and Minoh for the matching of voxels; the rest (root placement,
+    proportions, refinement on the silhouettes, tracking) goes beyond the paper, see docs/papers.md.
+    """
+
+    name = "multiview"
+
+    def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
+        """See `silhouette_core.estimator.Estimator.estimate`."""
+        options = read_options(_Options, settings.options, "multi-view")
+        if len(source.rig) < 2:
+            raise InputError(
+                f"{len(source.rig)} camera is too few for voxels: give at least two calibrated"
+                " cameras that see the person, or use `voxelpose track RECORDING --camera"
+                f" {source.rig.names[0]}`, which needs one"
+            )
+        check_tolerance(options.tolerance, len(source.rig))
+        if settings.stature_m is not None:
+            # Refuses what is no person's, before any work is done.
+            BodySizes(settings.stature_m, settings.chest_m, settings.sex)
+        known = load_body(options.body, reporter.note) if options.body else None
+        given = None if known is None or known.person is not None else known
+        set_threads(settings.threads)
+        clock = StageClock()
+        tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
+        preparation = PreparationSettings(
+            options.voxel_size_m,
+            options.tolerance,
+            options.repair,
+            tracking.match,
+            *((0.0, True) if given is None else (_JOINED * given.extent_m, False)),
+        )
+        work = TrackWork(settings, tracking, known, clock, reporter)
+        with (
+            prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
+            ExitStack() as kept,
+        ):
+            tracker, facts = work.track(prepared, kept)
+            at = prepared.numbers, prepared.times_s
+            motion, ratio = _motion(tracker, settings, *at, clock, reporter)
+        motion = replace(motion, floor_m=floor_height(motion)).in_world(prepared.upright)
+        return Estimate(
+            motion,
+            {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
+            facts | {"half_turn_ratio": round(ratio, 3)} | prepared.facts,
+            rig=_posed_as(source.rig, prepared.rig),
+        )
+
+
+def _posed_as(rig: Rig, pinholes: Rig) -> Rig:
+    """A rig whose cameras stand as others do."""
+    return Rig(
+        tuple(
+            replace(camera, rotation=other.rotation, translation=other.translation)
+            for camera, other in zip(rig, pinholes, strict=True)
+        )
+    )
+
+
+def _motion(
+    tracker: PoseTracker,
+    settings: Settings,
+    numbers: np.ndarray,
+    times: np.ndarray,
+    clock: StageClock,
+    reporter: Reporter,
+) -> tuple[Motion, float]:
+    """Poses as a motion, conditioned, with their quality, and the half-turn ratio."""
+    posed = [t for t, pose in enumerate(tracker.poses) if pose is not None]
+    poses = [pose for pose in tracker.poses if pose is not None]
+    if not poses:
+        raise InputError(
+            "no body was found in any frame: look at the hull with `voxelpose carve`, and check"
+            " background and calibration"
+        )
+    fps = tracker.settings.fps
+    root = np.stack([pose.root_m for pose in poses])
+    angles = np.stack([pose.angles_rad for pose in poses])
+    rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))
+    motion = Motion(fps, tracker.body.model, root, rotation, angles, numbers[posed], times[posed])
+    motion = conditioned(motion, settings.applied_conditioning)
+    reporter.stage("quality", len(posed))
+    own = motion.select(np.flatnonzero(~motion.filled))
+    found = motion_quality(tracker, own, posed, clock, reporter)
+    quality = quality_with_filled(motion.filled, found.arrays)
+    return replace(motion, quality=quality), found.half_turn_ratio

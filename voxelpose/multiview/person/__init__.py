@@ -1,0 +1,1 @@
+"""Which body it is that is seen."""

@@ -1,0 +1,1 @@
+"""How good a fit is, and how far off it is to be expected."""

@@ -1,0 +1,261 @@
+"""Errors to be expected of fitted poses, by what can be seen of them without the truth.
+
+A frame's evidence are the shares of the silhouettes that body and silhouettes do not have in common
+(the mean and the median over the cameras), the same near every joint, how uncertain the outlines
+leave the joint, the body's part outside the hull, how many of its angles are at their limits, how
+much worse the recording is explained by bodies turned half round, how thick the clothes are, and
+how many cameras there are. Logistic regression on it gives probabilities, and linear regression of
+log(error + 3 mm) the median error:
+
+.. math::
+
+    P = \\frac{1}{1 + \\exp(-(w_j + \\sum_k w_k x_k))}
+
+with a constant :math:`w_j` for every joint. The numbers are the result of `python -m
+benchmarks.expected_error` over recordings drawn at random (docs/results.md).
+
+Source: textbook (logistic regression); the evidence is this project's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from silhouette_core.body.sizes import IS_CLOTHING
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.posterior import landmark_sigma_m
+from silhouette_core.refinement.refine import RefineSettings, RefineStart
+from silhouette_core.scoring.silhouette_error import posed_mesh
+from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.matching.matcher import MatchSettings, match
+from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, refine_fits
+
+NEAR_MM = 30.0
+"""Error for which the probability of a joint is stated."""
+RIGHT_MM = 80.0
+"""Mean error of the joints relative to the pelvis up to which a frame counts as right."""
+_SQUARE_M = 0.12  # half the side of the square around a joint
+ADDED_MM = 3.0
+_LEAST_SEEN = 0.3  # of a square that must be known
+_LEAST = 0.01  # share below which a joint's surroundings count as alike
+_USUAL_SIGMA_M, _USUAL_CAMERAS = 0.01, 4
+_TURNS = (1.0, 4.0)  # range of the half-turn ratio
+_AT_LIMIT_RAD = 0.02
+_ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
+
+# Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
+# standard deviation over a centimetre, log of the mean share, log of the median one, log of the
+# half-turn ratio, share of the body outside the hull, share of the angles at their limits,
+# thickness of the clothes in per cent of the stature, log of the number of cameras over four.
+NEAR_WEIGHTS = np.array(
+    (
+        "-7.308 -6.331 -5.296 -4.688 -6.505 -4.917 -4.24 -5.257 -3.992 -5.033 -4.589 -3.869 "
+        "-5.226 -4.952 -4.025 -1.893 -3.872 -0.568 -1.014 -0.12 -3.352 -10.114 -0.361 -1.823"
+    ).split(),
+    float,
+)
+ERROR_WEIGHTS = np.array(
+    (
+        "5.08 4.881 4.661 4.426 4.865 4.585 4.372 4.587 4.304 4.478 4.354 4.321 "
+        "4.493 4.394 4.336 0.393 0.833 -0.177 0.449 -0.092 1.192 9.316 0.049 0.545"
+    ).split(),
+    float,
+)
+# A constant, then the weights of the same without those of the joint. Too few of the
+# recordings that the others come from are wrong: these are of earlier ones, without the last three.
+RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0 0".split(), float)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameEvidence:
+    """What speaks for and against one frame's pose.
+
+    Attributes:
+        camera_error: (C,) float64, |XOR| / |OR| of body and silhouette in each camera; what is
+            unknown does not count, and a camera in which all of it is has the others' mean.
+        joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
+            square, the mean over the cameras that have the joint before them and know some of it.
+        outside: share of the body's volume outside the hull.
+        joint_sigma_m: (15,) float64, standard deviations of the joints by the outlines, m.
+    """
+
+    camera_error: np.ndarray
+    joint_error: np.ndarray
+    outside: float
+    joint_sigma_m: np.ndarray
+
+
+def frame_evidence(
+    body: BodyGeometry, pose: Pose, joints_m: np.ndarray, frame: FrameObservation, outside: float
+) -> FrameEvidence:
+    """Compares a posed body with the silhouettes of its frame.
+
+    Args:
+        body: the body.
+        pose: its pose.
+        joints_m: (15, 3) its joints.
+        frame: the silhouettes.
+        outside: share of the body's volume outside the hull.
+    """
+    model, vertices_m = body.model, posed_mesh(body.model, pose)
+    errors, near = [], []
+    for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
+        seen = vertices_m @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
+        drawn, unknown = parts > 0, None
+        if frame.views.unknown is not None:
+            unknown = frame.views.unknown[c]
+            drawn &= ~unknown
+        apart = drawn ^ mask
+        either = np.count_nonzero(drawn | mask)
+        hidden = unknown is not None and not either
+        errors.append(np.nan if hidden else np.count_nonzero(apart) / max(either, 1))
+        pixels, depth_m = camera.project(joints_m)
+        shares = np.full(len(joints_m), np.nan)
+        for k in np.flatnonzero(np.isfinite(pixels).all(axis=1)):
+            reach = _SQUARE_M * camera.matrix[0, 0] / max(float(depth_m[k]), 0.3)
+            low = np.maximum((pixels[k] - reach).astype(int), 0)
+            high = np.maximum((pixels[k] + reach).astype(int) + 1, 0)
+            square, area = (slice(low[1], high[1]), slice(low[0], high[0])), (2 * reach) ** 2
+            seen = area if unknown is None else area - np.count_nonzero(unknown[square])
+            if seen >= _LEAST_SEEN * area:
+                shares[k] = np.count_nonzero(apart[square]) / seen
+        near.append(shares)
+    known = np.isfinite(near)
+    sums = np.where(known, near, 0.0).sum(axis=0)
+    camera_error = np.array(errors)
+    if np.isnan(camera_error).any() and not np.isnan(camera_error).all():
+        camera_error[np.isnan(camera_error)] = np.nanmean(camera_error)
+    joint_error = sums / np.maximum(known.sum(axis=0), 1)
+    sigma_m = landmark_sigma_m(body.surface, frame.observation, pose)
+    return FrameEvidence(camera_error, joint_error, outside, sigma_m)
+
+
+def half_turn_ratio(
+    body: BodyGeometry, pose: Pose, frame: FrameObservation, settings: MatchSettings
+) -> float:
+    """How much worse the body turned half round explains a frame.
+
+    Its limbs are matched and refined again, so that only the heading is another one.
+
+    Args:
+        body: the body.
+        pose: its pose.
+        frame: silhouettes and hull.
+        settings: of the matcher.
+
+    Returns:
+        Silhouette error of the turned body over that of the pose itself, both refined.
+    """
+    turned = Pose(
+        pose.root_m,
+        pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),
+        np.zeros_like(pose.angles_rad),
+    )
+    found = match(body.body_volume, frame.grid, frame.occupancy, turned, settings)
+    other, own = refine_fits(
+        body,
+        frame.observation,
+        [RefineStart(found.pose, SEARCHED), RefineStart(pose, _ANGLES_KEPT)],
+    )
+    return other.error / max(own.error, 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedErrors:
+    """Errors to be expected of T poses.
+
+    Attributes:
+        median_mm: (T, 15) float64, median error of each joint, mm.
+        near_probability: (T, 15) float64, that a joint is within 30 mm of the truth.
+        right_probability: (T,) float64, that the joints' mean error relative to the pelvis is below
+            80 mm.
+    """
+
+    median_mm: np.ndarray
+    near_probability: np.ndarray
+    right_probability: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class MotionEvidence:
+    """What speaks for and against the T poses of a motion.
+
+    Attributes:
+        camera_error: (T, C) float64, as in `FrameEvidence`; rows of NaN where there is none.
+        joint_error: (T, 15) float64, likewise.
+        joint_sigma_m: (T, 15) float64, likewise.
+        outside: (T,) float64, likewise.
+        at_limits: (T,) float64, share of the joint angles that are at an end of their range.
+        half_turn: median half-turn ratio of the recording.
+        clothes: thickness of the body's clothes, as fractions of the stature, summed.
+    """
+
+    camera_error: np.ndarray
+    joint_error: np.ndarray
+    joint_sigma_m: np.ndarray
+    outside: np.ndarray
+    at_limits: np.ndarray
+    half_turn: float
+    clothes: float
+
+    @classmethod
+    def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
+        """Evidence of a motion with its quality.
+
+        Args:
+            motion: the motion of a person by several cameras.
+            half_turn: median half-turn ratio.
+        """
+        quality = motion.quality
+        low, high = motion.model.dof_limits_rad.T
+        angles, free = motion.angles_rad, high > low
+        at_end = (angles <= low + _AT_LIMIT_RAD) | (angles >= high - _AT_LIMIT_RAD)
+        at_limits = (at_end & free).mean(axis=1)
+        clothes = float(motion.model.shape[IS_CLOTHING].sum())
+        return cls(
+            1 - quality["camera_agreement"],
+            quality["joint_disagreement"],
+            quality["joint_sigma_mm"] / 1000,
+            quality["outside"],
+            at_limits,
+            half_turn,
+            clothes,
+        )
+
+
+def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
+    """Errors by regression on the evidence of T frames."""
+    joints, frames = regressors(evidence)
+    return ExpectedErrors(
+        np.maximum(np.exp(joints @ ERROR_WEIGHTS) - ADDED_MM, 1.0),
+        logistic(joints @ NEAR_WEIGHTS),
+        logistic(frames @ RIGHT_WEIGHTS),
+    )
+
+
+def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
+    """Regressors of the joints (T, 15, 24) and of the frames (T, 8), in the weights' order."""
+    camera_error = np.maximum(evidence.camera_error, 1e-3)
+    mean = np.log(camera_error.mean(axis=1))
+    middle = np.log(np.median(camera_error, axis=1))
+    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, *_TURNS)))
+    clothes = np.full(len(mean), 100 * evidence.clothes)
+    cameras = np.full(len(mean), np.log(camera_error.shape[1] / _USUAL_CAMERAS))
+    shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
+    frames = np.stack([np.ones(len(mean)), *shared], axis=1)
+    near = np.log(evidence.joint_error + _LEAST)
+    sigma = np.log(evidence.joint_sigma_m / _USUAL_SIGMA_M)
+    constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
+    of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)
+    of_joint = np.stack([near, sigma], axis=2)
+    return np.concatenate([constants, of_joint, of_frame], axis=2), frames
+
+
+def logistic(value: np.ndarray) -> np.ndarray:
+    """1 / (1 + exp(-value))."""
+    return 1.0 / (1.0 + np.exp(-np.clip(value, -30.0, 30.0)))

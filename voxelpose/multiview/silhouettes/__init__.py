@@ -1,0 +1,1 @@
+"""Silhouettes of a whole recording: completed, cameras checked, kept on disk."""

@@ -1,0 +1,151 @@
+"""Cameras that were turned after calibration, or whose pictures come late: found and put right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.agreement import agreement, even_moments
+from calib.camera import Rig
+from calib.errors import InputError
+from calib.repair import Repair, explain
+from calib.tangency import OutlineTrack
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+
+_MOMENTS = 12
+_MOST_LATE = 12  # frames
+_SUBFRAME = 0.6  # frames: a smaller offset cannot be corrected by whole frames
+_MOST_TURNED_DEG = 5.0  # a larger turn is no bump: somebody should look
+_IMPROVED = 0.5  # share of the error left by which a repair is sure although not all agree yet
+_FEWEST = 4  # cameras: of three, the two others tell too little
+_REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
+Unknown = Sequence[NDArray[np.bool_]] | None
+_LOOK = f"look at the silhouettes (voxelpose view), and see {_REMEDY}"
+
+
+@dataclass(frozen=True, eq=False)
+class RepairedCameras:
+    """Result of a check of the cameras against the silhouettes.
+
+    Attributes:
+        rig: the cameras, repaired where that was sure and wanted.
+        late_frames: by how many frames a camera's pictures come late, by its name.
+        words: what was found, one sentence each.
+        repaired: whether something was put right.
+    """
+
+    rig: Rig
+    late_frames: dict[str, int]
+    words: tuple[str, ...] = ()
+    repaired: bool = False
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether cameras disagree and nothing was put right."""
+        return bool(self.words) and not self.repaired
+
+    def then(self, again: RepairedCameras) -> RepairedCameras:
+        """This and a later repair of the same cameras as one."""
+        names = [*self.late_frames, *again.late_frames]
+        late = {k: self.late_frames.get(k, 0) + again.late_frames.get(k, 0) for k in names}
+        words = self.words + again.words if self.repaired else again.words
+        return RepairedCameras(again.rig, late, words, again.repaired)
+
+
+def repair_cameras(
+    rig: Rig,
+    store: MaskStore,
+    times_s: NDArray[np.float64],
+    fps: float,
+    *,
+    repair: bool,
+    unknown: Unknown = None,
+) -> RepairedCameras:
+    """Checks cameras against the silhouettes of a dozen moments.
+
+    A repair is sure where, of four cameras or more, the others agree, one turned or late camera
+    explains the disagreement, and with it all cameras agree, or it is no longer that one which
+    disagrees by a small rest.
+
+    Args:
+        rig: the pinhole cameras of the silhouettes.
+        store: silhouettes of T frames.
+        times_s: (T,) times of the frames, s.
+        fps: frames per second.
+        repair: whether sure repairs are made; otherwise they are only told.
+        unknown: C arrays (h, w) bool, where nothing is known; None: nowhere.
+    """
+    unchanged = RepairedCameras(rig, {})
+    moments = even_moments(len(store), _MOMENTS)
+    if len(rig) < 3 or len(moments) < 3:
+        return unchanged
+    at = times_s[moments]
+    tracks = _tracks(rig, store, moments, times_s, unknown)
+    try:
+        checked = agreement(list(tracks.values()), at)
+        if checked.agrees:
+            return unchanged
+        if not checked.culprits:
+            return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
+        most = min(_MOST_LATE, (len(store) - 1) // 3)
+        near = np.unique(
+            np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, len(store) - 1)
+        )
+        tracks |= _tracks(rig, store, near, times_s, unknown, checked.culprits)
+        repairs = explain(tracks, checked, at, most / fps)
+        repaired = rig
+        for found in repairs:
+            repaired = found.rig(repaired)
+        late = {found.camera: found.offset_s for found in repairs}
+        after = agreement(
+            [track.with_camera(repaired[name]) for name, track in tracks.items()],
+            at,
+            offset_s=late,
+        )
+    except InputError:  # a camera never sees somebody together with another
+        return unchanged
+    frames = {name: round(seconds * fps) for name, seconds in late.items() if seconds}
+    if all(
+        found.kind == "out of step" and abs(found.offset_s) * fps <= _SUBFRAME for found in repairs
+    ):
+        return unchanged
+    told = "; ".join(found.summary for found in repairs)
+    improved = after.error_px < _IMPROVED * checked.error_px and not set(late) & set(after.culprits)
+    explained = after.agrees or improved
+    if not (explained and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
+        return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
+    if not repair:
+        return replace(unchanged, words=(f"{told}: --repair auto puts it right",))
+    words = f"{told}: put right for this result; calibrate again, or see {_REMEDY}"
+    return RepairedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,), True)
+
+
+def _is_small(repair: Repair) -> bool:
+    return repair.kind == "out of step" or (
+        repair.kind == "turned" and repair.turned_deg <= _MOST_TURNED_DEG
+    )
+
+
+def _tracks(
+    rig: Rig,
+    store: MaskStore,
+    frames: NDArray[np.int64],
+    times_s: NDArray[np.float64],
+    unknown: Unknown,
+    names: Sequence[str] | None = None,
+) -> dict[str, OutlineTrack]:
+    """Outlines of some frames, of all cameras or of those named."""
+    hidden = [None] * len(rig) if unknown is None else unknown
+    chosen = [c for c, name in enumerate(rig.names) if names is None or name in names]
+    masks: dict[int, list[NDArray[np.bool_]]] = {c: [] for c in chosen}
+    for frame in frames.tolist():
+        seen = store[frame]
+        for c in chosen:
+            masks[c].append(seen[c])
+    return {
+        rig.names[c]: OutlineTrack.from_masks(rig.cameras[c], times_s[frames], masks[c], hidden[c])
+        for c in chosen
+    }

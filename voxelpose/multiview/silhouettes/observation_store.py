@@ -1,0 +1,135 @@
+"""Observations of a recording's frames: each hull is carved once and kept on disk."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+
+import numpy as np
+
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import side_by_side
+from silhouette_core.scratch_file import ScratchFile
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import (
+    COMPONENT,
+    FrameObservation,
+    HullComponents,
+    HullObserver,
+)
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+
+_NOWHERE = -1
+_TOGETHER = 16  # frames
+_BOX = struct.Struct("3d3q")  # origin and shape of a grid
+
+
+@contextmanager
+def carved_observations(
+    observer: HullObserver, masks: MaskStore, clock: StageClock, reporter: Reporter
+) -> Iterator[ObservationStore]:
+    """Observations of all frames, whose hulls are carved, for a `with` block.
+
+    Args:
+        observer: finds the body in a frame.
+        masks: the raw silhouettes.
+        clock: told the durations.
+        reporter: told the progress.
+    """
+    with closing(ObservationStore(observer, masks)) as observations:
+        reporter.stage("hulls", len(masks))
+        for first in range(0, len(masks), _TOGETHER):
+            together = range(first, min(first + _TOGETHER, len(masks)))
+            with clock("hulls"):
+                observations.carve(together)
+            reporter.advance(len(together))
+        yield observations
+
+
+class ObservationStore:
+    """Observations of the frames of a recording by number; each body's hull is carved once.
+
+    The hulls' components, and hulls and silhouettes as compressed bits, are kept in a scratch
+    file; memory holds only where each begins. Several threads may observe at once.
+
+    Args:
+        observer: finds the body in a frame.
+        masks: the raw silhouettes.
+    """
+
+    def __init__(self, observer: HullObserver, masks: MaskStore):
+        """Creates the scratch file; `close` or the end of the process removes it."""
+        self.observer = observer
+        self._masks = masks
+        self._components = np.full((len(masks), 2), _NOWHERE)  # begin and number
+        self._hulls = np.full((len(masks), 3), _NOWHERE)  # component, begin and bytes
+        self._other_hulls: dict[tuple[int, int], tuple[int, int]] = {}  # rarely any
+        self._file = ScratchFile()
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._masks)
+
+    def carve(self, frames: Sequence[int]) -> None:
+        """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""
+
+        def carved(t: int) -> None:
+            components = self._components_of(t)
+            body = self.observer.body(components, None)
+            if body is not None:
+                self._keep_hull(t, body, components)
+
+        for _ in side_by_side(carved, frames):
+            pass
+
+    def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
+        """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
+        components = self._components_of(t)
+        body = self.observer.body(components, near_m)
+        if body is None:
+            return None
+        if self._hull_at(t, body) is None:
+            self._keep_hull(t, body, components)
+        found = self._hull_at(t, body)
+        assert found is not None, "the hull was just kept"
+        record = self._file.read_at(*found)
+        *origin, nx, ny, nz = _BOX.unpack_from(record)
+        grid = VoxelGrid(np.array(origin), self.observer.voxel_size_m, (nx, ny, nz))
+        bits = np.frombuffer(zlib.decompress(record[_BOX.size :]), np.uint8)
+        shapes = [*(camera.size[::-1] for camera in self.observer.views.rig), grid.shape]
+        ends = np.cumsum([np.prod(shape) for shape in shapes])
+        arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
+        *masks, occupancy = (a.reshape(shape) for a, shape in zip(arrays, shapes, strict=True))
+        return self.observer.select(masks, occupancy, grid, near_m)
+
+    def close(self) -> None:
+        """Removes the scratch file."""
+        self._file.close()
+
+    def _components_of(self, t: int) -> HullComponents:
+        """Components of a frame's hull, found once."""
+        start, count = self._components[t].tolist()
+        if start == _NOWHERE:
+            components = self.observer.components(self._masks[t])
+            table = components.table()
+            self._components[t] = self._file.append(table.tobytes()), len(table)
+            return components
+        table = np.frombuffer(self._file.read_at(start, count * COMPONENT.itemsize), COMPONENT)
+        return HullComponents.from_table(table)
+
+    def _keep_hull(self, t: int, body: int, components: HullComponents) -> None:
+        grid = self.observer.window(components, body)
+        masks, occupancy = self.observer.carve(self._masks[t], grid)
+        bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
+        record = _BOX.pack(*grid.origin_m, *grid.shape) + zlib.compress(bits.tobytes(), 1)
+        where = self._file.append(record), len(record)
+        if self._hulls[t, 0] == _NOWHERE:
+            self._hulls[t] = body, *where
+        else:
+            self._other_hulls[t, body] = where
+
+    def _hull_at(self, t: int, body: int) -> tuple[int, int] | None:
+        kept, start, size = self._hulls[t].tolist()
+        return (start, size) if kept == body else self._other_hulls.get((t, body))

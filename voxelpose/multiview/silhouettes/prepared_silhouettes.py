@@ -1,0 +1,341 @@
+"""Silhouettes of a whole recording, ready for fitting: background subtracted, cameras checked, the
+world upright, what was missed completed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from calib.agreement import even_moments
+from calib.camera import Rig
+from calib.checks import FloatArray
+from calib.upright import UprightFrame
+from silhouette_core.estimator import Frame, FrameSource, Settings
+from silhouette_core.image.plausibility import MOMENTS, check_plausible
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import side_by_side
+from silhouette_core.refinement.observation import PinholeViews
+from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
+from voxelpose.multiview.carving.observe import HullObserver, body_rule
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
+from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
+from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
+from voxelpose.multiview.silhouettes.floor_shadows import floor_under
+from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
+from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
+
+LONG_SIDE_PX = 960
+"""Larger images are reduced: contours are finer there than clothes are."""
+_VOLUME_FRAMES = 60
+_TOGETHER = 16  # frames
+_FLOOR_FRAMES = 12
+_RECHECKS = 3
+# Share of the silhouettes' pixels that nothing explains, from which on colours are asked, and asked
+# again: a turned camera leaves less.
+_UNEXPLAINED = 0.03, 0.01, 0.01
+_LEFT = 0.7  # largest share of that which may be left, or what was added is taken back
+
+
+@dataclass(frozen=True)
+class PreparationSettings:
+    """How silhouettes are prepared.
+
+    Attributes:
+        voxel_size_m: size of the voxels that are matched.
+        tolerance: number of cameras that may be wrong about a voxel.
+        repair: "auto", "say" or "off": what is done about cameras that do not agree.
+        matching: of the search for which way is up.
+        joined_m: see `HullObserver`.
+        person: whether the body is a person.
+    """
+
+    voxel_size_m: float
+    tolerance: int
+    repair: str
+    matching: MatchSettings = field(default_factory=MatchSettings)
+    joined_m: float = 0.0
+    person: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedSilhouettes:
+    """Silhouettes of T frames and C cameras.
+
+    Attributes:
+        store: the silhouettes, by pinhole cameras.
+        observer: of their hulls, in the upright frame.
+        upright: that frame, in the calibration's world.
+        rig: the pinhole cameras in the calibration's world, as they were found to stand.
+        numbers: (T,) int64, frames of the recording.
+        times_s: (T,) float64.
+        facts: what was found, for the summary.
+        settings: by which they were prepared.
+    """
+
+    store: MaskStore
+    observer: HullObserver
+    upright: UprightFrame
+    rig: Rig
+    numbers: np.ndarray
+    times_s: FloatArray
+    facts: dict[str, object]
+    settings: PreparationSettings
+
+    @contextmanager
+    def without(self, hidden: Sequence[np.ndarray]) -> Iterator[PreparedSilhouettes]:
+        """The same for a `with` block, with more that is unknown: C arrays (h, w) bool."""
+        marked = self.observer.views.unknown or [np.False_] * len(hidden)
+        unknown = tuple(new | old for new, old in zip(hidden, marked, strict=True))
+        views = PinholeViews.from_rig(self.observer.views.rig, unknown)
+        with closing(MaskStore([camera.size for camera in views.rig], len(self.store))) as store:
+            for t in range(len(store)):
+                store.put(t, views.without_unknown(self.store[t]))
+            observer = observer_of(views.rig, store, self.settings, unknown)
+            yield replace(self, store=store, observer=observer)
+
+
+@contextmanager
+def prepare_silhouettes(
+    source: FrameSource,
+    settings: Settings,
+    preparation: PreparationSettings,
+    clock: StageClock,
+    reporter: Reporter,
+) -> Iterator[PreparedSilhouettes]:
+    """Prepares the silhouettes of a recording, which are kept on disk for the `with` block.
+
+    Args:
+        source: the frames.
+        settings: background subtraction, and what is known of the person and of up.
+        preparation: see PreparationSettings.
+        clock: told the durations.
+        reporter: told the progress, and what was found about the cameras.
+
+    Raises:
+        InputError: a background cannot be used, or nobody is seen.
+    """
+    lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
+    sizes = [lens.pinhole.size for lens in lenses]
+    with mask_stores(3, sizes, source.frame_count) as stores:
+        reporter.stage("background")
+        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
+        silhouettes.note(reporter)
+        unknown = unknown_views(silhouettes.unknown, lenses)
+        pairs = zip(source.rig.names, unknown or (), strict=unknown is not None)
+        shares = {name: round(float(mask.mean()), 4) for name, mask in pairs if mask.any()}
+        if shares:
+            listed = ", ".join(f"{100 * share:.0f} % of {name}" for name, share in shares.items())
+            reporter.note(f"marked as unknown, and left out: {listed}")
+        work = _Preparation(source, stores, unknown, preparation, clock, reporter)
+        numbers, times_s = work.subtract_background(silhouettes, lenses)
+        moments = [stores[0][int(t)] for t in even_moments(len(stores[0]), MOMENTS)]
+        by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
+        check_plausible(by_camera, least=LEAST_CAMERAS)
+        checked = work.check_cameras(Rig(tuple(lens.pinhole for lens in lenses)), times_s)
+        reporter.stage("volume")
+        search = UpSearch(checked.rig, settings, preparation.matching, preparation.person)
+        upright = choose_upright(search, stores[0], work.observer, reporter)
+        added = work.complete(upright.rig(checked.rig))
+        checked, more = work.check_again(checked, upright, times_s)
+        finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, clock, reporter)
+        coloured = work.complete_by_colours(finder, upright.rig(checked.rig))
+        last = np.zeros(len(lenses))
+        if coloured.any():
+            checked, last = work.check_again(checked, upright, times_s)
+        added = 1 - (1 - added) * (1 - more) * (1 - coloured) * (1 - last)
+        for words in checked.words:
+            reporter.note(words)
+        facts: dict[str, object] = {
+            "unknown_share": shares,
+            "cameras_found": list(checked.words),
+            "late_frames": checked.late_frames,
+            "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
+            "found_by_colours": dict(
+                zip(source.rig.names, coloured.round(4).tolist(), strict=True)
+            ),
+        }
+        observer = work.observer(upright.rig(checked.rig))
+        yield PreparedSilhouettes(
+            stores[0], observer, upright, checked.rig, numbers, times_s, facts, preparation
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Preparation:
+    """Steps of the preparation; `stores` are of silhouettes, differences of tint, of brightness;
+    `unknown` is as of `PinholeViews`.
+    """
+
+    source: FrameSource
+    stores: list[MaskStore]
+    unknown: tuple[np.ndarray, ...] | None
+    settings: PreparationSettings
+    clock: StageClock
+    reporter: Reporter
+
+    def subtract_background(
+        self, silhouettes: Silhouettes, lenses: list[UndistortedView]
+    ) -> tuple[np.ndarray, FloatArray]:
+        """Stores the soft silhouettes of all frames; frame numbers (T,) and times (T,) s."""
+        source, reporter = self.source, self.reporter
+        views = PinholeViews.from_rig(Rig(tuple(lens.pinhole for lens in lenses)), self.unknown)
+        reporter.stage("silhouettes", source.frame_count)
+        numbers, times_s = np.zeros(source.frame_count, np.int64), np.zeros(source.frame_count)
+        frames: Mapping[str, Frame]
+        for t, (number, seconds, frames) in enumerate(source):
+            with self.clock("silhouettes"):
+                soft = silhouettes.soft(frames)
+                masks = zip(*(soft[name] for name in source.rig.names), strict=True)
+                for store, seen in zip(self.stores, masks, strict=True):
+                    masks_t = [
+                        lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)
+                    ]
+                    store.put(t, views.without_unknown(masks_t))
+            numbers[t], times_s[t] = number, seconds
+            reporter.advance()
+        return numbers, times_s
+
+    def check_cameras(self, rig: Rig, times_s: FloatArray) -> RepairedCameras:
+        """Cameras checked against the silhouettes, which are put in step where one is late."""
+        if self.settings.repair == "off":
+            return RepairedCameras(rig, {})
+        self.reporter.stage("cameras")
+        repair = self.settings.repair == "auto"
+        with self.clock("cameras"):
+            at = times_s, self.source.fps
+            checked = repair_cameras(rig, self.stores[0], *at, repair=repair, unknown=self.unknown)
+        for name, late in checked.late_frames.items():
+            for silhouettes in self.stores:
+                silhouettes.advance(rig.names.index(name), late)
+        return checked
+
+    def check_again(
+        self, checked: RepairedCameras, upright: UprightFrame, times_s: FloatArray
+    ) -> tuple[RepairedCameras, FloatArray]:
+        """Checks cameras that are in doubt again: gaps of the silhouettes may have hidden which it
+        is, or by how much. Returns them, and the share (C,) that was completed anew.
+        """
+        missing = np.ones(len(checked.rig))
+        for _ in range(_RECHECKS):
+            if not checked.in_doubt:
+                break
+            checked = checked.then(self.check_cameras(checked.rig, times_s))
+            if not checked.repaired:
+                break
+            missing *= 1 - self.complete(upright.rig(checked.rig))
+        return checked, 1 - missing
+
+    def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> FloatArray:
+        """Completes the silhouettes of all frames; (C,) share of each camera's pixels that was
+        added.
+
+        Args:
+            rig: the cameras.
+            coloured: from `ColourFinder.find`.
+        """
+        store, completion = self.stores[0], self._completion(rig)
+        self.reporter.stage("completion", len(store))
+        before, after = (np.zeros(len(rig)) for _ in range(2))
+
+        def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+            masks, (tint, brightness) = store[t], (found[t] for found in self.stores[1:])
+            if not coloured:
+                return masks, completion.complete(masks, tint, brightness)
+            likely, alike = (found[t] for found in coloured)
+            tint = [one | other for one, other in zip(tint, likely, strict=True)]
+            return masks, completion.complete(masks, tint, brightness, alike)
+
+        for first in range(0, len(store), _TOGETHER):
+            together = range(first, min(first + _TOGETHER, len(store)))
+            with self.clock("completion"):
+                found = side_by_side(completed, together)
+            for t, (old, new) in zip(together, found, strict=True):
+                before += [np.count_nonzero(mask) for mask in old]
+                after += [np.count_nonzero(mask) for mask in new]
+                store.put(t, new)
+                self.reporter.advance()
+        return 1 - before / np.maximum(after, 1)
+
+    def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> FloatArray:
+        """Completes with the person's colours what still lacks; the share (C,) as `complete`."""
+        missing, store = np.ones(len(rig)), self.stores[0]
+        sizes = [camera.size for camera in rig]
+        unexplained = self._unexplained(rig) if finder.useful else 0.0
+        for least in _UNEXPLAINED:
+            if unexplained < least or (density := finder.learn(store)) is None:
+                break
+            with mask_stores(1, sizes, len(store)) as (kept,), finder.find(density) as coloured:
+                kept.copy(store)
+                added, before = self.complete(rig, coloured), unexplained
+                unexplained = self._unexplained(rig)
+                if unexplained > _LEFT * before:  # it was no person that nothing explained
+                    store.copy(kept)
+                    break
+                missing *= 1 - added
+        if (missing < 1).any():
+            self.reporter.note(
+                "clothes resemble the background: what was missing was looked for by the colours of"
+                " the person"
+            )
+        return 1 - missing
+
+    def _unexplained(self, rig: Rig) -> float:
+        """Share of the silhouettes' pixels that no hull explains, see `SilhouetteCompletion`."""
+        completion, store = self._completion(rig), self.stores[0]
+        moments = even_moments(len(store), _FLOOR_FRAMES)
+        return float(np.mean([completion.unexplained(store[int(t)]) for t in moments]))
+
+    def _completion(self, rig: Rig) -> SilhouetteCompletion:
+        store, observer = self.stores[0], self.observer(rig)
+        moments = even_moments(len(store), _FLOOR_FRAMES)
+        floor_m = floor_under(observer, [store[int(t)] for t in moments])
+        return SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
+
+    def observer(self, rig: Rig) -> HullObserver:
+        """Observer of hulls by some cameras."""
+        return observer_of(rig, self.stores[0], self.settings, self.unknown)
+
+
+def unknown_views(
+    unknown: Mapping[str, np.ndarray], lenses: Sequence[UndistortedView]
+) -> tuple[np.ndarray, ...] | None:
+    """Unknown places (h, w) bool as of `PinholeViews`; None where there are none.
+
+    Args:
+        unknown: by camera name, as recorded.
+        lenses: of all cameras.
+    """
+    if not unknown:
+        return None
+    return tuple(
+        lens.undistort_unknown(unknown[lens.pinhole.name])
+        if lens.pinhole.name in unknown
+        else np.zeros(lens.pinhole.size[::-1], np.bool_)
+        for lens in lenses
+    )
+
+
+def observer_of(
+    rig: Rig,
+    store: MaskStore,
+    settings: PreparationSettings,
+    unknown: Sequence[np.ndarray] | None = None,
+) -> HullObserver:
+    """Observer of the volume in which the silhouettes of the whole recording allow a body."""
+    views = PinholeViews.from_rig(rig, unknown)
+    union = store[0]
+    for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
+        union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
+    require_foreground(rig, union, settings.tolerance)
+    rule = body_rule(len(rig), settings.tolerance, views.partly_unknown)
+    size_m = 2 * settings.voxel_size_m
+    grid = place_grid(rig, union, voxel_size_m=size_m, rule=rule, unknown=unknown)
+    return HullObserver(
+        views, grid, settings.voxel_size_m, rule, settings.joined_m, settings.person
+    )

@@ -1,0 +1,164 @@
+"""Objects that came with the person and do not move, like a chair: what silhouettes show beside the
+body, always in the same place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from calib.components import label_components
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.cleanup import dilated
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.silhouette_error import posed_mesh
+from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+
+_FRAMES = 24
+_VOXEL_M = 0.025
+_BESIDE_M = 0.03  # from the body's outline, within which a silhouette is the body's
+_WIDENED_M = 0.04  # as far, and a pixel more
+_ALWAYS = 0.9  # share of frames in which an object's pixel is foreground
+_SEEN = 0.25  # share of frames in which the body does not hide it
+_LEAST_M3 = 0.002
+_APART_M = 0.15  # from the body's surface: what is farther away in all frames is no limb
+_PERSON_M = 1.4  # what is so long may be the person, and the body be that of something else
+
+Mask = NDArray[np.bool_]
+Masks = list[Mask]
+
+
+@dataclass(frozen=True, eq=False)
+class StaticObjects:
+    """Objects beside a body.
+
+    Attributes:
+        pixels: (h, w) bool of each camera that they cover.
+        apart: whether they are nowhere near the body, so that they are certainly no part of it, and
+            smaller than a person, so that they are not the person either.
+    """
+
+    pixels: Masks
+    apart: bool
+
+
+def find_static_objects(
+    model: BodyModel,
+    poses: Sequence[Pose | None],
+    store: MaskStore,
+    observer: HullObserver,
+    *,
+    behind: bool = False,
+) -> StaticObjects | None:
+    """Objects beside a body; None where there are none.
+
+    A voxel belongs to one if all cameras show foreground there in nearly all frames, and at least
+    half of them beside the body's outline whenever the body is not before it.
+
+    Args:
+        model: the body.
+        poses: of the T frames.
+        store: their silhouettes.
+        observer: of the hulls.
+        behind: whether what the body hides of them, too, is returned: where it may be wrong.
+    """
+    posed = [(t, pose) for t, pose in enumerate(poses) if pose is not None]
+    chosen = [posed[k] for k in np.unique(np.linspace(0, len(posed) - 1, _FRAMES).astype(int))]
+    views = observer.views
+    foreground, clear, beside = (
+        [np.zeros(camera.size[::-1], np.int32) for camera in views.rig] for _ in range(3)
+    )
+    for t, pose in chosen:
+        bodies = _around_body(model, pose, views)
+        for c, (mask, body) in enumerate(zip(store[t], bodies, strict=True)):
+            foreground[c] += mask
+            clear[c] += ~body
+            beside[c] += mask & ~body
+    always = [count >= _ALWAYS * len(chosen) for count in foreground]
+    witnessed = [
+        shown & (seen >= _SEEN * len(chosen)) & (count >= _ALWAYS * seen)
+        for shown, seen, count in zip(always, clear, beside, strict=True)
+    ]
+    low = observer.volume.origin_m
+    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, _VOXEL_M)
+    found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
+    if not found.any():
+        return None
+    apart = _apart(found, grid, model, [pose for _, pose in chosen])
+    covered = [_covered(found, grid, views, c) for c in range(len(always))]
+    if behind:
+        return StaticObjects(covered, apart)
+    pairs = enumerate(zip(covered, witnessed, strict=True))
+    wide = [_widened(pixels & seen, grid, views, c) for c, (pixels, seen) in pairs]
+    return StaticObjects(wide, apart)
+
+
+def _apart(
+    voxels: NDArray[np.bool_], grid: VoxelGrid, model: BodyModel, poses: Sequence[Pose]
+) -> bool:
+    """Whether voxels stay away from the body's surface in all poses, in pieces too small for
+    people.
+    """
+    longest = np.ptp(label_components(voxels).bounds, axis=1).max()
+    if longest * grid.voxel_size_m >= _PERSON_M:
+        return False
+    tree = KDTree(grid.occupied_points(voxels))
+    return all(tree.query(posed_mesh(model, pose))[0].min() > _APART_M for pose in poses)
+
+
+def _around_body(model: BodyModel, pose: Pose, views: PinholeViews) -> Masks:
+    """Pixels (h, w) bool of each camera within `_BESIDE_M` of the body's outline, or inside."""
+    vertices_m, bodies = posed_mesh(model, pose), []
+    for camera in views.rig:
+        seen = vertices_m @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
+        depth_m = max(float(np.median(seen[:, 2])), 0.3)
+        reach = round(_BESIDE_M * camera.matrix[0, 0] / depth_m)
+        bodies.append(dilated(parts > 0, 2 * reach + 1))
+    return bodies
+
+
+def _carved(
+    always: Masks, witnessed: Masks, grid: VoxelGrid, observer: HullObserver
+) -> NDArray[np.bool_]:
+    """Voxels that are always foreground, and witnessed."""
+    views = observer.views
+    wide = [dilated(pixels, 3) for pixels in always]
+    static = carve(views.rig, wide, grid, observer.rule, views.unknown)
+    half = (len(views.rig) + 1) // 2
+    rule = CarveRule(len(views.rig) - half, least_agreeing=half)
+    return static & carve(views.rig, witnessed, grid, rule)
+
+
+def _large_pieces(voxels: NDArray[np.bool_], grid: VoxelGrid) -> NDArray[np.bool_]:
+    components = label_components(voxels)
+    large = components.sizes * grid.voxel_size_m**3 >= _LEAST_M3
+    large[0] = False
+    return large[components.labels]
+
+
+def _covered(voxels: NDArray[np.bool_], grid: VoxelGrid, views: PinholeViews, c: int) -> Mask:
+    """Pixels (h, w) bool of a camera that voxels cover."""
+    camera = views.rig.cameras[c]
+    footprint = np.zeros(camera.size[::-1], np.uint8)
+    depth_m = mark_voxels(voxels, *grid.axes(), camera.projection, footprint)
+    size_px = camera.matrix[0, 0] * grid.voxel_size_m / max(depth_m, 0.1)
+    return dilated(footprint.view(np.bool_), int(np.ceil(2 * size_px)) | 1)
+
+
+def _widened(pixels: NDArray[np.bool_], grid: VoxelGrid, views: PinholeViews, c: int) -> Mask:
+    """Pixels and those around them, up to the outline of the body beside them."""
+    camera = views.rig.cameras[c]
+    middle_m = grid.origin_m + 0.5 * grid.size_m
+    depth_m = max(float(camera.rotation[2] @ middle_m + camera.translation[2]), 0.3)
+    return dilated(pixels, 2 * round(_WIDENED_M * camera.matrix[0, 0] / depth_m) + 1)

@@ -1,0 +1,132 @@
+"""Which way is up, by how the cameras stand and, where that leaves a doubt, by the person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.camera import Rig
+from calib.checks import FloatArray
+from calib.errors import InputError
+from calib.upright import (
+    AXES,
+    Z_UP,
+    UprightFrame,
+    axis_name,
+    cameras_worth,
+    is_cameras_own,
+    up_candidates,
+)
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Settings
+from silhouette_core.progress import Reporter
+from silhouette_core.scoring.backend import load_backend
+from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
+
+_SURE = 0.75  # cameras' worth from which, on average, they stand upright
+_MOMENTS = 3
+_PLACEMENTS = 3
+_STATURE_M = 1.7  # where none is given
+_CLEARLY = 0.3  # by which one direction must lie along the trunks more than another
+
+
+@dataclass(frozen=True, eq=False)
+class UpSearch:
+    """What a direction is chosen for.
+
+    Attributes:
+        rig: pinhole cameras of the silhouettes, in the calibration's world.
+        settings: for the body, and for up where it is stated.
+        matching: settings of the pose search.
+        person: whether the body is a person, whose trunk may tell; else the cameras do.
+    """
+
+    rig: Rig
+    settings: Settings
+    matching: MatchSettings
+    person: bool = True
+
+
+def choose_upright(
+    search: UpSearch,
+    masks: MaskStore,
+    observer_of: Callable[[Rig], HullObserver],
+    reporter: Reporter,
+) -> UprightFrame:
+    """The upright frame of a calibration's world, floor at the world's origin.
+
+    Up is what the settings state. Else it is z where the cameras stand upright, or nearly so, in a
+    world with z up. Where they do not, poses are searched at some moments in each of the worlds
+    that are possible, and the trunks of those that explain the silhouettes best decide; a person
+    who lies decides nothing, and the cameras do.
+
+    Args:
+        search: cameras and settings.
+        masks: silhouettes of every frame.
+        observer_of: makes an observer for cameras of another world.
+        reporter: told if up is not z.
+    """
+    if search.settings.up is not None:
+        return UprightFrame.from_up(search.settings.up)
+    possible = up_candidates(search.rig)
+    own = is_cameras_own(search.rig)
+    if not own and not any(up @ Z_UP > np.cos(np.radians(20)) for up in possible):
+        possible.append(Z_UP)
+    sure = own or not search.person or cameras_worth(search.rig, possible[0]) >= _SURE
+    if sure and (len(possible) == 1 or not search.person):
+        up, reason = possible[0], "by how the cameras stand"
+    else:
+        reporter.stage("which way is up")
+        trunk = _trunk(search, possible, masks, observer_of)
+        # A body is found in a wrong world, too, if only with some luck: its trunk may tell what was
+        # not searched.
+        others = possible if own else [*possible, *AXES.values()]
+        up = max(others, key=lambda up: float(up @ trunk))
+        if up @ trunk < possible[0] @ trunk + _CLEARLY:
+            up = possible[0]
+        reason = "by how the cameras and the person stand"
+    if not np.array_equal(up, Z_UP):
+        reporter.note(
+            f"up is {axis_name(up)} of the calibration's world, {reason} (--up z keeps z; results"
+            " stay in that world, exports are upright)"
+        )
+    return UprightFrame.from_up(up)
+
+
+def _trunk(
+    search: UpSearch,
+    possible: list[FloatArray],
+    masks: MaskStore,
+    observer_of: Callable[[Rig], HullObserver],
+) -> FloatArray:
+    """Mean direction (3,) of the trunk in the calibration's world, at most of unit length: that of
+    the best pose of each moment, in whichever world it was found.
+    """
+    settings = search.settings
+    sex = "male" if settings.sex == "unknown" else settings.sex
+    sizes = BodySizes(settings.stature_m or _STATURE_M, settings.chest_m, sex)
+    moments = np.unique(np.linspace(0, len(masks) - 1, _MOMENTS + 2).round().astype(int)[1:-1])
+    best: dict[int, tuple[float, FloatArray]] = {}
+    for up in possible:
+        frame = UprightFrame.from_up(up)
+        observer = observer_of(frame.rig(search.rig))
+        body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, load_backend(settings.backend))
+        for t in moments.tolist():
+            try:
+                observation = observer.observe(masks[t])
+            except InputError:
+                continue
+            if observation is None:
+                continue
+            for fit in find_pose(body, observation, search.matching, _PLACEMENTS)[:1]:
+                trunk = fit.pose.root_rotation[:, 2] @ frame.rotation
+                if t not in best or fit.error < best[t][0]:
+                    best[t] = fit.error, trunk
+    if not best:
+        return np.zeros(3)
+    return np.mean([trunk for _, trunk in best.values()], axis=0)

@@ -1,0 +1,1 @@
+"""Poses over time, off line and live."""
