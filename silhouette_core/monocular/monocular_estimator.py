@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
@@ -27,14 +25,18 @@ from silhouette_core.monocular.joined_person import JoinedPerson, Sample
 from silhouette_core.monocular.monocular_stages import (
     LONG_SIDE_PX,
     MonocularOptions,
-    MonocularStages,
+    PersonFinder,
+    PoseStages,
     library_for,
 )
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.monocular.tracking.joint_error import hypothesis_spread, joint_errors
-from silhouette_core.monocular.tracking.trajectory import FrameEstimate, PoseTrajectory
-from silhouette_core.monocular.tree.forward import FilterFrame
+from silhouette_core.monocular.tracking.trajectory import (
+    FrameEstimate,
+    PendingFrame,
+    PoseTrajectory,
+)
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.kinematics import quaternions
@@ -46,38 +48,11 @@ from silhouette_core.scoring.backend import load_backend
 _BLOCK = 150  # frames copied into arrays together
 
 
-@dataclass
-class _Counts:
-    """Statistics of a recording.
-
-    Attributes:
-        absent: numbers of the frames without a person.
-        cut: numbers of the frames whose border cuts the person.
-        lost: numbers of the frames in which the filter lost the person.
-        scored: numbers of nodes scored, level by level, frame by frame.
-        levels: number of levels of the tree.
-    """
-
-    absent: list[int] = field(default_factory=list)
-    cut: list[int] = field(default_factory=list)
-    lost: list[int] = field(default_factory=list)
-    scored: array[int] = field(default_factory=lambda: array("q"))
-    levels: int = 1
-
-    def add(self, filter_frame: FilterFrame) -> None:
-        if filter_frame.person.cut:
-            self.cut.append(filter_frame.number)
-        if filter_frame.lost:
-            self.lost.append(filter_frame.number)
-        self.scored.extend(filter_frame.posterior.scored)
-        self.levels = len(filter_frame.posterior.scored)
-
-
 class MonocularEstimator:
     """Estimates motion from one camera.
 
-    Source: Okada and Stenger; the window, the resampling of limbs and the refinement go beyond the
-    paper, see docs/papers.md.
+    A person is followed by what the learned proposal expects, other bodies by the samples of paper
+    A's tree; see docs/papers.md.
     """
 
     name = "monocular"
@@ -118,26 +93,28 @@ class MonocularEstimator:
             )
         )
         reporter.stage("motion model")
-        clock, counts, hypotheses = StageClock(), _Counts(), HypothesisStore(frame)
-        pictures, interval_s = not source.silhouettes_given, 1 / source.fps
-        stages = MonocularStages(
-            library, camera, settings, options, interval_s, pictures, clock, root
+        clock, hypotheses, interval_s = StageClock(), HypothesisStore(frame), 1 / source.fps
+        coloured = (
+            library.model.person is not None
+            and not source.silhouettes_given
+            and not options.outline_only
         )
+        absent: list[int] = []
+        stages = PoseStages(library, camera, settings, options, interval_s, clock, root)
         joined = settings.smooth and library.model.person is not None
         joining = _joining(source, silhouettes, samples, reporter) if joined else None
-        people = _people(source, silhouettes, joining, stages)
-        if settings.smooth:  # otherwise the hypotheses need the other core
-            people = read_ahead(people)
-        filter_frames = read_ahead(_filter_frames(people, stages), 1)
+        finder = PersonFinder(camera, coloured)
+        frames = _noted(read_ahead(_people(source, silhouettes, joining, finder, clock)), stages)
+        if settings.smooth:  # otherwise a frame needs what was found in the last
+            frames = read_ahead(frames)
 
         def estimates() -> Iterator[FrameEstimate]:
             reporter.stage("tracking", source.frame_count)
-            for number, filter_frame in filter_frames:
-                if filter_frame is None:
-                    counts.absent.append(number)
+            for number, noted in frames:
+                if noted is None:
+                    absent.append(number)
                 else:
-                    counts.add(filter_frame)
-                    yield from stages.estimates(filter_frame)
+                    yield from stages.trajectory.add(noted)
                 reporter.advance()
             reporter.stage("last frames")
             yield from stages.trajectory.finish()
@@ -155,7 +132,7 @@ class MonocularEstimator:
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
                 " that somebody moves before it"
             )
-        facts = _facts(library, options, settings, counts, stages.coloured)
+        facts = _facts(library, options, settings, motion, absent) | {"colours": coloured}
         return Estimate(
             motion.in_world(frame),
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
@@ -204,23 +181,24 @@ def _people(
     source: FrameSource,
     silhouettes: Silhouettes,
     joining: JoinedPerson | None,
-    stages: MonocularStages,
+    finder: PersonFinder,
+    clock: StageClock,
 ) -> Iterator[tuple[int, float, Person | None]]:
     """Number and time of every frame, and the person in it."""
     name = source.rig.names[0]
     for number, seconds, frames in source:
-        with stages.clock("silhouettes"):
+        with clock("silhouettes"):
             mask = silhouettes.of(frames)[name] if joining is None else joining.of(frames)
-            person = stages.person(frames[name], mask)
+            person = finder.find(frames[name], mask)
         yield number, seconds, person
 
 
-def _filter_frames(
-    people: Iterable[tuple[int, float, Person | None]], stages: MonocularStages
-) -> Iterator[tuple[int, FilterFrame | None]]:
-    """Number of every frame, and its posterior if it shows a person."""
+def _noted(
+    people: Iterable[tuple[int, float, Person | None]], stages: PoseStages
+) -> Iterator[tuple[int, PendingFrame | None]]:
+    """Number of every frame, and what is kept of it if it shows a person."""
     for number, seconds, person in people:
-        yield number, None if person is None else stages.posterior(number, seconds, person)
+        yield number, None if person is None else stages.noted(number, seconds, person)
 
 
 def _motion(
@@ -253,7 +231,7 @@ def _motion(
         "cut": whole["cut"],
         "lost": whole["lost"],
     }
-    if trajectory.finder is not None:  # without a proposal they were not compared with the truth
+    if trajectory.model.person is not None:  # others were not compared with the truth
         hidden = occluded[:, trajectory.model.landmark_part]
         errors = joint_errors(whole["spread"], agreement, hidden)
         quality |= {
@@ -292,22 +270,14 @@ def _facts(
     library: PoseLibrary,
     options: MonocularOptions,
     settings: Settings,
-    counts: _Counts,
-    coloured: bool,
+    motion: Motion,
+    absent: list[int],
 ) -> dict[str, object]:
+    default = "default" if library.model.person else "sampled"
     return {
         "stature_given": settings.stature_m is not None,
-        "colours": coloured,
-        "library": {
-            "file": options.library or ("default" if library.model.person else "sampled"),
-            "samples": len(library),
-            "base_poses": len(library.base_angles),
-            "nodes": [len(level) for level in library.levels],
-        },
-        "nodes_scored_median": [
-            int(n) for n in np.median(np.array(counts.scored).reshape(-1, counts.levels), axis=0)
-        ],
-        "frames_absent": counts.absent,
-        "frames_cut_by_the_border": counts.cut,
-        "frames_lost": counts.lost,
+        "library": {"file": options.library or default, "samples": len(library)},
+        "frames_absent": absent,
+        "frames_cut_by_the_border": motion.frames[motion.quality["cut"].astype(bool)].tolist(),
+        "frames_lost": motion.frames[motion.quality["lost"].astype(bool)].tolist(),
     }

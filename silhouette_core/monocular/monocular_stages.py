@@ -1,4 +1,4 @@
-"""Stages of the monocular estimator, frame by frame, for recordings and for live pictures."""
+"""Stages of one camera, frame by frame, for recordings and for live pictures."""
 
 from __future__ import annotations
 
@@ -14,15 +14,20 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Frame, Settings
-from silhouette_core.image.distance import WEIGHTINGS, Weighting
 from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.making.default import default_library
+from silhouette_core.monocular.occlusion import standing_areas, usual_areas
 from silhouette_core.monocular.person import Person, find_person
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.tracking.frame_proposal import Proposer
+from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
+from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
 from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
-from silhouette_core.monocular.tracking.trajectory import FrameEstimate, PoseTrajectory
-from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
+from silhouette_core.monocular.tracking.trajectory import PendingFrame, PoseTrajectory
+from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, require_body
+from silhouette_core.monocular.tree.sample_proposer import SampleProposer
 from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.monocular.tree.view_tree_filter import tree_filter
 from silhouette_core.motion.body_source import load_body
@@ -32,6 +37,7 @@ from silhouette_core.scoring.backend import load_backend
 
 LONG_SIDE_PX = 960
 _USUAL_STATURE_M = 1.70
+_STARTS = "facing", "any"
 
 
 @dataclass(frozen=True)
@@ -40,10 +46,7 @@ class MonocularOptions:
 
     Attributes:
         library: path of a pose library; empty: the default library.
-        start: "facing" or "any", see `ForwardFilter`.
-        refine: whether limbs are resampled and poses refined.
-        weighting: pixel weights of the silhouette distance.
-        motion_model: "DM2" with the occlusion-aware eq. (5), "DM1" without.
+        start: "facing" (the person mostly faces the camera in the first frame) or "any".
         outline_only: whether what lies inside the outline is left out.
         body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
             is adapted to the person.
@@ -51,45 +54,65 @@ class MonocularOptions:
 
     library: str = ""
     start: str = "facing"
-    refine: bool = True
-    weighting: Weighting = "balanced"
-    motion_model: str = "DM2"
     outline_only: bool = False
     body: str = ""
 
     def __post_init__(self) -> None:
         for name, kind, what in (
-            ("refine", bool, "true or false"),
             ("outline_only", bool, "true or false"),
             ("library", str, "the path of a file"),
             ("body", str, "a name, or the path of a file"),
         ):
             if not isinstance(getattr(self, name), kind):
                 raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
-        for name, allowed in (
-            ("start", ("facing", "any")),
-            ("weighting", WEIGHTINGS),
-            ("motion_model", ("DM1", "DM2")),
-        ):
-            value = getattr(self, name)
-            if value not in allowed:
-                raise InputError(f"{name} {value!r} is not known: use {' or '.join(allowed)}")
+        if self.start not in _STARTS:
+            raise InputError(f"start {self.start!r} is not known: use {' or '.join(_STARTS)}")
 
 
-class MonocularStages:
-    """From a frame to its person, from there to its posterior, and from there to its poses.
-
-    Each stage may run in a thread of its own, but takes its frames in order.
+class PersonFinder:
+    """Finds the person in one frame after the other.
 
     Args:
-        library: scaled to the person.
+        camera: that takes the frames.
+        coloured: whether the person's colours are kept.
+    """
+
+    def __init__(self, camera: Camera, coloured: bool):
+        """Has seen nobody yet."""
+        self._lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
+        self._near_px: NDArray[np.float64] | None = None
+        self._usual_px: float | None = None
+
+    def find(self, picture: Frame, silhouette: NDArray[np.bool_]) -> Person | None:
+        """Person in a frame (H, W, 3) with its silhouette (h, w), both as recorded."""
+        person = find_person(self._lens.undistort(silhouette), self._near_px, self._usual_px)
+        if person is None:
+            return None
+        if self._coloured:
+            person = replace(person, colours=_colours(self._lens, picture, person.mask))
+        moments = cv2.moments(person.mask.view(np.uint8), binaryImage=True)
+        area, usual = moments["m00"], self._usual_px
+        self._usual_px = area if usual is None else 0.9 * usual + 0.1 * area
+        self._near_px = np.array([moments["m10"], moments["m01"]]) / area
+        return person
+
+
+class PoseStages:
+    """From a person to poses: what is kept of each frame, then its estimate.
+
+    With later frames, both may run in a thread each, but take their frames in order.
+
+    Args:
+        library: scaled to the person, or of the body that is tracked.
         camera: that takes the frames.
         settings: of the estimation; `smooth` decides whether later frames are waited for.
         options: checked.
         interval_s: time between two frames.
-        pictures: whether frames have colours, or are silhouettes.
         clock: times the stages.
         root: place of the root of a body that is no person's, if that stands still.
+
+    Raises:
+        InputError: the library of a person has no proposal.
     """
 
     def __init__(
@@ -99,75 +122,49 @@ class MonocularStages:
         settings: Settings,
         options: MonocularOptions,
         interval_s: float,
-        pictures: bool,
         clock: StageClock,
         root: Pose | None = None,
     ):
-        """Prepares filter and trajectory."""
-        self.clock = clock
-        self._lens = UndistortedView.from_camera(camera, LONG_SIDE_PX)
-        self._proposed = options.refine and library.proposal is not None
-        self.coloured = self._proposed and pictures and not options.outline_only
-        facing, pinhole = options.start == "facing", self._lens.pinhole
-        tree = tree_filter(
-            library,
-            options.motion_model == "DM2",
-            interval_s=interval_s,
-            backend=load_backend(settings.backend),
+        """Prepares the proposer and the trajectory."""
+        pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
+        model, backend = library.model, load_backend(settings.backend)
+        if model.person is not None:
+            tracking = TrackerSettings() if settings.smooth else TrackerSettings().coarser()
+            areas = standing_areas(model)
+            self.proposer: Proposer = ModeProposer(
+                _network(library, options),
+                pinhole,
+                model,
+                () if options.body else _sexes(settings),
+                options.start == "facing",
+                settings.smooth,
+                clock,
+            )
+        else:
+            tracking = TrackerSettings.of_given_body(model.length_m)
+            areas = usual_areas(library.areas)
+            away = None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m))
+            tree = tree_filter(library, True, interval_s=interval_s, backend=backend)
+            forward = ForwardFilter(tree, pinhole, False, "balanced", away, interval_s)
+            self.proposer = SampleProposer(forward, root, tracking.different_m)
+        tracker = HypothesisTracker(model, pinhole, areas, tracking, backend)
+        self.trajectory = PoseTrajectory(tracker, self.proposer, settings.smooth, clock)
+        self._clock = clock
+
+    def noted(self, number: int, time_s: float, person: Person) -> PendingFrame:
+        """What is kept of the next frame that shows a person: its number and time, the person."""
+        with self._clock("proposal"):
+            note = self.proposer.note(number, time_s, person)
+        return PendingFrame.of(number, time_s, person, note)
+
+
+def _network(library: PoseLibrary, options: MonocularOptions) -> PoseProposal:
+    if library.proposal is None:
+        raise InputError(
+            f"{options.library}: the library has no proposal, without which a person is not"
+            " tracked: make it again with voxelpose library build"
         )
-        self._forward = ForwardFilter(
-            tree,
-            pinhole,
-            facing,
-            options.weighting,
-            None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m)),
-            interval_s,
-            corrected=self._proposed,
-        )
-        tracking = TrackerSettings(options.refine, options.weighting, facing)
-        if library.model.person is None:
-            tracking = tracking.of_given_body(library.model.length_m, root)
-        if self._proposed and not settings.smooth:
-            tracking = tracking.coarser()
-        self.trajectory = PoseTrajectory(
-            tree,
-            pinhole,
-            tracking,
-            settings.smooth,
-            clock,
-            () if options.body else _sexes(settings),
-        )
-        self._near_px: NDArray[np.float64] | None = None
-        self._usual_px: float | None = None
-
-    def person(self, picture: Frame, silhouette: NDArray[np.bool_]) -> Person | None:
-        """Person in a frame (H, W, 3) with its silhouette (h, w), both as recorded."""
-        person = find_person(self._lens.undistort(silhouette), self._near_px, self._usual_px)
-        if person is None:
-            return None
-        if self.coloured:
-            person = replace(person, colours=_colours(self._lens, picture, person.mask))
-        moments = cv2.moments(person.mask.view(np.uint8), binaryImage=True)
-        area, usual = moments["m00"], self._usual_px
-        self._usual_px = area if usual is None else 0.9 * usual + 0.1 * area
-        self._near_px = np.array([moments["m10"], moments["m01"]]) / area
-        return person
-
-    def posterior(self, number: int, time_s: float, person: Person) -> FilterFrame:
-        """Posterior of the next frame that shows a person; arguments as of `ForwardFilter.step`."""
-        with self.clock("estimation"):
-            return self._forward.step(number, time_s, person)
-
-    def estimates(self, filter_frame: FilterFrame) -> list[FrameEstimate]:
-        """Frames that are decided by one more frame, oldest first."""
-        decided = self.trajectory.add(filter_frame)
-        self.correct(filter_frame.number, self.trajectory.distance_m)
-        return decided
-
-    def correct(self, number: int, distance_m: float) -> None:
-        """See `ForwardFilter.correct`; without a proposal, the filter's own distances stay."""
-        if self._proposed:
-            self._forward.correct(number, distance_m)
+    return library.proposal
 
 
 def library_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> PoseLibrary:

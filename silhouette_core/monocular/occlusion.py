@@ -2,11 +2,17 @@ r"""Occlusion flags of parts, and the constants of the papers' occlusion-aware m
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.raster import render_many
+from silhouette_core.monocular.window import SIZE, STATURE_PX
 
 #: T_A of eq. (3), as a fraction of the largest area that the part usually shows.
 AREA_FRACTION = 0.15
 #: m of eq. (5).
 MAGNIFICATION = 5.0
+_SIDES, _FAR = 24, 2  # views of an upright body; their distance, in lengths of it
 
 
 def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -19,6 +25,27 @@ def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:
         (27,) float64, pixels, the 99th percentile over the poses.
     """
     return np.percentile(areas, 99, axis=0)
+
+
+def standing_areas(model: BodyModel) -> NDArray[np.float64]:
+    """Largest area that each part shows of an upright body, from all sides.
+
+    Args:
+        model: the body.
+
+    Returns:
+        (parts,) float64, pixels of the window, a stature away from the camera by `_FAR`.
+    """
+    turns = Rotation.from_euler("z", np.arange(_SIDES) * 360 / _SIDES, degrees=True).as_matrix()
+    middle = 0.5 * (model.vertices_m.min(axis=0) + model.vertices_m.max(axis=0))
+    turned = (model.vertices_m - middle) @ turns.transpose(0, 2, 1)
+    x, y, z = np.moveaxis(turned / model.length_m, -1, 0)
+    meshes = np.stack([x, -z, y + _FAR], axis=-1)
+    focal, (width, height) = STATURE_PX * _FAR, SIZE
+    matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
+    drawn = render_many(meshes, model.faces, model.face_part, matrix, SIZE)
+    counts = [np.bincount(one.ravel(), minlength=len(model.names) + 1)[1:] for one in drawn]
+    return np.max(counts, axis=0).astype(float)
 
 
 def occluded_parts(areas: NDArray[np.number], usual: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -18,6 +18,9 @@ from calib.camera import Camera
 from calib.checks import check_array
 
 SIZE = (320, 240)
+"""(width, height) of the window, px."""
+STATURE_PX = 158
+"""Stature of a body at the assumed distance, px: the library's scale."""
 _OVERSAMPLE = 2
 _TURNS = 3  # the third turn moves the centroid by less than a pixel
 _CENTER = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2])

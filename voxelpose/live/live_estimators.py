@@ -20,10 +20,11 @@ from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
-    MonocularStages,
+    PersonFinder,
+    PoseStages,
     library_for,
 )
-from silhouette_core.monocular.tree.forward import FilterFrame
+from silhouette_core.monocular.person import Person
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
@@ -40,6 +41,8 @@ from voxelpose.multiview.tracking.track_jobs import FollowSettings, adapt_body, 
 
 Masks = Mapping[str, NDArray[np.bool_]]
 Pictures = Mapping[str, NDArray[np.uint8]]
+SeenPerson = tuple[int, float, Person]
+"""Number and time of a frame, and the person in it."""
 
 _HULL_EVERY_S = 0.15  # between two hulls, which are only shown
 _HULL_VOXEL_M, _HULL_REACH_M = 0.05, 1.2
@@ -76,7 +79,6 @@ class FoundPose:
         shown: (15,) confidence of each joint, relative to the pose's.
         hypotheses: as of `PosedBody`.
         hull_m: as of `PosedBody`.
-        distance_m: from a single camera; nan: not known.
     """
 
     model: BodyModel
@@ -85,7 +87,6 @@ class FoundPose:
     shown: NDArray[np.float64]
     hypotheses: tuple[tuple[float, NDArray[np.float64]], ...] = ()
     hull_m: NDArray[np.float32] | None = None
-    distance_m: float = float("nan")
 
 
 class LiveEstimator(Protocol):
@@ -215,18 +216,19 @@ class MonocularSetup:
     fps: float
     pictures: bool
 
-    def stages(self, reporter: Reporter) -> MonocularStages:
+    def finder(self) -> PersonFinder:
+        """What finds the person in a frame."""
+        return PersonFinder(self.rig.cameras[0], self.pictures and not self.options.outline_only)
+
+    def stages(self, reporter: Reporter) -> PoseStages:
         """Reads or makes the library, which may take minutes at the first use."""
         library = library_for(self.options, self.settings, reporter)
-        reporter.stage("motion model")
         camera, interval_s = self.rig.cameras[0], 1 / self.fps
-        return MonocularStages(
-            library, camera, self.settings, self.options, interval_s, self.pictures, _Untimed()
-        )
+        return PoseStages(library, camera, self.settings, self.options, interval_s, _Untimed())
 
 
 class LiveMonocular:
-    """One camera: the filter's posterior here, poses in a process of their own.
+    """One camera: the person here, poses in a process of their own.
 
     Args:
         setup: the camera and the person.
@@ -235,26 +237,19 @@ class LiveMonocular:
 
     def __init__(self, setup: MonocularSetup, reporter: Reporter):
         """Reads or makes the library."""
-        self._name = setup.rig.names[0]
-        self._stages = setup.stages(reporter)
+        self._name, self._finder = setup.rig.names[0], setup.finder()
+        library_for(setup.options, setup.settings, reporter)  # made here, where it is reported
         self._poses = EstimatorProcess(MonocularPoses, setup)
 
-    def prepare(self, moment: LiveMoment) -> FilterFrame | None:
-        """Posterior of a frame; None where it shows nobody."""
+    def prepare(self, moment: LiveMoment) -> SeenPerson | None:
+        """Person in a frame; None where it shows nobody."""
         mask = moment.silhouettes.masks()[self._name]
-        person = self._stages.person(moment.pictures[self._name], mask)
-        if person is None:
-            return None
-        return self._stages.posterior(moment.number, moment.time_s, person)
+        person = self._finder.find(moment.pictures[self._name], mask)
+        return None if person is None else (moment.number, moment.time_s, person)
 
-    def step(self, prepared: FilterFrame | None) -> FoundPose | None:
+    def step(self, prepared: SeenPerson | None) -> FoundPose | None:
         """See `LiveEstimator.step`."""
-        if prepared is None:
-            return None
-        found = self._poses.step(prepared)
-        if found is not None:
-            self._stages.correct(prepared.number, found.distance_m)
-        return found
+        return None if prepared is None else self._poses.step(prepared)
 
     def close(self) -> None:
         """See `LiveEstimator.close`."""
@@ -262,7 +257,7 @@ class LiveMonocular:
 
 
 class MonocularPoses:
-    """Poses from the posteriors of one camera's frames.
+    """Poses of the person whom one camera sees.
 
     Args:
         setup: the camera and the person.
@@ -272,11 +267,10 @@ class MonocularPoses:
         """Reads the library."""
         self._stages = setup.stages(SilentReporter())
 
-    def step(self, filter_frame: FilterFrame) -> FoundPose:
+    def step(self, seen: SeenPerson) -> FoundPose:
         """The likeliest pose and others."""
-        (found,) = self._stages.estimates(filter_frame)
-        trajectory = self._stages.trajectory
-        model, confidence = trajectory.model, float(np.clip(1 - found.error, 0, 1))
+        (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
+        model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
         shown = np.where(found.occluded[model.landmark_part], _OCCLUDED, 1.0)
         hypotheses = tuple(
             (float(probability), joints)
@@ -284,8 +278,7 @@ class MonocularPoses:
                 found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True
             )
         )
-        distance_m = trajectory.distance_m
-        return FoundPose(model, found.pose, confidence, shown, hypotheses, distance_m=distance_m)
+        return FoundPose(model, found.pose, confidence, shown, hypotheses)
 
     def close(self) -> None:
         """Nothing was begun."""

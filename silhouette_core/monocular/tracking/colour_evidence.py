@@ -18,7 +18,6 @@ from calib.camera import Camera
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.head_colours import ColourCrop, HeadColours
 from silhouette_core.image.shading import ColourBrightness, relative_shading
-from silhouette_core.monocular.limb_silhouette import SignedWeights
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.proposal.silhouette_features import (
     FULL,
@@ -27,6 +26,7 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     counted,
     shading_grid,
 )
+from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.bare_parts import BareParts, SkinEvidence
 from silhouette_core.monocular.window import Window
 

@@ -1,10 +1,8 @@
-"""Cost of a step from pose to pose, and the cheapest trajectory through candidate poses."""
+"""Cost of a step from pose to pose."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +21,6 @@ class PoseCandidates:
         root_rotation: (M, 3, 3) float64, world from body.
         angles_rad: (M, D) float64, joint angles.
         occluded: (M, D) bool, whether the part that an angle turns is occluded, eq. (3).
-        log_likelihood: (M,) float64.
         time_s: time of the frame.
     """
 
@@ -31,7 +28,6 @@ class PoseCandidates:
     root_rotation: NDArray[np.float64]
     angles_rad: NDArray[np.float64]
     occluded: NDArray[np.bool_]
-    log_likelihood: NDArray[np.float64]
     time_s: float
 
 
@@ -97,33 +93,6 @@ def transition_cost(
     usual = np.sqrt((noise.sigma_rad * steps) ** 2 + noise.spacing_rad**2)
     widened = np.log(sigma / usual).sum(1)[:, None]
     return np.minimum(0.5 * np.maximum(cost, 0.0) + widened, noise.restart_cost)
-
-
-def viterbi(
-    frames: Sequence[PoseCandidates], noise: ProcessNoise, start: NDArray[np.float64] | None = None
-) -> NDArray[np.int64]:
-    """Trajectory of least cost through the candidates of T frames.
-
-    Args:
-        frames: the candidates of each frame, at least one.
-        noise: standard deviations of a step.
-        start: (M,) log prior of the first frame's candidates; None: uniform.
-
-    Returns:
-        (T,) int64, the chosen candidate of every frame.
-
-    Source: Viterbi's algorithm over the samples that Okada and Stenger's filter leaves.
-    """
-    cost = -frames[0].log_likelihood - (0.0 if start is None else start)
-    back: list[NDArray[np.int64]] = []
-    for before, after in pairwise(frames):
-        total = cost[:, None] + transition_cost(before, after, noise)
-        back.append(total.argmin(0))
-        cost = total.min(0) - after.log_likelihood
-    chosen = [int(cost.argmin())]
-    for best_source in back[::-1]:
-        chosen.append(int(best_source[chosen[-1]]))
-    return np.array(chosen[::-1], np.int64)
 
 
 def yaw_rotations(heading_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,9 +25,12 @@ from silhouette_core.monocular.tracking.body_heading import (
     body_headings,
     smooth_headings,
 )
-from silhouette_core.monocular.tree.rendering import STATURE_PX
-from silhouette_core.monocular.window import Window, look_at
+from silhouette_core.monocular.window import STATURE_PX, Window, look_at
+from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import RefineSettings, RefineStart
+from silhouette_core.refinement.surface import Surface
 
 _LEAST_SIGMA_M = 0.012
 _PELVIS_SIGMA_M = 0.15
@@ -36,6 +39,8 @@ _DISTANCE_WINDOW_S = 0.17
 # Height of a person's middle, in statures: usual, and the range in which z = 0 may be the floor.
 _USUAL_HEIGHT, _HEIGHTS = 0.53, (0.15, 1.1)
 _ALIKE_M = 0.08  # mean distance of the joints of modes that are averaged
+_STARTED, _LEAST_PROBABILITY = 4, 0.02  # modes of a frame that become hypotheses
+_FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +51,13 @@ class FrameModes:
         probability: (M,) float64, summing to 1.
         priors: M priors of the joints' positions.
         distance_m: of the pelvis along the optical axis of the window.
+        window: of the silhouette at about that distance, if its picture was kept.
     """
 
     probability: NDArray[np.float64]
     priors: list[LandmarkPrior]
     distance_m: float
+    window: Window | None = None
 
     @property
     def landmarks_m(self) -> NDArray[np.float64]:
@@ -66,6 +73,15 @@ class FrameModes:
         """At most `count` modes of at least a probability, likeliest first; one at any rate."""
         order = np.argsort(-self.probability, kind="stable")[:count]
         return [int(k) for n, k in enumerate(order) if n == 0 or self.probability[k] >= least]
+
+    def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
+        """Bodies placed at the most probable modes."""
+        expected = [self.priors[mode] for mode in self.probable(_STARTED, _LEAST_PROBABILITY)]
+        placed = place_bodies(surface, contour, expected)
+        return [
+            RefineStart(pose, _FROM_MODE, None, prior)
+            for pose, prior in zip(placed, expected, strict=True)
+        ]
 
     def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
         """The mode nearest to a pose's joints (15, 3), relative to the pelvis."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.cleanup import reduce_silhouette
-from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
+from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.window import Window
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
@@ -192,36 +192,3 @@ def block_weights(
         signed = np.ascontiguousarray(rows[:, 1 + right :: reduction][:, :wide])
         result.append((signed < 0, np.abs(signed)))
     return result
-
-
-def relative_weights(
-    window: Window,
-    weighting: Weighting,
-    reduction: int,
-    bounds_px: Rectangle | None = None,
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Pixel weights of a window, relative to the whole silhouette's weight.
-
-    The paper divides by the pixels of the region that holds both silhouettes, which is the same for
-    all its pictures. Here the same person fills more or less of the window as the assumed distance
-    changes, and the smaller picture would always seem to fit better.
-
-    Args:
-        window: The silhouette.
-        weighting: See `pixel_weights`.
-        reduction: 1, 2 or 4: how many times smaller than the window.
-        bounds_px: Rectangle of the library, see `pixel_weights`; None: the window.
-
-    Returns:
-        The silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in
-        the silhouette; 0 where the camera does not reach: what it does not show speaks neither for
-        nor against a pose.
-
-    Source: Okada and Stenger, eq. (6)-(9).
-    """
-    mask, seen = window.mask, window.seen
-    for _ in range(int(np.log2(reduction))):
-        mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
-    weights = np.where(seen, pixel_weights(mask, weighting, bounds_px), np.float32(0.0))
-    weights = weights.astype(np.float64)
-    return mask, weights / max(float(weights[mask].sum()), 1e-6)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -30,7 +29,6 @@ _PITCH_SIGMA_RAD = np.radians(8.0)
 # A frame is lost where the best node's distance exceeds the usual one by this factor and excess.
 _LOST_FACTOR, _LOST_EXCESS = 2.5, 0.05
 _LONGEST_GAP_S = 1.0
-_CORRECTED_AFTER, _REMEMBERED = 2, 8  # frames
 _MOST_STEPS = 30  # that many frame intervals of missing frames are predicted one by one
 
 
@@ -68,8 +66,6 @@ class ForwardFilter:
         distance_m: constant distance of the person, as in the paper; None: estimated frame by
             frame.
         interval_s: time between two frames, for which the tree filter's transitions were made.
-        corrected: whether `correct` gives the distance of every frame: then no other distances are
-            tried than that of two frames ago, but in the first frames.
     """
 
     def __init__(
@@ -80,16 +76,13 @@ class ForwardFilter:
         weighting: Weighting = "balanced",
         distance_m: float | None = None,
         interval_s: float = 1 / FPS,
-        corrected: bool = False,
     ):
         """Starts without a posterior."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
         self._distance_m, self._interval_s = distance_m, interval_s
-        self._facing, self._corrected = facing, corrected
+        self._facing = facing
         self._last: FilterFrame | None = None
-        self._corrections: deque[tuple[int, float]] = deque(maxlen=_REMEMBERED)
-        self._numbers: deque[int] = deque(maxlen=_CORRECTED_AFTER)
         self._recent_best: list[float] = []
 
     def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
@@ -110,8 +103,8 @@ class ForwardFilter:
             if last is not None:
                 middle = float(np.sqrt(middle * last.distance_m))
         else:
-            steps = [0.0] if self._corrected else [0.0, -_DISTANCE_STEP, _DISTANCE_STEP]
-            middle, factors = self._corrected_distance(last), np.exp(np.array(steps))
+            steps = [0.0, -_DISTANCE_STEP, _DISTANCE_STEP]
+            middle, factors = last.distance_m, np.exp(np.array(steps))
         metre_px = STATURE_PX / library.model.length_m
         windows = tuple(
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
@@ -147,26 +140,7 @@ class ForwardFilter:
             lost,
         )
         self._last = filter_frame
-        self._numbers.append(number)
         return filter_frame
-
-    def correct(self, number: int, distance_m: float) -> None:
-        """Gives the distance of the person in an earlier frame by its refined poses.
-
-        The next frame may have been begun already: it is used from the one after that, so that the
-        result is the same whether the two are done at once or one after the other.
-
-        Args:
-            number: of the frame.
-            distance_m: along the optical axis of the virtual camera.
-        """
-        self._corrections.append((number, distance_m))
-
-    def _corrected_distance(self, last: FilterFrame) -> float:
-        """Distance of the person as corrected two frames ago, or as estimated in the last one."""
-        if not self._corrected or len(self._numbers) < _CORRECTED_AFTER:
-            return last.distance_m
-        return dict(self._corrections).get(self._numbers[0], last.distance_m)
 
     def _first_distance(self, mask: NDArray[np.bool_]) -> float:
         """Distance by the silhouette alone: of a person by its height, of others by its area."""
@@ -254,13 +228,11 @@ def candidates_of(
         root[selected] = own.unproject(
             library.pelvis_px[sample[selected]] + posterior.shift_px[rows[selected]], own.distance_m
         )
-    sigma = tree.settings.sigma
     occluded = library.occluded[sample][:, library.model.dof_part].astype(bool)
     return PoseCandidates(
         root,
         rotation,
         library.base_angles[base].astype(float),
         occluded,
-        -0.5 * (posterior.distance[rows] / sigma) ** 2,
         filter_frame.time_s,
     )

@@ -20,6 +20,7 @@ from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.raster import render_many
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.tree.kernels import rendering as kernels
+from silhouette_core.monocular.window import STATURE_PX
 from silhouette_core.motion import kinematics
 
 SIZES_PX = ((80, 60), (160, 120), (320, 240))
@@ -27,7 +28,6 @@ SIZES_PX = ((80, 60), (160, 120), (320, 240))
 WINDOW_PX = SIZES_PX[-1]
 DISTANCE = 4.0 / 1.75
 """Distance of the pelvis from the camera, in statures."""
-STATURE_PX = 158
 FOCAL_PX = STATURE_PX * DISTANCE
 _CANVAS_PX = 448
 

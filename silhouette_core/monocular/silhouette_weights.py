@@ -1,9 +1,4 @@
-"""Silhouette distance of an arm or a leg from one recorded pose on the body of another.
-
-No library holds every pose, but most arms and most legs are in it. With the rest of the body fixed,
-every recorded placement of a limb is drawn and weighed with the same silhouette distance as the
-tree's nodes. Beyond paper A.
-"""
+"""Pixel weights of one frame's silhouette, and the silhouette distance of posed bodies from it."""
 
 from __future__ import annotations
 
@@ -15,71 +10,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.distance import Weighting
-from silhouette_core.image.raster import NEAR_M, render_many, render_parts
+from silhouette_core.image.cleanup import reduce_silhouette
+from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.image.raster import NEAR_M, render_many
 from silhouette_core.image.spans import Rectangle
-from silhouette_core.monocular.tree.evidence import relative_weights
 from silhouette_core.monocular.window import SIZE, Window
-from silhouette_core.motion.kernels.kinematics import pose_many
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import posed_meshes
 
-_PARTS = {
-    "arm": ("clavicle", "upper_arm", "forearm", "hand", "thumb", "fingers"),
-    "leg": ("thigh", "shin", "foot", "toes"),
-}
-LIMB_NAMES = ("left_leg", "right_leg", "left_arm", "right_arm")
 
+def relative_weights(
+    window: Window,
+    weighting: Weighting,
+    reduction: int,
+    bounds_px: Rectangle | None = None,
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Pixel weights of a window, relative to the whole silhouette's weight.
 
-@dataclass(frozen=True, eq=False)
-class LimbShape:
-    """The mesh of one limb, cut out of a body.
+    The paper divides by the pixels of the region that holds both silhouettes, which is the same for
+    all its pictures. Here the same person fills more or less of the window as the assumed distance
+    changes, and the smaller picture would always seem to fit better.
 
-    Attributes:
-        name: Of `LIMB_NAMES`.
-        dofs: (d,) int64, the joint angles that place it.
-        parts: (p,) int64, its parts.
-        vertices_m: (v, 3), its vertices at rest.
-        skin_parts: (v, 4), the parts that move each vertex.
-        skin_weights: (v, 4), by how much.
-        faces: (f, 3), its faces.
-        face_part: (f,), their parts.
-        rest_faces: (F - f, 3), the faces of the body without it.
-        rest_part: (F - f,), their parts.
+    Args:
+        window: The silhouette.
+        weighting: See `pixel_weights`.
+        reduction: 1, 2 or 4: how many times smaller than the window.
+        bounds_px: Rectangle of the library, see `pixel_weights`; None: the window.
+
+    Returns:
+        The silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in
+        the silhouette; 0 where the camera does not reach: what it does not show speaks neither for
+        nor against a pose.
+
+    Source: Okada and Stenger, eq. (6)-(9).
     """
-
-    name: str
-    dofs: NDArray[np.int64]
-    parts: NDArray[np.int64]
-    vertices_m: NDArray[np.float64]
-    skin_parts: NDArray[np.int32]
-    skin_weights: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    face_part: NDArray[np.int32]
-    rest_faces: NDArray[np.int32]
-    rest_part: NDArray[np.int32]
-
-    @classmethod
-    def from_model(cls, model: BodyModel, name: str) -> LimbShape:
-        """Cuts a limb out of a body."""
-        side, _, kind = name.partition("_")
-        parts = np.array([model.names.index(f"{side}_{part}") for part in _PARTS[kind]])
-        own = np.isin(model.face_part, parts)
-        used, faces = np.unique(model.faces[own], return_inverse=True)
-        return cls(
-            name,
-            np.flatnonzero(np.isin(model.dof_part, parts)),
-            parts,
-            model.vertices_m[used],
-            model.skin_parts[used],
-            model.skin_weights[used],
-            faces.reshape(-1, 3).astype(np.int32),
-            model.face_part[own],
-            model.faces[~own],
-            model.face_part[~own],
-        )
+    mask, seen = window.mask, window.seen
+    for _ in range(int(np.log2(reduction))):
+        mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
+    weights = np.where(seen, pixel_weights(mask, weighting, bounds_px), np.float32(0.0))
+    weights = weights.astype(np.float64)
+    return mask, weights / max(float(weights[mask].sum()), 1e-6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +78,11 @@ class SignedWeights:
     def from_window(
         cls,
         window: Window,
-        weighting: Weighting = "nwxor",
         reduction: int = 2,
         backend: Backend = CPU,
-        bounds_px: Rectangle | None = None,
     ) -> SignedWeights:
-        """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4).
-
-        `bounds_px` is the library's rectangle, see `pixel_weights`; None: the window.
-        """
-        mask, weights = relative_weights(window, weighting, reduction, bounds_px)
+        """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4)."""
+        mask, weights = relative_weights(window, "balanced", reduction)
         center = (window.axis_px + 0.5) / reduction - 0.5
         focal = window.focal_px / reduction
         matrix = np.array([[focal, 0.0, center[0]], [0.0, focal, center[1]], [0.0, 0.0, 1.0]])
@@ -141,42 +108,6 @@ class SignedWeights:
             self.signed, meshes, model.faces, self.matrix, cull_back=True
         )
         return self.base + drawn
-
-    def limb_distances(
-        self, model: BodyModel, limb: LimbShape, pose: Pose, angles_rad: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Silhouette distances of a pose with its limb placed in other ways.
-
-        Args:
-            model: The body.
-            limb: Cut out of it.
-            pose: All but the limb's own angles is taken from it.
-            angles_rad: (K, d), the limb's angles.
-
-        Returns:
-            (K,) silhouette distances of the whole body.
-        """
-        # An opened body shows its inside: both faces are drawn.
-        covered = self._parts(model, pose, limb.rest_faces, limb.rest_part) > 0
-        whole = np.tile(pose.angles_rad, (len(angles_rad), 1))
-        whole[:, limb.dofs] = angles_rad
-        meshes = np.empty((len(whole), *limb.vertices_m.shape))
-        pose_many(
-            model.parents,
-            model.joints_m,
-            model.dof_part,
-            model.dof_axis,
-            self.rotation @ pose.root_rotation,
-            self.rotation @ pose.root_m + self.translation_m,
-            whole,
-            limb.vertices_m,
-            limb.skin_parts,
-            limb.skin_weights,
-            meshes,
-        )
-        free = np.where(covered, 0.0, self.signed)
-        added = self.backend.drawn_weights(free, meshes, limb.faces, self.matrix, cull_back=True)
-        return self.base + float(self.signed[covered].sum()) + added
 
     def part_areas(self, drawn: NDArray[np.uint8], parts: int) -> NDArray[np.float64]:
         """Area of every part (K, parts), A_j of eq. (3), in pixels of the library's full
@@ -218,9 +149,3 @@ class SignedWeights:
     def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Meshes (K, V, 3) of poses in the virtual camera."""
         return posed_meshes(model, poses) @ self.rotation.T + self.translation_m
-
-    def _parts(
-        self, model: BodyModel, pose: Pose, faces: NDArray[np.int32], face_part: NDArray[np.int32]
-    ) -> NDArray[np.uint8]:
-        mesh, size = self._in_camera(model, [pose])[0], self.signed.shape[::-1]
-        return render_parts(mesh, faces, face_part, self.matrix, size)[0]

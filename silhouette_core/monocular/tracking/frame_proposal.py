@@ -1,0 +1,88 @@
+"""What a frame is expected to show before it is compared with its silhouette in detail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.silhouette_weights import SignedWeights
+from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
+from silhouette_core.monocular.window import Window
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import RefineStart
+from silhouette_core.refinement.surface import Surface
+
+
+class FrameProposal(Protocol):
+    """Poses that a frame probably shows."""
+
+    @property
+    def distance_m(self) -> float:
+        """Distance of the body from the camera."""
+        ...
+
+    @property
+    def window(self) -> Window | None:
+        """Window of the silhouette at about that distance, if there is one already."""
+        ...
+
+    def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
+        """Starts of hypotheses that no past is needed for."""
+        ...
+
+    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (K,) float64, nats, of poses with joints (K, 15, 3) in the world, m."""
+        ...
+
+    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior | None:
+        """Prior of the joints of the proposed pose that is the nearest to one with joints (15, 3);
+        None: proposed poses say nothing about others.
+        """
+        ...
+
+
+class Proposer(Protocol):
+    """Proposes poses, frame after frame.
+
+    Attributes:
+        model: the body, which may become another one as more of it is seen.
+    """
+
+    model: BodyModel
+
+    def note(self, number: int, time_s: float, person: Person) -> Any:
+        """What is kept of a frame; independent of what is found in others, unless frames are
+        decided at once.
+
+        Args:
+            number: of the frame in the recording.
+            time_s: time of the frame.
+            person: silhouette, and its colours if they are known.
+        """
+        ...
+
+    def propose(
+        self, notes: Sequence[Any], people: Sequence[Person], first: bool
+    ) -> Sequence[FrameProposal]:
+        """Proposals of consecutive frames.
+
+        Args:
+            notes: T frames' notes.
+            people: T silhouettes.
+            first: whether these are the first frames of all.
+        """
+        ...
+
+    def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
+        """Where a frame shows the colours of the head, if they are known."""
+        ...
+
+    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+        """Learns from a decided frame: its number, silhouette and joints (15, 3), m."""
+        ...

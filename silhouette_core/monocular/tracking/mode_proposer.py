@@ -1,0 +1,145 @@
+"""Proposals of a person's poses: modes of the learned network, frame after frame.
+
+Beyond paper A. The network reads silhouettes through a window at the person's distance, which it
+corrects itself, and as soon as the head is found its colours, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera, Rig
+from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.person import Person, upright_distance
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.silhouette_weights import SignedWeights
+from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
+from silhouette_core.monocular.tracking.body_adaptation import adapted_body
+from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
+from silhouette_core.monocular.window import STATURE_PX, Window, look_at
+from silhouette_core.progress import StageClock
+from silhouette_core.refinement.observation import PinholeViews
+
+_MEMORY_S = 0.5  # of frames that the network reads without later ones
+_ROUNDS = 3  # in which the distance of a first frame is corrected
+# Weights of earlier pictures in the head's colours; without later frames these are learned from
+# every fifth frame.
+_BLOCKS_KEPT, _FRAMES_KEPT, _COLOURS_EVERY = 0.5, 0.9, 5
+
+
+@dataclass(frozen=True, eq=False)
+class ModeNote:
+    """What is kept of a frame.
+
+    Attributes:
+        view: what the network reads of it.
+        window: the window's picture, if the frame is decided at once.
+    """
+
+    view: ModeView
+    window: Window | None
+
+
+class ModeProposer:
+    """Proposes a person's poses; see `frame_proposal.Proposer`.
+
+    Args:
+        proposal: the network.
+        camera: pinhole camera without distortion.
+        model: the body.
+        sexes: templates tried when the body is adapted to the person; none: it stays as it is.
+        facing: whether the person mostly faces the camera in the first frame.
+        smooth: whether frames are decided with knowledge of later ones.
+        clock: times the adaptation of the body.
+    """
+
+    def __init__(
+        self,
+        proposal: PoseProposal,
+        camera: Camera,
+        model: BodyModel,
+        sexes: Sequence[str],
+        facing: bool,
+        smooth: bool,
+        clock: StageClock,
+    ):
+        """Knows neither distance nor colours yet."""
+        self.model, self._camera, self._sexes = model, camera, tuple(sexes)
+        self._facing, self._smooth, self._clock = facing, smooth, clock
+        self._finder = ModeFinder(proposal, camera, model.length_m)
+        self._colours = ColourEvidence(camera)
+        self._views: list[ModeView] = []  # of the last half second
+        self._distance_m = np.nan
+
+    def note(self, number: int, time_s: float, person: Person) -> ModeNote:
+        """See `frame_proposal.Proposer.note`."""
+        self._views = [one for one in self._views if time_s - one.time_s <= _MEMORY_S]
+        if not self._views:
+            self._distance_m = self._first_distance(time_s, person)
+        window = self._window(person, self._distance_m)
+        view = self._finder.view(window, time_s)
+        if not self._smooth:
+            view = self._coloured(view, person)
+        self._views.append(view)
+        if self._smooth:
+            self._distance_m = self._finder.distance(self._views)
+        return ModeNote(view, None if self._smooth else window)
+
+    def propose(
+        self, notes: Sequence[ModeNote], people: Sequence[Person], first: bool
+    ) -> list[FrameModes]:
+        """See `frame_proposal.Proposer.propose`; the first time, the body is adapted to them."""
+        if not self._smooth:
+            modes = self._finder.newest(self._views, self._facing)
+            self._distance_m = modes.distance_m
+            return [replace(modes, window=notes[-1].window)]
+        modes = self._over_time([note.view for note in notes], people, first)
+        if self._sexes:
+            masks = [person.mask for person in people]
+            views = PinholeViews.from_rig(Rig((self._camera,)))
+            with self._clock("body"):
+                self.model = adapted_body(self.model, self._sexes, views, masks, modes)
+            self._sexes = ()
+        return modes
+
+    def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
+        """See `frame_proposal.Proposer.skin`."""
+        return self._colours.skin(weights, person)
+
+    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+        """See `frame_proposal.Proposer.learn`."""
+        if number % _COLOURS_EVERY == 0:
+            self._colours.learn([person], [joints_m], _FRAMES_KEPT)
+
+    def _window(self, person: Person, distance_m: float) -> Window:
+        scale = STATURE_PX / self._finder.stature_m
+        return look_at(self._camera, person.mask, distance_m, scale)
+
+    def _first_distance(self, time_s: float, person: Person) -> float:
+        """Distance of a person who was not seen before: upright, then as the network corrects."""
+        distance_m = upright_distance(self._camera, person.mask, self._finder.stature_m)
+        for _ in range(_ROUNDS):
+            view = self._finder.view(self._window(person, distance_m), time_s)
+            distance_m = self._finder.distance([view])
+        return distance_m
+
+    def _over_time(
+        self, views: list[ModeView], people: Sequence[Person], first: bool
+    ) -> list[FrameModes]:
+        """Modes of all frames, with the colours of the head as soon as that is found."""
+        facing = self._facing and first
+        views = self._finder.corrected(views, [person.mask for person in people])
+        modes = self._finder.find(views, facing=facing)
+        if not self._colours.learn(people, [one.likeliest for one in modes], _BLOCKS_KEPT):
+            return modes
+        views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
+        return self._finder.find(views, facing=facing)
+
+    def _coloured(self, view: ModeView, person: Person) -> ModeView:
+        """View of a frame with what lies inside the silhouette, if the colours are known."""
+        return self._finder.with_inside(view, self._colours.inside(view.window, person))

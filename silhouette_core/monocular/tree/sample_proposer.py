@@ -1,0 +1,131 @@
+"""Proposals of the poses of a body that is no person's: samples of the tree filter's posterior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.silhouette_weights import SignedWeights
+from silhouette_core.monocular.tracking.beam import select_different
+from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.window import Window
+from silhouette_core.motion.dynamics import pose_step_sigma
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
+from silhouette_core.refinement.surface import Surface
+
+_ROWS = 150  # samples of a posterior that are considered
+_BY_PROBABILITY, _BY_FIT = 8, 8  # seeds: likeliest samples, and those that fit best
+_FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
+# Deviations of a body's pose from the library's sample: place, orientation, joint angles.
+_SIGMA_M, _SIGMA_TURN_RAD, _SIGMA_RAD = 0.06, 0.15, 0.20
+
+
+@dataclass(frozen=True, eq=False)
+class SampleProposal:
+    """Samples of one frame's posterior; see `frame_proposal.FrameProposal`.
+
+    Attributes:
+        tree: the filter.
+        frame: the frame and its posterior.
+        root: place of a root that stands still, with any joint angles; None: it moves.
+        different_m: mean distance of the joints within which two samples explain a silhouette
+            alike.
+    """
+
+    tree: TreeFilter
+    frame: FilterFrame
+    root: Pose | None
+    different_m: float
+
+    @property
+    def distance_m(self) -> float:
+        """Distance of the body as the filter estimates it."""
+        return self.frame.distance_m
+
+    @property
+    def window(self) -> Window | None:
+        """None: none is kept."""
+        return None
+
+    def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
+        """The likeliest samples, and those of the leaves that fit best, different from each
+        other.
+        """
+        model, sigma = surface.model, _deviations(surface.model, self.root is not None)
+        return [
+            RefineStart(pose, _FROM_LIBRARY, PosePrior(pose, sigma)) for pose in self._seeds(model)
+        ]
+
+    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """None: nobody knows which poses such a body usually takes."""
+        return np.zeros(len(landmarks_m))
+
+    def nearest(self, landmarks_m: NDArray[np.float64]) -> None:
+        """None: samples are refined with priors of their angles."""
+
+    def _seeds(self, model: BodyModel) -> list[Pose]:
+        posterior = self.frame.posterior
+        by_fit = np.argsort(posterior.distance, kind="stable")[:_ROWS]
+        rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), _ROWS)), by_fit]))
+        samples = candidates_of(self.tree, self.frame, rows)
+        arrays = samples.root_m, samples.root_rotation, samples.angles_rad
+        joints = landmarks(model, *place(model, *arrays))
+        least = self.different_m
+        chosen = select_different(joints, np.argsort(rows), _BY_PROBABILITY, least)
+        by_fit = np.argsort(posterior.distance[rows], kind="stable")
+        chosen += select_different(joints, by_fit, _BY_FIT, least, chosen)
+        roots = [(samples.root_m[k], samples.root_rotation[k]) for k in chosen]
+        if self.root is not None:
+            roots = [(self.root.root_m, self.root.root_rotation)] * len(chosen)
+        return [Pose(*root, samples.angles_rad[k]) for root, k in zip(roots, chosen, strict=True)]
+
+
+class SampleProposer:
+    """Proposes the poses of a body that is no person's; see `frame_proposal.Proposer`.
+
+    Args:
+        forward: the filter over frames.
+        root: see `SampleProposal`.
+        different_m: see `SampleProposal`.
+    """
+
+    def __init__(self, forward: ForwardFilter, root: Pose | None, different_m: float):
+        """Keeps what it is given."""
+        self.model = forward.tree.library.model
+        self._forward, self._root, self._different_m = forward, root, different_m
+
+    def note(self, number: int, time_s: float, person: Person) -> FilterFrame:
+        """Posterior of the frame, without its pictures."""
+        return slim(self._forward.step(number, time_s, person), _ROWS)
+
+    def propose(
+        self, notes: Sequence[FilterFrame], people: Sequence[Person], first: bool
+    ) -> list[SampleProposal]:
+        """See `frame_proposal.Proposer.propose`."""
+        tree = self._forward.tree
+        return [SampleProposal(tree, frame, self._root, self._different_m) for frame in notes]
+
+    def skin(self, weights: SignedWeights, person: Person) -> None:
+        """None: such bodies have no skin."""
+
+    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+        """Nothing is learned."""
+
+
+def _deviations(model: BodyModel, held: bool) -> NDArray[np.float64]:
+    """Deviations (6 + D,) of a pose from the library's; of a held root, those of a step."""
+    sigma = np.concatenate(
+        [[_SIGMA_M] * 3, [_SIGMA_TURN_RAD] * 3, np.full(model.dof_count, _SIGMA_RAD)]
+    )
+    if held:
+        sigma[:6] = pose_step_sigma(model.tree)[:6]
+    return sigma
