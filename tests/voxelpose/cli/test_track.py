@@ -127,11 +127,6 @@ def test_a_library_without_a_proposal(room, capsys):
     assert "bad.vplib: the library has no proposal" in line and "voxelpose library build" in line
 
 
-@pytest.mark.parametrize("word", ["--no-refine", "--weighting=xor", "--motion-model=DM1"])
-def test_options_of_the_papers_filter_are_no_more(room, capsys, word):
-    assert word.split("=")[0] in refused(room, capsys, *TRACK, word)
-
-
 def test_nobody_in_any_frame(room, capsys):
     line = refused(room, capsys, *TRACK, "--stature", "1.75")
     assert "camera cam_1 shows nobody in any frame" in line

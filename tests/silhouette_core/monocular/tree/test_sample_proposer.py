@@ -77,9 +77,10 @@ def test_seeds_are_the_likeliest_samples_then_those_that_fit_best(proposal, surf
     first = candidates_of(tree, proposal.frame, [0])
     np.testing.assert_allclose(starts[0].pose.angles_rad, first.angles_rad[0])
     np.testing.assert_allclose(starts[0].pose.root_m, first.root_m[0])
+    sigma = np.r_[[0.06] * 3, [0.15] * 3, [0.2] * body().dof_count]
     for start in starts:
         assert start.prior.pose is start.pose and start.landmark_prior is None
-        assert start.prior.sigma == pytest.approx([*[0.06] * 3, *[0.15] * 3, *[0.2] * 57])
+        assert start.prior.sigma == pytest.approx(sigma)
 
 
 def test_what_fits_best_is_a_seed_however_improbable(proposal, surface, tree):
