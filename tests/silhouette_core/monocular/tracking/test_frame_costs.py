@@ -183,13 +183,13 @@ def test_the_floor_is_decided_over_time(alike):
     assert not costs.floor.stood_on
     assert costs_of("floor", alike(high), costs) == pytest.approx(0)  # is there a floor at all?
     assert not costs.floor.stood_on
-    for _ in range(3):
-        costs_of("floor", alike(LEVEL), costs)
+    low, up = alike(LEVEL), alike(high)
+    for _ in range(2 * SETTINGS.floor_frames // 3):
+        costs_of("floor", low, costs)
     assert costs.floor.stood_on
     assert costs_of("floor", alike(high, LEVEL), costs)[0] > 2
-    given = alike(high)
-    for _ in range(SETTINGS.floor_frames):  # what is long ago does not count
-        costs_of("floor", given, costs)
+    for _ in range(SETTINGS.floor_frames // 2 + 1):  # the first frames are forgotten by then
+        costs_of("floor", up, costs)
     assert not costs.floor.stood_on
     assert not costs_of("floor", alike(high, LEVEL), costs).any()
 
