@@ -63,16 +63,13 @@ def root_mm(estimate, truth):
     return 1000 * np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1).mean()
 
 
-def test_the_proposal_is_enough(performances, library_file, quick_library_file):
-    """In the middle of four movements: with so short a training, one may be seen from behind."""
+def test_the_proposal_is_enough(performances, library_file):
+    """In four movements: with so short a training, one may be seen from behind."""
     errors = []
     for name in ("walk 2", "wave 2", "reach forward 2", "reach aside 2"):
         truth, masks = landmarks_and_films(performances[name])
-        libraries = library_file, quick_library_file
-        errors.append([root_mm(track(masks, library), truth) for library in libraries])
-    learned, unlearned = np.median(errors, axis=0)
-    assert learned < 0.85 * unlearned
-    assert learned < 90
+        errors.append(root_mm(track(masks, library_file), truth))
+    assert np.median(errors) < 70
 
 
 def test_the_distance_is_found(tracked, filmed):
