@@ -1,5 +1,5 @@
-"""One frame of `track`, silhouette to posterior, against the same search pixel by pixel: `python -m
-benchmarks.filter`.
+"""One frame of the paper's filter, silhouette to posterior, against the same search pixel by pixel:
+`python -m benchmarks.filter`.
 
 As a program it follows a whole clip and prints what a frame takes, as Okada and Stenger's Fig. 6
 (d) does. As cases of `make bench` one
@@ -33,7 +33,8 @@ from silhouette_core.jit import set_threads
 from silhouette_core.monocular.making.default import LEARNING
 from silhouette_core.monocular.making.from_motion import make_library
 from silhouette_core.monocular.person import find_person
-from silhouette_core.monocular.tree.evidence import SHIFTS_PX, Alignment, Evidence, relative_weights
+from silhouette_core.monocular.silhouette_weights import relative_weights
+from silhouette_core.monocular.tree.evidence import SHIFTS_PX, Alignment, Evidence
 from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of

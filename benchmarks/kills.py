@@ -21,13 +21,14 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.library_fuzz_targets import unlearned_proposal
 from calib.files import read_rig
-from silhouette_core.monocular.tree.store import read_library
+from silhouette_core.monocular.tree.store import read_library, write_library
 from voxelpose.demo.filming import make_recording
 from voxelpose.results import Result
 
@@ -109,6 +110,8 @@ def prepare(folder: Path) -> None:
     ):
         ended = start(words, folder)
         assert ended.wait() == 0, words
+    library = folder / "lib.vplib"  # without a proposal no person is tracked
+    write_library(replace(read_library(library), proposal=unlearned_proposal()), library)
 
 
 def start(words: list[str] | tuple[str, ...], folder: Path) -> subprocess.Popen[str]:

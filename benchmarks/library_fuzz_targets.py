@@ -10,10 +10,13 @@ import numpy as np
 
 from benchmarks.scene import ring
 from calib.camera import Camera
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose, PoseArrays
 
 
 def make_library(path: Path, model: BodyModel, tree: str, *, learned: bool) -> None:
@@ -29,12 +32,15 @@ def make_library(path: Path, model: BodyModel, tree: str, *, learned: bool) -> N
     clips = {"wave": perform(movements()["wave"], model)}
     library = build_library(base_poses(clips, settings), model, settings)
     if learned:
-        library = replace(library, proposal=_proposal())
+        library = replace(library, proposal=unlearned_proposal())
     write_library(library, path)
 
 
 @cache
-def _proposal():
+def unlearned_proposal():
+    """A proposal that learned nothing: whatever it sees, somebody stands there facing the camera,
+    about as far away as assumed.
+    """
     from silhouette_core.monocular.proposal import silhouette_features as features
     from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
     from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
@@ -50,7 +56,10 @@ def _proposal():
     outline = ConvolutionalEncoder.initial(1, 4, features.OUTLINE_CODES, rng)
     inside = ConvolutionalEncoder.initial(2, 4, features.INSIDE_CODES, rng)
     encoding = SilhouetteEncoding(outline, feet, inside)
-    joints = rng.random((len(LANDMARK_NAMES) - 1, 3), np.float32)
+    model = BodyModel.from_sizes(BodySizes(1.75))
+    standing = Pose(np.zeros(3), np.eye(3), relaxed_rad(model.tree))
+    placed = landmarks(model, *place(model, *PoseArrays.from_poses([standing]).arrays))[0]
+    joints = ((placed - placed[0])[1:] / model.length_m).astype(np.float32)
     inputs = features.network_inputs(
         _features(PoseProposal(encoding, None)),
         np.arange(2),
@@ -58,6 +67,7 @@ def _proposal():
         np.ones(2, bool),
     ).shape[1]
     network = MixtureNetwork.initial(inputs, 16, 1, 3, joints, rng)
+    network.weights[-1][:] = 0
     return PoseProposal(encoding, network)
 
 

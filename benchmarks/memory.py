@@ -1,10 +1,9 @@
 """Memory of `track` over a long video.
 
-Usage: `python -m benchmarks.memory [--refine] FRAMES ...`, for example 300 1500 6000.
+Usage: `python -m benchmarks.memory FRAMES ...`, for example 300 1500 6000.
 
 The silhouettes of a clip of two seconds are repeated in memory. Every length runs in its own
-process, whose largest resident set is printed, in the end and every 150 frames. Without --refine
-the library's poses are not refined, which is faster.
+process, whose largest resident set is printed, in the end and every 150 frames.
 """
 
 from __future__ import annotations
@@ -49,26 +48,14 @@ class Loop(SilhouetteSource):
             yield frame, seconds, pictures
 
 
-def main(words: list[str]) -> None:
+def main(lengths: list[str]) -> None:
     """Measures every length in its own process, or a single one in this process."""
-    refine, lengths = "--refine" in words, [word for word in words if word != "--refine"]
     if len(lengths) != 1:
         for length in lengths:
-            subprocess.run(
-                [
-                    sys.executable,
-                    "-m",
-                    "benchmarks.memory",
-                    length,
-                    *(["--refine"] if refine else []),
-                ],
-                check=True,
-            )
+            subprocess.run([sys.executable, "-m", "benchmarks.memory", length], check=True)
         return
-    settings, started = (
-        Settings(options={"library": str(library_file()), "refine": refine}),
-        time.perf_counter(),
-    )
+    settings = Settings(options={"library": str(library_file())})
+    started = time.perf_counter()
     film = Loop(int(lengths[0]))
     motion = MonocularEstimator().estimate(film, settings, SilentReporter()).motion
     seconds = time.perf_counter() - started
@@ -82,9 +69,9 @@ def main(words: list[str]) -> None:
     ]
     kept = sum(np.asarray(array).nbytes for array in arrays) / 2**20
     print(
-        f"{lengths[0]:>7} frames, {'refined' if refine else 'not refined'}: at most"
-        f" {_peak_mib():.0f} MiB resident, the motion's arrays {kept:.1f} MiB,"
-        f" {1000 * seconds / len(motion):.0f} ms a frame\n        so far, every {_EVERY} frames:"
+        f"{lengths[0]:>7} frames: at most {_peak_mib():.0f} MiB resident, the motion's arrays"
+        f" {kept:.1f} MiB, {1000 * seconds / len(motion):.0f} ms a frame\n"
+        f"        so far, every {_EVERY} frames:"
         f" {', '.join(f'{peak:.0f}' for peak in film.peaks)}",
         flush=True,
     )

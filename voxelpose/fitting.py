@@ -181,8 +181,7 @@ def track(
         recording: frames of one camera: `Recording.open(folder, cameras=["cam_1"])`.
         output: destination of the results.
         settings: as for `fit`, with the options `library` (path of a pose library; by default one
-            that is made at first use), `start` ("facing" or "any"), `refine`, `weighting` and
-            `motion_model`.
+            that is made at first use), `start` ("facing" or "any") and `outline_only`.
         reporter: receiver of progress; None reports nothing.
 
     Returns:

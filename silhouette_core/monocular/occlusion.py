@@ -36,8 +36,8 @@ def standing_areas(model: BodyModel) -> NDArray[np.float64]:
     Returns:
         (parts,) float64, pixels of the window, a stature away from the camera by `_FAR`.
     """
-    yaw_rad = np.arange(_SIDES) * 2 * np.pi / _SIDES
-    turns = Rotation.from_rotvec(yaw_rad[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+    yaws = np.arange(_SIDES)[:, None] * 360 / _SIDES
+    turns = Rotation.from_euler("z", yaws, degrees=True).as_matrix()
     middle = 0.5 * (model.vertices_m.min(axis=0) + model.vertices_m.max(axis=0))
     turned = (model.vertices_m - middle) @ turns.transpose(0, 2, 1)
     x, y, z = np.moveaxis(turned / model.length_m, -1, 0)

@@ -93,7 +93,7 @@ class Term(Protocol):
 
 
 @dataclass(frozen=True)
-class Outline:
+class SilhouetteMismatch:
     """The silhouette distance, eq. (10): Gaussian."""
 
     settings: CostSettings
@@ -215,7 +215,7 @@ class FrameCosts:
         self.settings, self._person = settings, person
         self.floor, self._walking = Floor(settings), WalkingBackward(settings)
         self.terms: dict[str, Term] = {
-            "silhouette": Outline(settings),
+            "silhouette": SilhouetteMismatch(settings),
             "floor": self.floor,
             "proposal": proposed,
         }

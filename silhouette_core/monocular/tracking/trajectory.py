@@ -173,10 +173,8 @@ class PoseTrajectory:
         """Hypotheses of all pending frames."""
         beams: list[Beam] = []
         for seen, own in zip(observed, proposals, strict=True):
-            past = [*self._past, *beams[-2:]][-2:]
-            if past and seen.time_s - past[-1].time_s > _LONGEST_GAP_S:
-                past = []
-            beams.append(self.tracker.step(seen, own, _last_two(past)))
+            past = _last_two([*self._past, *beams[-2:]], seen.time_s)
+            beams.append(self.tracker.step(seen, own, past))
         if not (self.smooth and self.tracker.settings.both_ways):
             return beams
         return self._both_ways(observed, proposals, beams)
@@ -194,10 +192,10 @@ class PoseTrajectory:
         frames = list(zip(observed, proposals, beams, strict=True))
         for seen, own, known in reversed(frames):
             before = replace(seen, time_s=-seen.time_s)
-            backward.append(step(before, own, _last_two(backward), known))
+            backward.append(step(before, own, _last_two(backward, before.time_s), known))
         result: list[Beam] = []
         for (seen, own, _), known in zip(frames, reversed(backward), strict=True):
-            past = _last_two([*self._past, *result[-2:]])
+            past = _last_two([*self._past, *result[-2:]], seen.time_s)
             result.append(step(seen, own, past, known, searched=False))
         return result
 
@@ -246,6 +244,10 @@ class PoseTrajectory:
         )
 
 
-def _last_two(beams: Sequence[Beam]) -> tuple[Beam | None, Beam | None]:
-    """The last hypotheses and those before them, where there are any."""
-    return beams[-1] if beams else None, beams[-2] if len(beams) > 1 else None
+def _last_two(beams: Sequence[Beam], time_s: float) -> tuple[Beam | None, Beam | None]:
+    """The last hypotheses before a time and those before them, where there are any; after a gap, a
+    trajectory begins anew.
+    """
+    if not beams or time_s - beams[-1].time_s > _LONGEST_GAP_S:
+        return None, None
+    return beams[-1], beams[-2] if len(beams) > 1 else None

@@ -1,7 +1,10 @@
 """A small library of the project's own movements, made once."""
 
+from dataclasses import replace
+
 import pytest
 
+from benchmarks.library_fuzz_targets import unlearned_proposal
 from silhouette_core.monocular.making.base_poses import base_poses
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
@@ -24,9 +27,18 @@ def library():
 
 
 @pytest.fixture(scope="session")
-def library_file(library, tmp_path_factory):
+def library_file(library, learned_proposal, tmp_path_factory):
+    """With a proposal that has learned these movements."""
     path = tmp_path_factory.mktemp("library") / "small.vplib"
-    write_library(library, path)
+    write_library(replace(library, proposal=learned_proposal), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def quick_library_file(library, tmp_path_factory):
+    """With a proposal that learned nothing, for what does not depend on it."""
+    path = tmp_path_factory.mktemp("library") / "quick.vplib"
+    write_library(replace(library, proposal=unlearned_proposal()), path)
     return path
 
 

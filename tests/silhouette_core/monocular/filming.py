@@ -9,14 +9,14 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
-from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import landmarks, place, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
@@ -73,9 +73,28 @@ def joints_of(model: BodyModel, pose: Pose) -> np.ndarray:
     return landmarks(model, *place(model, *PoseArrays.from_poses([pose]).arrays))[0]
 
 
-def observed_by(camera: Camera, library: PoseLibrary, pose: Pose) -> ObservedFrame:
-    """The frame in which a camera sees the library's body in a pose."""
+def observed_by(camera: Camera, pose: Pose) -> ObservedFrame:
+    """The frame in which a camera sees the body in a pose."""
     views = PinholeViews.from_rig(Rig((camera,)))
     distance = float(np.linalg.norm(pose.root_m - camera.center_m))
     mask = silhouette(body(), pose, camera)
-    return FrameObserver(views, library, "balanced", CPU).observe(mask, distance, 0.0)
+    return FrameObserver(views, STATURE_M).observe(mask, distance, 0.0)
+
+
+def prior_of(pose: Pose, sigma_m: float = 0.1) -> LandmarkPrior:
+    """The body's joints in a pose, as a mode of a proposal."""
+    joints = joints_of(body(), pose)
+    precision = np.tile(np.eye(3) / sigma_m**2, (15, 1, 1))
+    return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
+
+
+def proposed(
+    poses: Sequence[Pose],
+    probability: Sequence[float],
+    distance_m: float = 4.0,
+    sigma_m: float = 0.1,
+) -> FrameModes:
+    """A proposal of some poses."""
+    return FrameModes(
+        np.array(probability), [prior_of(pose, sigma_m) for pose in poses], distance_m
+    )

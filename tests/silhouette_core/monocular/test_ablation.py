@@ -6,19 +6,12 @@ test_with_proposal.py.
 import numpy as np
 import pytest
 
-from benchmarks.silhouette_source import SilhouetteSource
-from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.estimator import Settings
-from silhouette_core.monocular.monocular_estimator import MonocularEstimator
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking.limb_resampling import LimbResampler
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, FilterSettings, TreeFilter
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.motion.motion import Motion
-from silhouette_core.progress import SilentReporter
-from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films, performed
+from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
 FRONT = camera_at((0, -4.0, 1.3), size=(320, 240))
 STEP, INTERVAL_S = 2, 1 / 15
@@ -105,44 +98,3 @@ def test_pruning_scores_few_leaves_and_loses_nothing(sparse, stroll, monkeypatch
     assert of_leaves < 0.2 and of_all < 0.4
     assert np.mean(same_leaf) >= 0.9
     assert np.mean(lost) < 0.03 and max(lost) < 0.1
-
-
-REACHING = [
-    LANDMARK_NAMES.index(f"{side}_{name}")
-    for side in ("left", "right")
-    for name in ("elbow", "wrist")
-]
-ARM_PARTS = ("clavicle", "upper_arm", "forearm", "hand")
-
-
-@pytest.fixture(scope="module")
-def walk_and_reach():
-    """The legs of one movement of the library with the arms of another, ten frames a second."""
-    model, walk, reach = body(), performed("walk"), performed("reach aside")
-    arms = [any(part in name for part in ARM_PARTS) for name in model.dof_names]
-    rows, later = np.arange(0, 30, 3), 20
-    angles = walk.angles_rad[rows]
-    angles[:, arms] = reach.angles_rad[rows + later][:, arms]
-    return Motion(10.0, model, walk.root_m[rows], walk.root_quaternion[rows], angles)
-
-
-@pytest.mark.slow
-def test_limbs_are_recombined(library_file, walk_and_reach, monkeypatch):
-    """The library holds no such whole pose: without resampling of limbs, the arms hang down."""
-    camera = camera_at((2.6, -3.1, 1.4), size=(320, 240))
-    motion, truth = walk_and_reach, walk_and_reach.landmarks()
-    masks = films(motion, camera, range(len(motion)))
-    options = {"library": str(library_file)}
-
-    def arm_error_mm():
-        source = SilhouetteSource(camera, masks, motion.fps)
-        settings = Settings(STATURE_M, threads=1, options=options)
-        estimate = MonocularEstimator().estimate(source, settings, SilentReporter())
-        found = estimate.motion.landmarks()
-        apart = np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1)
-        return 1000 * apart[:, REACHING].mean()
-
-    with_limbs = arm_error_mm()
-    monkeypatch.setattr(LimbResampler, "resample", lambda _, frames, before=None: list(frames))
-    assert with_limbs < 110
-    assert with_limbs < 0.5 * arm_error_mm()

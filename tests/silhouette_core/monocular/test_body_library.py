@@ -16,13 +16,14 @@ from silhouette_core.monocular.body_library import (
 from silhouette_core.monocular.making.base_poses import base_poses
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.making.sampled_motion import sampled_motion
+from silhouette_core.monocular.occlusion import usual_areas
 from silhouette_core.monocular.person import Person, area_distance
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
-from silhouette_core.monocular.tracking.pose_costs import PoseCosts
 from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.root_search import find_root
+from silhouette_core.monocular.tree.sample_proposer import SampleProposer
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree.view_tree_filter import tree_filter
 from silhouette_core.monocular.window import look_at
@@ -91,30 +92,22 @@ def test_a_still_root_is_found_by_frames_of_one_camera(library, filmed):
     assert np.degrees(turn) < 10
 
 
-def test_what_is_known_about_people_costs_other_bodies_nothing(library, filmed):
-    costs, poses = PoseCosts(library), filmed[0][:2]
-    joints = np.random.default_rng(0).normal(size=(2, 5, 3))
-    assert not costs.novelty(poses, joints).any() and not costs.slip(joints, joints + 1, 1).any()
-    for t in range(12):
-        costs.add_position(t / 15, np.array([0.2 * t, 0, 0]))
-    assert not costs.walking_backward(poses, 0.8).any()
-
-
 def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
     poses, masks = filmed
     root = Pose(poses[0].root_m, poses[0].root_rotation, np.zeros(4))
-    settings = TrackerSettings().of_given_body(desk_lamp().length_m, root)
-    tree = tree_filter(library, True, 1 / 15)
-    tracker = HypothesisTracker(tree, CAMERA, settings)
-    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(masks[0], False))
-    beam = tracker.step(frame, None, None)
+    model, person = desk_lamp(), Person(masks[0], False)
+    settings = TrackerSettings.of_given_body(model.length_m)
+    forward = ForwardFilter(tree_filter(library, True, 1 / 15), CAMERA)
+    proposer = SampleProposer(forward, root, settings.different_m)
+    (proposal,) = proposer.propose([proposer.note(0, 0.0, person)], [person], True)
+    tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings)
+    observed = tracker.observer.observe(masks[0], proposal.distance_m, 0.0)
+    beam = tracker.step(observed, proposal, (None, None))
+    assert len(beam.poses) > 1 and set(beam.priors) == {None}
     for pose in beam.poses:
         np.testing.assert_allclose(pose.root_m, root.root_m, atol=1e-4)
         np.testing.assert_allclose(pose.root_rotation, root.root_rotation, atol=1e-4)
     assert beam.joints.shape[1:] == (5, 3)
-    # Hypotheses that are known already are added, and can be all.
-    again = tracker.step(frame, None, None, known=beam, searched=False)
-    assert len(again.poses) == len(beam.poses) and again.distance == pytest.approx(beam.distance)
 
 
 def test_a_library_of_another_body_is_refused(library, filmed, tmp_path):

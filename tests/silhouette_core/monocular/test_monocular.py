@@ -14,7 +14,7 @@ from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
 from silhouette_core.monocular.tracking import trajectory
-from silhouette_core.monocular.tree.forward import ForwardFilter
+from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films, performed
 
@@ -32,9 +32,8 @@ def filmed():
     return motion.landmarks()[ROWS], films(motion, CAMERA, ROWS)
 
 
-@pytest.fixture(scope="module")
-def track(library_file):
-    """HypothesisTracker silhouettes, with options."""
+def tracking(library_file):
+    """Tracks silhouettes, with options."""
 
     def run(masks, threads=1, smooth=True, camera=CAMERA, **options):
         settings = Settings(
@@ -51,14 +50,31 @@ def track(library_file):
 
 
 @pytest.fixture(scope="module")
+def track(library_file):
+    return tracking(library_file)
+
+
+@pytest.fixture(scope="module")
+def quick(quick_library_file):
+    """With a proposal that says the same of every frame."""
+    return tracking(quick_library_file)
+
+
+@pytest.fixture(scope="module")
 def tracked(track, filmed):
     return track(filmed[1])
+
+
+@pytest.fixture(scope="module")
+def quickly(quick, filmed):
+    return quick(filmed[1])
 
 
 def root_mm(found, truth):
     return 1000 * np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1).mean()
 
 
+@pytest.mark.slow
 def test_the_motion_is_found(tracked, filmed):
     truth, _ = filmed
     joints = tracked.motion.landmarks()
@@ -69,6 +85,7 @@ def test_the_motion_is_found(tracked, filmed):
     assert tracked.facts["library"]["samples"] > 1000 and tracked.facts["frames_absent"] == []
 
 
+@pytest.mark.slow
 def test_blocks_of_frames_are_joined(track, tracked, filmed, monkeypatch):
     """What follows a block starts from the hypotheses that were chosen at its end."""
     monkeypatch.setattr(trajectory, "_BLOCK", 3)
@@ -87,13 +104,14 @@ def test_threads_change_nothing(track, tracked, filmed):
     ).all()
 
 
-def test_hypotheses_belong_to_frames(tracked):
-    result = list(tracked.hypotheses)
+def test_hypotheses_belong_to_frames(quickly):
+    result = list(quickly.hypotheses)
     assert [frame for frame, _, _ in result] == list(range(len(ROWS)))
     for _, probability, _ in result:
         assert (np.diff(probability) <= 0).all() and 0 < probability.sum() <= 1 + 1e-6
 
 
+@pytest.mark.slow
 def test_every_frame_from_the_past_alone(track, filmed):
     """Without looking ahead, what comes later changes nothing of what was said."""
     truth, masks = filmed
@@ -103,58 +121,34 @@ def test_every_frame_from_the_past_alone(track, filmed):
     assert root_mm(whole.motion.landmarks(), truth) < 110
 
 
-def test_the_librarys_own_poses_unrefined(track, filmed, library):
-    truth, masks = filmed
-    motion = track(masks, smooth=False, refine=False).motion
-    gaps = np.abs(motion.angles_rad[:, None] - library.base_angles[None]).max(-1).min(1)
-    assert gaps.max() < 1e-6
-    assert root_mm(motion.landmarks(), truth) < 130
-
-
-def test_who_is_not_there_is_not_invented(track, filmed):
+def test_who_is_not_there_is_not_invented(quick, filmed):
     masks = list(filmed[1])
     masks[3:6] = [EMPTY] * 3
-    estimate = track(masks, refine=False)
+    estimate = quick(masks, smooth=False)
     assert estimate.motion.frames.tolist() == [0, 1, 2, 6, 7, 8, 9]
     assert estimate.facts["frames_absent"] == [3, 4, 5]
 
 
-def test_occluded_parts_move_farther_unless_dm1_is_asked_for(track, filmed, monkeypatch):
-    """The filter's prior is that of DM2."""
-    step = ForwardFilter.step
-
-    def posterior(**options):
-        steps = []
-
-        def recorded(self, *args):
-            steps.append(step(self, *args))
-            return steps[-1]
-
-        monkeypatch.setattr(ForwardFilter, "step", recorded)
-        track(filmed[1][:3], refine=False, **options)
-        return steps[-1].posterior
-
-    found = [posterior(), *(posterior(motion_model=name) for name in ("DM2", "DM1"))]
-    probability = [dict(zip(one.samples, one.probability, strict=True)) for one in found]
-    assert probability[0] == probability[1] != probability[2]
-
-
-def test_nobody_at_all_is_one_clear_line(track):
+def test_nobody_at_all_is_one_clear_line(quick):
     with pytest.raises(InputError, match="cam_1 shows nobody in any frame"):
-        track([EMPTY] * 4, refine=False)
+        quick([EMPTY] * 4)
 
 
-def test_a_person_cut_by_the_border_is_said(track):
+def test_a_person_is_not_tracked_without_a_proposal(library, filmed, tmp_path):
+    write_library(library, tmp_path / "plain.vplib")
+    words = r"plain\.vplib: the library has no proposal, .* voxelpose library build"
+    with pytest.raises(InputError, match=words):
+        tracking(tmp_path / "plain.vplib")(filmed[1][:2])
+
+
+def test_a_person_cut_by_the_border_is_said(quick):
     camera = camera_at((1.0, -3.9, 1.4), (0.0, 0, 1.75))  # the feet are below the picture
     masks = films(performed("wave"), camera, ROWS[:3])
-    estimate = track(masks, camera=camera, refine=False)
+    estimate = quick(masks, camera=camera, smooth=False)
     assert estimate.facts["frames_cut_by_the_border"] == [0, 1, 2]
     assert estimate.motion.quality["cut"].all()
-    assert (
-        not track(films(performed("wave"), CAMERA, ROWS[:2]), refine=False)
-        .motion.quality["cut"]
-        .any()
-    )
+    whole = quick(films(performed("wave"), CAMERA, ROWS[:2]), smooth=False)
+    assert not whole.motion.quality["cut"].any()
 
 
 @pytest.mark.parametrize(
@@ -162,23 +156,21 @@ def test_a_person_cut_by_the_border_is_said(track):
     [
         ({"libary": "x"}, "no option 'libary'"),
         ({"start": "sideways"}, "start 'sideways' is not known: use facing or any"),
-        ({"weighting": "nwXOR"}, "weighting 'nwXOR' is not known"),
-        ({"motion_model": "DM3"}, "motion_model 'DM3' is not known: use DM1 or DM2"),
-        ({"refine": "yes"}, "refine 'yes' must be true or false"),
+        ({"outline_only": "yes"}, "outline_only 'yes' must be true or false"),
         ({"library": 3}, "library 3 must be the path of a file"),
     ],
 )
-def test_options_misspelt_are_refused(track, options, words):
+def test_options_misspelt_are_refused(quick, options, words):
     with pytest.raises(InputError, match=words):
-        track([EMPTY], **options)
+        quick([EMPTY], **options)
 
 
-def test_two_cameras_are_too_many(library_file):
+def test_two_cameras_are_too_many(quick_library_file):
     source = SilhouetteSource(CAMERA, [EMPTY])
     source.rig = Rig((CAMERA, replace(CAMERA, name="cam_2")))
     with pytest.raises(InputError, match=r"2 cameras are too many .* --camera"):
         MonocularEstimator().estimate(
-            source, Settings(options={"library": str(library_file)}), SilentReporter()
+            source, Settings(options={"library": str(quick_library_file)}), SilentReporter()
         )
 
 
@@ -196,10 +188,10 @@ def test_the_calibrations_axes_change_nothing(track, tracked, filmed):
         np.testing.assert_allclose(turned.points(there), here, atol=1e-4)
 
 
-def test_a_given_body_is_kept(track, filmed, tmp_path):
+def test_a_given_body_is_kept(quick, filmed, tmp_path):
     person = body(0.5 * SHAPE_SIGMA)
     write_body(person, tmp_path / "body.toml")
-    motion = track(filmed[1], body=str(tmp_path / "body.toml")).motion
+    motion = quick(filmed[1][:3], body=str(tmp_path / "body.toml")).motion
     np.testing.assert_allclose(motion.model.vertices_m, person.vertices_m, atol=1e-9)
     with pytest.raises(InputError, match="there is no body nobody"):
-        track(filmed[1], body="nobody")
+        quick(filmed[1], body="nobody")

@@ -1,12 +1,14 @@
 """Mistakes that users of `voxelpose track` make: one clear line, code 2, nothing written."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks.library_fuzz_targets import unlearned_proposal
 from silhouette_core.monocular.making.build import build_library
-from silhouette_core.monocular.tree.store import write_library
+from silhouette_core.monocular.tree.store import read_library, write_library
 from tests.clips import waving
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring, write_recording, write_staged
@@ -18,7 +20,8 @@ FRAMES = 4
 @pytest.fixture(scope="module")
 def library_bytes(tmp_path_factory):
     path = tmp_path_factory.mktemp("library") / "small.vplib"
-    write_library(build_library(small_bases(), swaying().model, SETTINGS), path)
+    library = build_library(small_bases(), swaying().model, SETTINGS)
+    write_library(replace(library, proposal=unlearned_proposal()), path)
     return path.read_bytes()
 
 
@@ -117,6 +120,13 @@ def test_what_is_not_there_or_impossible(room, capsys, words, line):
     assert line in refused(room, capsys, *words)
 
 
+def test_a_library_without_a_proposal(room, capsys):
+    library = read_library(room / "lib.vplib")
+    write_library(replace(library, proposal=None), room / "bad.vplib")
+    line = refused(room, capsys, "--camera", "cam_1", "--library", "bad.vplib")
+    assert "bad.vplib: the library has no proposal" in line and "voxelpose library build" in line
+
+
 def test_nobody_in_any_frame(room, capsys):
     line = refused(room, capsys, *TRACK, "--stature", "1.75")
     assert "camera cam_1 shows nobody in any frame" in line
@@ -145,7 +155,6 @@ def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
         "lib.vplib",
         "--start",
         "any",
-        "--no-refine",
         "--no-pictures",
     ]
     assert run([*words, "--stature", "1.70"]) == 0

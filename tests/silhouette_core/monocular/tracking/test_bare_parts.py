@@ -8,17 +8,23 @@ import pytest
 from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.raster import render_parts
+from silhouette_core.monocular.occlusion import standing_areas
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking import bare_parts
+from silhouette_core.monocular.tracking import bare_parts, hypothesis_tracker
 from silhouette_core.monocular.tracking.bare_parts import BareParts, SkinEvidence
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.frame_costs import CostSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
-from silhouette_core.monocular.tracking.pose_modes import FrameModes
-from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from tests.silhouette_core.monocular.filming import body, camera_at, joints_of, observed_by
+from tests.silhouette_core.monocular.filming import (
+    body,
+    camera_at,
+    joints_of,
+    observed_by,
+    prior_of,
+    proposed,
+)
 
 CAMERA = camera_at((-4.0, 0.0, 1.2))  # sees the right side of somebody who faces -y
 MODEL = body()
@@ -72,8 +78,8 @@ def costs(skin, observed, poses):
 
 
 @pytest.fixture(scope="module")
-def observed(library):
-    return observed_by(CAMERA, library, NEAR_FORWARD)
+def observed():
+    return observed_by(CAMERA, NEAR_FORWARD)
 
 
 @pytest.mark.parametrize("bare_names", [SHORT_SLEEVES, LONG_SLEEVES])
@@ -112,21 +118,17 @@ def test_a_bare_forearm_before_the_trunk_is_the_near_one(observed):
         assert costs(skin, observed, [alone]) == 0
 
 
-def test_the_tracker_asks_for_it(tree, library, observed, monkeypatch):
+def test_the_tracker_asks_for_it(observed, monkeypatch):
     """The wrong arm is proposed as more probable: what the colours tell decides."""
-    priors = []
-    for pose in (FAR_FORWARD, NEAR_FORWARD):
-        joints = joints_of(MODEL, pose)
-        precision = np.tile(np.eye(3) / 0.1**2, (15, 1, 1))
-        priors.append(LandmarkPrior(joints - joints[0], precision, joints[0], precision[0]))
-    modes = FrameModes(np.array([0.9, 0.1]), priors, 4.0)
-    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(observed.mask, False))
-    tracker = HypothesisTracker(tree, CAMERA, TrackerSettings(sigma=1.0, reaching=0))
-    found = [FAR_FORWARD, NEAR_FORWARD], priors
-    monkeypatch.setattr(tracker.search, "find", lambda *_: found)
+    poses = [FAR_FORWARD, NEAR_FORWARD]
+    modes = proposed(poses, [0.9, 0.1])
+    settings = TrackerSettings(CostSettings(silhouette=1.0), reaching=0)
+    tracker = HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings)
+    found = poses, [prior_of(pose) for pose in poses]
+    monkeypatch.setattr(hypothesis_tracker, "find_hypotheses", lambda *_: found)
 
     def chosen(one):
-        beam = tracker.step(frame, None, None, modes, one)
+        beam = tracker.step(one, modes, (None, None))
         return np.abs(beam.joints[beam.best] - joints_of(MODEL, NEAR_FORWARD)).max() < 1e-6
 
     assert not chosen(observed)

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.occlusion import standing_areas
 from silhouette_core.monocular.tracking import hypothesis_search, hypothesis_tracker
+from silhouette_core.monocular.tracking.frame_costs import CostSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
-from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered, uncovered_ends
-from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.surface import Surface
 from tests.silhouette_core.monocular.filming import (
     body,
@@ -20,6 +18,8 @@ from tests.silhouette_core.monocular.filming import (
     observed_by,
     performed,
     poses_of,
+    prior_of,
+    proposed,
 )
 
 CAMERA = camera_at((0.5, -4.0, 1.4))
@@ -46,14 +46,8 @@ def hanging(raised):
 
 
 @pytest.fixture(scope="module")
-def observed(library, raised):
-    return observed_by(CAMERA, library, raised)
-
-
-def prior_of(pose):
-    joints = joints_of(MODEL, pose)
-    precision = np.tile(np.eye(3) / 0.1**2, (15, 1, 1))
-    return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
+def observed(raised):
+    return observed_by(CAMERA, raised)
 
 
 def reached(observed, pose):
@@ -106,16 +100,16 @@ def test_a_covered_silhouette_asks_for_nothing(observed, raised):
     assert reach_uncovered(Surface(MODEL), observed, [], []) == ([], [])
 
 
-def test_the_tracker_covers_what_the_proposal_missed(tree, observed, raised, hanging, monkeypatch):
+def tracker_of(settings):
+    return HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings)
+
+
+def test_the_tracker_covers_what_the_proposal_missed(observed, hanging, monkeypatch):
     """All that is proposed has the arm down: only with limbs put elsewhere is it found raised."""
-    modes = FrameModes(np.ones(1), [prior_of(hanging)], observed.distance_m)
-    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(observed.mask, False))
-    settings = TrackerSettings(by_probability=0)
+    modes = proposed([hanging], [1.0])
 
     def distance():
-        tracker = HypothesisTracker(tree, CAMERA, settings)
-        monkeypatch.setattr(tracker.search, "_seeds", lambda *_: [])
-        beam = tracker.step(frame, None, None, modes, observed)
+        beam = tracker_of(TrackerSettings()).step(observed, modes, (None, None))
         return beam.distance[beam.best]
 
     found = distance()
@@ -136,21 +130,17 @@ def test_what_stands_out_is_measured(observed, raised, hanging):
     assert uncovered([hanging, away], 0.2) == pytest.approx([0.2, 0.2])
 
 
-def test_an_uncovered_hand_outweighs_what_is_proposed(tree, observed, raised, hanging, monkeypatch):
+@pytest.mark.parametrize("most_m", [CostSettings().most_uncovered_m, 0.0])
+def test_an_uncovered_hand_outweighs_what_is_proposed(
+    most_m, observed, raised, hanging, monkeypatch
+):
     """Both arms are proposed, the hanging one as more probable: what stands out decides."""
-    modes = FrameModes(np.array([0.99, 0.01]), [prior_of(hanging), prior_of(raised)], 4.0)
-    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(observed.mask, False))
-    tracker = HypothesisTracker(tree, CAMERA, TrackerSettings(sigma=1.0, reaching=0))
-    monkeypatch.setattr(
-        tracker.search,
-        "find",
-        lambda *_: ([hanging, raised], [prior_of(hanging), prior_of(raised)]),
-    )
-    wrists = [joints_of(MODEL, pose)[WRIST] for pose in (raised, hanging)]
-    beam = tracker.step(frame, None, None, modes, observed)
-    assert beam.joints[beam.best, WRIST] == pytest.approx(wrists[0], abs=1e-6)
-    monkeypatch.setattr(hypothesis_tracker, "_MOST_UNCOVERED_M", 0.0)
-    beam = tracker.step(frame, None, None, modes, observed)
-    assert beam.joints[beam.best, WRIST] == pytest.approx(
-        joints_of(MODEL, hanging)[WRIST], abs=1e-6
-    )
+    poses = [hanging, raised]
+    found = poses, [prior_of(pose) for pose in poses]
+    monkeypatch.setattr(hypothesis_tracker, "find_hypotheses", lambda *_: found)
+    costs = CostSettings(silhouette=1.0, most_uncovered_m=most_m)
+    tracker = tracker_of(TrackerSettings(costs, reaching=0))
+    beam = tracker.step(observed, proposed(poses, [0.99, 0.01]), (None, None))
+    likeliest = raised if most_m else hanging
+    expected = joints_of(MODEL, likeliest)[WRIST]
+    assert beam.joints[beam.best, WRIST] == pytest.approx(expected, abs=1e-6)

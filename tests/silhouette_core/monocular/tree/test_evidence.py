@@ -7,11 +7,11 @@ from scipy.sparse import identity
 
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree.evidence import (
     SHIFTS_PX,
     Evidence,
     block_weights,
-    relative_weights,
 )
 from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of, silhouette_levels

@@ -38,23 +38,6 @@ def test_a_distance_that_is_told_is_kept(tree, walk):
     ) and len(filter_frames[0].windows) == 1
 
 
-def test_a_corrected_distance_counts_two_frames_later(tree, walk):
-    def distances(late):
-        forward = ForwardFilter(tree, CAMERA, corrected=True)
-        used = []
-        for k, mask in enumerate(walk[1][:5]):
-            if late and k > 1:
-                forward.correct(k - 2, 3.9 + (k - 2) / 100)
-            used.append(forward.step(k, k / 30, Person(mask, False)).windows[0].distance_m)
-            if not late:
-                forward.correct(k, 3.9 + k / 100)
-        return used
-
-    # Whether a frame is corrected before or while the next one is searched makes no difference.
-    assert distances(late=True) == distances(late=False)
-    assert distances(late=True)[2:] == pytest.approx([3.9, 3.91, 3.92])
-
-
 def test_who_faces_the_camera_is_likelier_at_first(tree, walk):
     def facing(forward):
         filter_frame = forward.step(0, 0.0, Person(walk[1][0], False))

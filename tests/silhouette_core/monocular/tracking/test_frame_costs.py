@@ -1,0 +1,262 @@
+"""Every named cost of a frame: what it says, and that it decides where nothing else does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
+from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
+from silhouette_core.monocular.tracking.frame_costs import CostSettings, FrameCosts, Hypotheses
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.surface import Surface
+from tests.silhouette_core.monocular.filming import (
+    body,
+    camera_at,
+    joints_of,
+    observed_by,
+    performed,
+    poses_of,
+    proposed,
+)
+
+CAMERA = camera_at((0.0, -4.0, 1.2))
+MODEL = body()
+SURFACE = Surface(MODEL, 200)
+STANDING = poses_of(performed("walk"))[12]
+LEVEL = STANDING.moved(
+    np.r_[0, 0, -SURFACE.posed(STANDING).points[:, 2].min(), np.zeros(3 + MODEL.dof_count)]
+)
+SETTINGS = CostSettings()
+TRUNK, FOREARM = (1 + PART_NAMES.index(name) for name in ("thorax", "right_forearm"))
+
+
+def moved(pose: Pose, *by_m: float) -> Pose:
+    return Pose(pose.root_m + np.array(by_m), pose.root_rotation, pose.angles_rad)
+
+
+@pytest.fixture(scope="module")
+def observed():
+    return observed_by(CAMERA, LEVEL)
+
+
+@pytest.fixture
+def alike(observed):
+    """Makes hypotheses that the silhouette fits alike, with equal probability, unless said."""
+    drawn = observed.weights.part_images(MODEL, [LEVEL])
+
+    def of(*poses: Pose, **others) -> Hypotheses:
+        joints = np.stack([joints_of(MODEL, pose) for pose in poses])
+        either = proposed(poses, [1 / len(poses)] * len(poses))
+        one = Hypotheses(
+            list(poses), joints, np.full(len(poses), 0.05), np.repeat(drawn, len(poses), axis=0),
+            SURFACE, observed, either,
+        )  # fmt: skip
+        return replace(one, **others)
+
+    return of
+
+
+def costs_of(name: str, given: Hypotheses, costs: FrameCosts | None = None) -> np.ndarray:
+    return (costs or FrameCosts(True, SETTINGS)).terms[name](given)
+
+
+def walked(costs: FrameCosts, step_m: float = 0.04, frames: int = 20) -> None:
+    """Frames of somebody who walks toward the camera at 1.2 m/s, the last of them at 0 s."""
+    for frame in range(frames):
+        costs.add_best((frame - frames) / 30, moved(LEVEL, 0, -step_m * frame, 0))
+
+
+def turned_round(pose: Pose) -> Pose:
+    turn = Rotation.from_euler("z", 180, degrees=True).as_matrix()
+    return Pose(pose.root_m, turn @ pose.root_rotation, pose.angles_rad)
+
+
+def facing(direction: tuple[float, float]) -> Pose:
+    """Somebody upright who faces a horizontal direction; -y is that of a body at rest."""
+    turn = np.arctan2(direction[0], -direction[1])
+    return Pose(LEVEL.root_m, Rotation.from_euler("z", turn).as_matrix(), LEVEL.angles_rad)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Two hypotheses, of which one term alone prefers the first."""
+
+    name: str
+    given: Callable[[Callable[..., Hypotheses]], Hypotheses]
+    before: Callable[[FrameCosts], None] = lambda _: None
+
+
+def _fits_better(alike):
+    return alike(LEVEL, LEVEL, distance=np.array([0.02, 0.10]))
+
+
+def _on_the_floor(alike):
+    return alike(LEVEL, moved(LEVEL, 0, 0, 0.12))
+
+
+def _as_proposed(alike):
+    other = poses_of(performed("wave"))[30]
+    other = moved(LEVEL, 0, 0, 0), replace(other, root_m=LEVEL.root_m)
+    return alike(
+        LEVEL, LEVEL,
+        joints=np.stack([joints_of(MODEL, pose) for pose in other]),
+        proposal=proposed(other, [0.99, 0.01]),
+    )  # fmt: skip
+
+
+def _covered(alike):
+    given = alike(LEVEL, LEVEL)
+    arms = [1 + k for k, name in enumerate(PART_NAMES) if "arm" in name or "hand" in name]
+    drawn = given.drawn.copy()
+    drawn[1][np.isin(drawn[1], arms) & (np.arange(drawn.shape[2]) < drawn.shape[2] // 2)] = 0
+    return replace(given, drawn=drawn)
+
+
+def _skin_where_it_is(alike):
+    """A patch of skin: a bare forearm, or the clothed trunk."""
+    given = alike(LEVEL, LEVEL)
+    drawn = np.where(given.drawn > 0, TRUNK, 0).astype(np.uint8)
+    rows, columns = (np.nonzero(drawn[0])[axis][:400] for axis in (0, 1))
+    likelihood = np.zeros(drawn.shape[1:], np.float32)
+    likelihood[rows, columns] = 1
+    drawn[0, rows, columns] = FOREARM
+    bare = np.full(27, 0.05)
+    bare[FOREARM - 1] = 0.9
+    observed = replace(given.observed, skin=SkinEvidence(likelihood, bare))
+    return replace(given, drawn=drawn, observed=observed)
+
+
+def _walking_forward(alike):
+    """Both are proposed, and relative to the pelvis they are the same."""
+    return alike(facing((0, -1)), facing((0, 1)))
+
+
+SCENES = [
+    Scene("silhouette", _fits_better),
+    Scene("floor", _on_the_floor),
+    Scene("proposal", _as_proposed),
+    Scene("uncovered", _covered),
+    Scene("bare parts", _skin_where_it_is),
+    Scene("walking backward", _walking_forward, walked),
+]
+
+
+def test_every_term_has_a_scene():
+    assert [scene.name for scene in SCENES] == sorted(
+        FrameCosts(True, SETTINGS).terms, key=[scene.name for scene in SCENES].index
+    )
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
+def test_a_term_decides_where_nothing_else_does(scene, alike):
+    costs = FrameCosts(True, SETTINGS)
+    scene.before(costs)
+    given = scene.given(alike)
+    own = costs.terms[scene.name](given)
+    assert own[1] > own[0] + 0.4
+    whole = costs(given)
+    del costs.terms[scene.name]
+    others = costs(given)
+    assert others[0] == pytest.approx(others[1], abs=0.05)
+    assert whole - others == pytest.approx(own, abs=1e-6)
+
+
+def test_the_silhouette_costs_half_its_square(alike):
+    given = alike(LEVEL, LEVEL, distance=np.array([SETTINGS.silhouette, 3 * SETTINGS.silhouette]))
+    assert costs_of("silhouette", given) == pytest.approx([0.5, 4.5])
+
+
+def test_who_sinks_pays_more_than_who_hovers_up_to_a_jump(alike):
+    heights = 0.0, SETTINGS.hovering_m, -SETTINGS.sunk_m, 2 * SETTINGS.hovering_m, 1.0
+    poses = [moved(LEVEL, 0, 0, height) for height in (*heights, 0.0, 0.0, 0.0, 0.0)]
+    found = costs_of("floor", alike(*poses))[: len(heights)]
+    assert found == pytest.approx([0, 0.5, 0.5, 2, 0.5 * SETTINGS.most_off_floor**2], abs=1e-3)
+
+
+def test_the_floor_is_decided_over_time(alike):
+    costs = FrameCosts(True, SETTINGS)
+    high = moved(LEVEL, 0, 0, 0.4)
+    assert not costs.floor.stood_on
+    assert costs_of("floor", alike(high), costs) == pytest.approx(0)  # is there a floor at all?
+    assert not costs.floor.stood_on
+    low, up = alike(LEVEL), alike(high)
+    for _ in range(2 * SETTINGS.floor_frames // 3):
+        costs_of("floor", low, costs)
+    assert costs.floor.stood_on
+    assert costs_of("floor", alike(high, LEVEL), costs)[0] > 2
+    for _ in range(SETTINGS.floor_frames // 2 + 1):  # the first frames are forgotten by then
+        costs_of("floor", up, costs)
+    assert not costs.floor.stood_on
+    assert not costs_of("floor", alike(high, LEVEL), costs).any()
+
+
+def test_a_hand_that_stands_out_costs_by_its_distance(alike):
+    """A strip of the silhouette beside the drawn body."""
+    given = alike(LEVEL)
+    weights = given.observed.weights
+    depth = weights.rotation[2] @ LEVEL.root_m + weights.translation_m[2]
+    px_per_m = weights.matrix[0, 0] / depth
+    row, column = min(np.argwhere(given.drawn[0]).tolist(), key=lambda place: place[1])
+    for out_m in (0.04, 0.11, 0.17, 0.40):
+        signed = np.abs(weights.signed)
+        signed[given.drawn[0] > 0] *= -1
+        signed[row, column - round(out_m * px_per_m) : column] *= -1
+        seen = replace(given.observed, weights=replace(weights, signed=signed))
+        found = costs_of("uncovered", replace(given, observed=seen))[0]
+        away = min(out_m, SETTINGS.most_uncovered_m) - SETTINGS.covered_m
+        expected = 0.5 * (max(away, 0) / SETTINGS.uncovered_m) ** 2
+        assert found == pytest.approx(expected, rel=0.4, abs=0.1)
+
+
+def test_without_colours_no_part_is_bare(alike):
+    assert not costs_of("bare parts", alike(LEVEL, LEVEL)).any()
+
+
+def test_walking_sideways_costs_half_of_walking_backward(alike):
+    costs = FrameCosts(True, SETTINGS)
+    walked(costs)
+    ways = alike(*(facing(way) for way in ((0, -1), (1, 0), (0, 1))))
+    assert costs_of("walking backward", ways, costs) == pytest.approx(
+        [0, SETTINGS.backward, 2 * SETTINGS.backward], abs=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("step_m", "frames", "later_s"),
+    [(0.01, 20, 0.0), (0.04, 2, 0.0), (0.04, 8, 0.0), (0.04, 20, 1)],
+)
+def test_who_stands_or_was_hardly_seen_walks_nowhere(alike, step_m, frames, later_s):
+    """Too slow, too few or too short a time, and too long ago."""
+    costs = FrameCosts(True, SETTINGS)
+    walked(costs, step_m, frames)
+    given = alike(facing((0, 1)))
+    given = replace(given, observed=replace(given.observed, time_s=later_s))
+    assert not costs_of("walking backward", given, costs).any()
+
+
+def test_one_foot_may_move_and_both_cost():
+    costs = FrameCosts(True, SETTINGS)
+    left, right = (LANDMARK_NAMES.index(f"{side}_ankle") for side in ("left", "right"))
+    before = np.zeros((1, 15, 3))
+    after = np.zeros((3, 15, 3))
+    after[0, left, 0] = after[1, left, 0] = after[2, left, 0] = 0.3
+    after[1, right, 1] = SETTINGS.slip_m
+    after[2, right, 1] = 1.0
+    most = 0.5 * SETTINGS.most_slip**2
+    assert costs.slip(before, after, 1.0) == pytest.approx(np.array([[0, 0.5, most]]))
+    assert costs.slip(before, after, 2.0)[0, 1] == pytest.approx(0.5 / 4)
+
+
+def test_what_is_known_about_people_costs_other_bodies_nothing(alike):
+    costs = FrameCosts(False, SETTINGS)
+    assert list(costs.terms) == ["silhouette", "floor", "proposal"]
+    walked(costs)
+    joints = np.random.default_rng(0).normal(size=(2, 5, 3))
+    assert costs.slip(joints, joints + 1, 1).tolist() == [[0, 0], [0, 0]]
+    nothing = SimpleNamespace(cost=lambda joints: np.zeros(len(joints)))
+    given = replace(_walking_forward(alike), proposal=nothing)
+    assert costs(given) == pytest.approx(np.full(2, 0.5 * (0.05 / SETTINGS.silhouette) ** 2))
