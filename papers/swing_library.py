@@ -88,7 +88,6 @@ def swing_library(
         pitches_deg=(pitch_deg,),
         mirror=False,
         node_shares=_NODE_FRACTIONS,
-        proposal=False,
         middle_deg=90.0 if near else -90.0,
     )
     rng = np.random.default_rng(_SEED)

@@ -24,7 +24,8 @@ from silhouette_core.monocular.tracking.trajectory import FrameEstimate, PoseTra
 from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, require_body
 from silhouette_core.monocular.tree.store import read_library
-from silhouette_core.monocular.tree.view_tree_filter import tree_filter
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
@@ -109,12 +110,10 @@ class MonocularStages:
         self._proposed = options.refine and library.proposal is not None
         self.coloured = self._proposed and pictures and not options.outline_only
         facing, pinhole = options.start == "facing", self._lens.pinhole
-        tree = tree_filter(
-            library,
-            options.motion_model == "DM2",
-            interval_s=interval_s,
-            backend=load_backend(settings.backend),
+        steps = transitions(
+            library, options.motion_model == "DM2", SIGMA_SCALE, interval_s=interval_s
         )
+        tree = TreeFilter(library, steps, backend=load_backend(settings.backend))
         self._forward = ForwardFilter(
             tree,
             pinhole,

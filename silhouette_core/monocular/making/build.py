@@ -16,7 +16,6 @@ from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.making.base_poses import BasePoses
 from silhouette_core.monocular.making.checkpoint import Arrays, Checkpoint
 from silhouette_core.monocular.making.thresholds import first_threshold, next_threshold
-from silhouette_core.monocular.making.view_build import build_views
 from silhouette_core.monocular.occlusion import occluded_parts, usual_areas
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import (
@@ -33,7 +32,6 @@ from silhouette_core.monocular.tree.store import VERSION
 from silhouette_core.monocular.tree.transitions import find_neighbours, view_orientations
 from silhouette_core.monocular.tree.tree import Nodes, PoseSpace, Scorer, Split, divide
 from silhouette_core.progress import Reporter, SilentReporter
-from silhouette_core.workers import Workers
 
 _AT_ONCE = 480  # views held in memory together
 _PER_STEP = 4800  # views between two checkpoints
@@ -47,7 +45,6 @@ def build_library(
     settings: LibrarySettings,
     reporter: Reporter | None = None,
     partial: Path | None = None,
-    workers: Workers | None = None,
 ) -> PoseLibrary:
     """Library of base poses seen from all sides.
 
@@ -58,7 +55,6 @@ def build_library(
         reporter: informed of every stage.
         partial: folder for checkpoints, from which an interrupted build resumes; the caller removes
             it once the library is written.
-        workers: share the work of a library with a tree for every view; None: this process.
 
     Returns:
         The library. The same inputs give the same library, for any number of threads, interrupted
@@ -71,8 +67,6 @@ def build_library(
     """
     reporter = reporter or SilentReporter()
     checkpoint = Checkpoint(partial, _digest(bases, model, settings))
-    if settings.tree == "views":
-        return build_views(bases, model, settings, checkpoint, reporter, workers)
     views = settings.views()
     count = len(bases.angles) * len(views)
     base = np.repeat(np.arange(len(bases.angles), dtype=np.int32), len(views))
@@ -220,7 +214,7 @@ def _tree(
     nodes: list[Nodes] = []
     thresholds: list[float] = []
     for number, (runs, size) in enumerate(zip(spans, SIZES_PX, strict=True)):
-        score = Scorer(runs, size, settings.weighting, bounds_px=spans[-1].bounds)
+        score = Scorer(runs, size)
         finished = checkpoint.load(f"tree{number}")
         if finished is None:
             target = round(settings.node_shares[number] * count)

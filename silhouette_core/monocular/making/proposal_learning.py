@@ -126,9 +126,7 @@ def learn_proposal(
     recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
     stretches = plan_takes(motions, min(settings.frames, settings.takes * recorded), plan)
     if not stretches:
-        raise InputError(
-            "the proposal needs motion of at least half a second: give more, or --no-proposal"
-        )
+        raise InputError("a library is learned from motion of at least half a second: give more")
     # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
     # products.
     with threadpool_limits(1, user_api="blas"):

@@ -88,40 +88,6 @@ def transitions(
     return matrix
 
 
-class NeighbourWeights:
-    """Motion model of a large library, read row by row; see `transitions`, whose matrix it is.
-
-    Args:
-        library: the library, N samples, with its neighbours.
-        occlusion_aware: DM2, with eq. (5); else DM1, without.
-        sigma_scale: factor on all sigmas.
-        interval_s: time between two frames, s.
-    """
-
-    def __init__(
-        self,
-        library: PoseLibrary,
-        occlusion_aware: bool,
-        sigma_scale: float = 1.0,
-        interval_s: float = 1 / FPS,
-    ):
-        """Keeps the neighbours where they are, which may be in a file."""
-        name = "dm2" if occlusion_aware else "dm1"
-        self._index, self._square = (
-            library.neighbours[f"{name}.{array}"] for array in ("index", "square")
-        )
-        self._variance = sigma_scale**2 * interval_s * FPS
-
-    def after(self, samples: NDArray[np.integer]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Samples (M, K) int32 that may follow `samples` (M,), and their probabilities (M, K)
-        float64, each row summing to 1.
-
-        Source: Okada and Stenger, eq. (4).
-        """
-        weight = np.exp(self._square[samples].astype(np.float64) / (-2 * self._variance))  # eq. (4)
-        return self._index[samples], weight / weight.sum(axis=1, keepdims=True)
-
-
 def find_neighbours(
     library: PoseLibrary, kept: int = KEPT, reporter: Reporter | None = None
 ) -> dict[str, NDArray]:

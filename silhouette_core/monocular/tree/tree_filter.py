@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,15 +86,9 @@ class TreeFilter:
         settings: FilterSettings | None = None,
         backend: Backend = CPU,
     ):
-        """Indexes the children of every node."""
-        self.library, self.backend = library, backend
+        """Keeps what it is given."""
+        self.library, self.transitions, self.backend = library, transitions, backend
         self.settings = settings or FilterSettings()
-        self.transitions = transitions
-        # Children are stored in the order of their parents: where those of every node begin.
-        self._children = [
-            np.searchsorted(level.parent, np.arange(len(above) + 1))
-            for above, level in pairwise(library.levels)
-        ]
 
     def predict(self, posterior: Posterior, steps: int = 1) -> NDArray[np.float64]:
         r"""Prior of the next frame.
@@ -193,7 +186,7 @@ class TreeFilter:
         nodes = np.arange(len(library.levels[0]))
         scored = [len(nodes)]
         alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0][nodes], evidence)
-        for depth, first in enumerate(self._children, 1):
+        for depth, first in enumerate(library.child_offsets[:-1], 1):
             nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
             scored.append(len(nodes))
             alignment, log_likelihood, kept = self.score_level(

@@ -10,9 +10,7 @@ from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 
-SETTINGS = LibrarySettings(
-    poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011), proposal=False
-)
+SETTINGS = LibrarySettings(poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011))
 
 
 @pytest.fixture(scope="session")
