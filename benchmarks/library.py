@@ -48,7 +48,7 @@ def _masks() -> tuple[np.ndarray, ...]:
     angles = np.where(
         model.dof_fixed, 0, np.clip(rng.normal(0, 0.4, (_POSES, model.dof_count)), low, high)
     )
-    surfaces, _ = pose_surfaces(model, np.tile([1.0, 0, 0, 0], (_POSES, 1)), angles)
+    surfaces = pose_surfaces(model, np.tile([1.0, 0, 0, 0], (_POSES, 1)), angles)
     views = np.column_stack(
         [np.radians(np.tile(np.arange(_VIEWS) * 15, _POSES)), np.full(_POSES * _VIEWS, 0.1)]
     )

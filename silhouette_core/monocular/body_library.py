@@ -27,7 +27,7 @@ from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLib
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.kinematics import quaternions
@@ -129,7 +129,7 @@ def library_of_body(
     if not model.tree.root_fixed:
         return library, None
     reporter.stage("root")
-    tree = TreeFilter(library, transitions(library, False, SIGMA_SCALE), backend=backend)
+    tree = TreeFilter(library, transitions(library, False), backend=backend)
     root = find_root(tree, shown.camera, shown.masks)
     reporter.stage("pose library")
     return _from_one_side(library, recorded is None, shown.camera, root), root

@@ -25,7 +25,7 @@ from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, require_body
 from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
@@ -110,9 +110,7 @@ class MonocularStages:
         self._proposed = options.refine and library.proposal is not None
         self.coloured = self._proposed and pictures and not options.outline_only
         facing, pinhole = options.start == "facing", self._lens.pinhole
-        steps = transitions(
-            library, options.motion_model == "DM2", SIGMA_SCALE, interval_s=interval_s
-        )
+        steps = transitions(library, options.motion_model == "DM2", interval_s=interval_s)
         tree = TreeFilter(library, steps, backend=load_backend(settings.backend))
         self._forward = ForwardFilter(
             tree,

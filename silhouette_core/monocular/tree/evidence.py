@@ -74,9 +74,7 @@ class Evidence:
         self.windows = tuple(windows)
         self.weighting: Weighting = weighting
         self.backend, self.bounds_px = backend, bounds_px
-        self._targets: dict[int, Target] = {}
-        self._unmoved: dict[int, list[Target]] = {}
-        self._pairs: dict[int, list[tuple[NDArray[np.bool_], NDArray[np.float64]]]] = {}
+        self._targets: dict[tuple[int, bool], Target] = {}
 
     def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
         """Best alignment of each node with the silhouette.
@@ -86,7 +84,7 @@ class Evidence:
             nodes: (K,) which of them.
             reduction: 1, 2 or 4: how many times smaller than the window the level's images are.
         """
-        target = self._target(reduction)
+        target = self._target(reduction, moved=True)
         distances = self.backend.span_distances(target, spans, nodes)
         best = distances.argmin(axis=1)
         scale, shift = np.divmod(best, len(SHIFTS_PX))
@@ -94,11 +92,7 @@ class Evidence:
         return Alignment(distances[np.arange(len(nodes)), best], scale, shift_px)
 
     def unmoved_distances(
-        self,
-        spans: Spans,
-        nodes: NDArray[np.integer],
-        reduction: int,
-        scale: NDArray[np.integer] | None = None,
+        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Distances of nodes that are not moved, a tenth of the work of `distances`.
 
@@ -106,39 +100,33 @@ class Evidence:
             spans: The level's representatives.
             nodes: (K,) which of them.
             reduction: See `distances`.
-            scale: (K,) number of the window of each node; None: the one of the least distance.
 
         Returns:
-            Distances (K,) float64 and the numbers of their windows (K,) int64.
+            Least distances (K,) float64 and the numbers of their windows (K,) int64.
         """
-        if reduction not in self._unmoved:
-            self._unmoved[reduction] = [
-                Target((mask,), (weights,)) for mask, weights in self._weighed(reduction)
-            ]
-        least = np.full(len(nodes), np.inf)
-        chosen = np.zeros(len(nodes), np.int64)
-        for number, unmoved in enumerate(self._unmoved[reduction]):
-            rows = np.arange(len(nodes)) if scale is None else np.flatnonzero(scale == number)
-            distance = self.backend.span_distances(unmoved, spans, nodes[rows])[:, 0]
-            nearer = distance < least[rows]
-            least[rows[nearer]], chosen[rows[nearer]] = distance[nearer], number
-        return least, chosen
+        target = self._target(reduction, moved=False)
+        distances = self.backend.span_distances(target, spans, nodes)
+        scale = distances.argmin(axis=1)
+        return distances[np.arange(len(nodes)), scale], scale
 
-    def _target(self, reduction: int) -> Target:
-        """All windows at a resolution, with all shifts."""
-        if reduction not in self._targets:
-            masks, weights = zip(*self._weighed(reduction), strict=True)
-            self._targets[reduction] = Target(masks, weights, SHIFTS_PX)
-        return self._targets[reduction]
-
-    def _weighed(self, reduction: int) -> list[tuple[NDArray[np.bool_], NDArray[np.float64]]]:
-        """Silhouette and weights of every window at a resolution, see `relative_weights`."""
-        if reduction not in self._pairs:
-            self._pairs[reduction] = [
-                relative_weights(window, self.weighting, reduction, self.bounds_px)
-                for window in self.windows
-            ]
-        return self._pairs[reduction]
+    def _target(self, reduction: int, moved: bool) -> Target:
+        """All windows at a resolution, with all shifts or none."""
+        if (reduction, moved) not in self._targets:
+            other = self._targets.get((reduction, not moved))
+            masks, weights = (
+                zip(
+                    *(
+                        relative_weights(window, self.weighting, reduction, self.bounds_px)
+                        for window in self.windows
+                    ),
+                    strict=True,
+                )
+                if other is None
+                else (other.masks, other.weights)
+            )
+            shifts = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
+            self._targets[reduction, moved] = Target(masks, weights, shifts)
+        return self._targets[reduction, moved]
 
 
 def relative_weights(

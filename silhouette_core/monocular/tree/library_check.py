@@ -16,10 +16,8 @@ from calib.checks import check_array
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import SIZES_PX, WINDOW_PX
 
-_LARGEST_ANGLE = 20.0  # radians, of joints and views
-_LARGEST_PX = 10_000.0
-_TALLEST_M = 10.0
-_UNIT_TOLERANCE = 0.01
+_LARGEST_ANGLE = 20  # radians, of joints and views
+_LARGEST_PX = 10_000
 
 
 def check_library(library: PoseLibrary) -> None:
@@ -37,7 +35,6 @@ def check_library(library: PoseLibrary) -> None:
     shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
         "base_angles": ((bases, dofs), np.float32),
         "base_quaternion": ((bases, 4), np.float32),
-        "base_height_m": ((bases,), np.float32),
         "base_source": ((bases, 2), np.int32),
         "base_mirrored": ((bases,), np.bool_),
         "views": ((views, 2), np.float64),
@@ -56,12 +53,11 @@ def check_library(library: PoseLibrary) -> None:
         raise ValueError(f"views are {views}, its settings make {library.settings.views_count}")
     _within("base_angles", library.base_angles, -_LARGEST_ANGLE, _LARGEST_ANGLE)
     _within("views", library.views, -_LARGEST_ANGLE, _LARGEST_ANGLE)
-    _within("base_height_m", library.base_height_m, -_TALLEST_M, _TALLEST_M)
     _within("pelvis_px", library.pelvis_px, -_LARGEST_PX, _LARGEST_PX)
     _within("sigma_rad", library.sigma_rad, 1e-6, _LARGEST_ANGLE)
     _within("root_sigma_rad", np.array([library.root_sigma_rad]), 1e-6, _LARGEST_ANGLE)
     norms = np.linalg.norm(library.base_quaternion.astype(np.float64), axis=1)
-    _within("lengths of base_quaternion", norms, 1 - _UNIT_TOLERANCE, 1 + _UNIT_TOLERANCE)
+    _within("lengths of base_quaternion", norms, 0.99, 1.01)
     _within("sample_base", library.sample_base, 0, bases - 1)
     _within("sample_view", library.sample_view, 0, views - 1)
     _within("base_source", library.base_source[:, 0], 0, len(library.clips) - 1)
@@ -79,15 +75,11 @@ def check_library_settings(settings: LibrarySettings) -> None:
     Raises:
         ValueError: a setting has another type or an impossible value.
     """
-    triples = [
-        settings.node_shares,
-        *([] if settings.thresholds is None else [settings.thresholds]),
-    ]
     good = {
         "poses": isinstance(settings.poses, int) and settings.poses <= 10**9,
         "pitches_deg": len(settings.pitches_deg) <= 100,
         "mirror": isinstance(settings.mirror, bool),
-        "node_shares and thresholds": all(len(one) == 3 and _real(*one) for one in triples),
+        "thresholds": len(settings.thresholds) == len(SIZES_PX) and _real(*settings.thresholds),
         "tolerance_deg": _real(settings.tolerance_deg),
     }
     if wrong := [name for name, is_good in good.items() if not is_good]:

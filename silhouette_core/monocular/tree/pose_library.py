@@ -15,6 +15,7 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
+from silhouette_core.monocular.tuning import TREE_THRESHOLDS
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
 
@@ -53,9 +54,7 @@ class LibrarySettings:
         yaw_step_deg: angle between the views of a pose; 360: one view.
         pitches_deg: angles of the camera below the horizontal, one or several.
         mirror: whether every pose's mirror image is added.
-        node_shares: number of nodes of each level, as a fraction of the samples; the default is the
-            paper's 7,828, 26,805 and 44,108 of 57,136.
-        thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
+        thresholds: T_l of each level, in units of the silhouette distance.
     """
 
     poses: int = 60_000
@@ -63,8 +62,7 @@ class LibrarySettings:
     yaw_step_deg: float = 15.0
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
-    node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
-    thresholds: tuple[float, float, float] | None = None
+    thresholds: tuple[float, float, float] = TREE_THRESHOLDS
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -116,7 +114,6 @@ class PoseLibrary:
         settings: settings of the library.
         base_angles: (B, D) float32, joint angles, radians.
         base_quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
-        base_height_m: (B,) float32, height of the pelvis above the lowest vertex.
         base_source: (B, 2) int32, index of the clip and number of the frame.
         base_mirrored: (B,) bool, whether the pose is the mirror image of its source.
         clips: names of the clips.
@@ -144,7 +141,6 @@ class PoseLibrary:
     settings: LibrarySettings
     base_angles: NDArray[np.float32]
     base_quaternion: NDArray[np.float32]
-    base_height_m: NDArray[np.float32]
     base_source: NDArray[np.int32]
     base_mirrored: NDArray[np.bool_]
     clips: tuple[str, ...]
@@ -201,7 +197,7 @@ class PoseLibrary:
         other samples of a leaf look alike by construction.
         """
         base, surface = np.unique(self.sample_base[samples], return_inverse=True)
-        surfaces, _ = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
+        surfaces = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
         return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
 
 

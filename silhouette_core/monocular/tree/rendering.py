@@ -25,8 +25,8 @@ from silhouette_core.motion import kinematics
 SIZES_PX = ((80, 60), (160, 120), (320, 240))
 """(width, height) of the silhouettes of the tree's levels, coarse to fine, px."""
 WINDOW_PX = SIZES_PX[-1]
-DISTANCE = 4.0 / 1.75
-"""Distance of the pelvis from the camera, in statures."""
+DISTANCE = 16 / 7
+"""Distance of the pelvis from the camera, in statures: 4 m for 1.75 m."""
 STATURE_PX = 158
 FOCAL_PX = STATURE_PX * DISTANCE
 _CANVAS_PX = 448
@@ -65,7 +65,7 @@ def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
 
 def pose_surfaces(
     model: BodyModel, quaternions: NDArray[np.floating], angles_rad: NDArray[np.floating]
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+) -> NDArray[np.float32]:
     """Surfaces of poses with the pelvis at the origin.
 
     Args:
@@ -74,8 +74,7 @@ def pose_surfaces(
         angles_rad: (B, D), joint angles.
 
     Returns:
-        Surfaces (B, V, 3) float32, m, and the height of the pelvis above the lowest vertex (B,)
-        float64, m.
+        (B, V, 3) float32, m.
     """
     rotation, origin = kinematics.forward(
         model,
@@ -86,7 +85,7 @@ def pose_surfaces(
     surfaces = np.empty((len(quaternions), *model.vertices_m.shape), np.float32)
     for k in range(len(quaternions)):
         surfaces[k] = kinematics.skin(model, rotation[k], origin[k])
-    return surfaces, -surfaces[..., 2].min(axis=1).astype(np.float64)
+    return surfaces
 
 
 def render_views(

@@ -46,7 +46,6 @@ _TYPES = {
 _PLAIN = (
     "base_angles",
     "base_quaternion",
-    "base_height_m",
     "base_source",
     "base_mirrored",
     "views",
@@ -158,11 +157,11 @@ def read_library(path: Path) -> PoseLibrary:
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     """Library from the arrays and the description in its file."""
-    # Files made before state more settings, of which there is no choice any more.
+    # Files made before state more settings, of which there is no choice any more, or no thresholds.
     settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
-        if name in LibrarySettings.__dataclass_fields__
+        if name in LibrarySettings.__dataclass_fields__ and value is not None
     }
     model = _body(arrays, about)
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):

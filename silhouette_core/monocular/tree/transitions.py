@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 
 from silhouette_core.monocular.occlusion import MAGNIFICATION
 from silhouette_core.monocular.tree.kernels import transitions as kernels
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.progress import Reporter
@@ -34,7 +35,7 @@ _AT_ONCE = 2048
 def transitions(
     library: PoseLibrary,
     occlusion_aware: bool,
-    sigma_scale: float = 1.0,
+    sigma_scale: float = MOTION_MODEL.sigma_scale,
     neighbours: int = KEPT,
     normalised: bool = True,
     interval_s: float = 1 / FPS,
@@ -57,7 +58,7 @@ def transitions(
     Args:
         library: the library, N samples.
         occlusion_aware: DM2, with eq. (5); else DM1, without.
-        sigma_scale: factor on all sigmas.
+        sigma_scale: factor on all sigmas; the paper has none.
         neighbours: largest number of neighbours used.
         normalised: rows sum to 1. Else a neighbour has the same weight whether there are many
             others or none, and probability gathers where poses are dense.

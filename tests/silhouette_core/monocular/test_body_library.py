@@ -25,7 +25,7 @@ from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
@@ -64,7 +64,7 @@ def test_a_smaller_silhouette_is_farther_away():
 
 def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed):
     poses, masks = filmed
-    tree = TreeFilter(library, transitions(library, True, SIGMA_SCALE, interval_s=1 / 15))
+    tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15))
     frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(masks[0], False))
     true_m = np.linalg.norm(poses[0].root_m - CAMERA.center_m)
     assert frame.distance_m == pytest.approx(true_m, rel=0.2)
@@ -84,9 +84,7 @@ def test_poses_from_one_side_look_as_the_camera_sees_them(library, filmed):
 @pytest.mark.slow
 def test_a_still_root_is_found_by_frames_of_one_camera(library, filmed):
     poses, masks = filmed
-    root = find_root(
-        TreeFilter(library, transitions(library, False, SIGMA_SCALE)), CAMERA, masks[::5]
-    )
+    root = find_root(TreeFilter(library, transitions(library, False)), CAMERA, masks[::5])
     assert np.linalg.norm(root.root_m - poses[0].root_m) < 0.06
     turn = Rotation.from_matrix(root.root_rotation @ poses[0].root_rotation.T).magnitude()
     assert np.degrees(turn) < 10
@@ -105,7 +103,7 @@ def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
     poses, masks = filmed
     root = Pose(poses[0].root_m, poses[0].root_rotation, np.zeros(4))
     settings = TrackerSettings().of_given_body(desk_lamp().length_m, root)
-    tree = TreeFilter(library, transitions(library, True, SIGMA_SCALE, interval_s=1 / 15))
+    tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15))
     tracker = HypothesisTracker(tree, CAMERA, settings)
     frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(masks[0], False))
     beam = tracker.step(frame, None, None)

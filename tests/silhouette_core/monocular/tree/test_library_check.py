@@ -13,7 +13,6 @@ from tests.silhouette_core.monocular.making.small_library import SETTINGS, small
 ONE_WRONG = {
     "base_angles": np.nan,
     "base_quaternion": 5.0,
-    "base_height_m": np.inf,
     "base_source": 99,
     "views": 1e308,
     "sample_base": -1,
