@@ -28,7 +28,7 @@ from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
-from silhouette_core.monocular.tuning import TREE_THRESHOLDS
+from silhouette_core.monocular.tuning import TREE
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.kinematics import quaternions
@@ -148,7 +148,7 @@ def _read(file: str, model: BodyModel) -> PoseLibrary:
 
 def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySettings:
     pitch_deg = min(max(pitch_deg, -60.0), 75.0)  # beyond it, which side is shown hardly counts
-    thresholds = *TREE_THRESHOLDS[:2], 0.0  # few samples: each that looks different is a leaf
+    thresholds = *TREE.thresholds[:2], 0.0  # few samples: each that looks different is a leaf
     return LibrarySettings(
         poses,
         yaw_step_deg=yaw_step_deg,

@@ -103,10 +103,17 @@ class RootSearch:
 ROOT_SEARCH = RootSearch()
 
 
-TREE_THRESHOLDS = (0.0173, 0.0110, 0.0074)
-"""1. Largest silhouette distances of samples from their nodes, level by level: with them, the
-default library's levels have the paper's shares of nodes, 7,828, 26,805 and 44,108 of 57,136. The
-paper states no thresholds."""
+@dataclass(frozen=True)
+class Tree:
+    """Division of a library's samples (`making.build`)."""
+
+    thresholds: tuple[float, float, float] = (0.0173, 0.0110, 0.0074)
+    """1. Largest silhouette distances of samples from their nodes, level by level: with them, the
+    default library's levels have the paper's shares of nodes, 7,828, 26,805 and 44,108 of 57,136.
+    The paper states no thresholds."""
+
+
+TREE = Tree()
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
-from silhouette_core.monocular.tuning import TREE_THRESHOLDS
+from silhouette_core.monocular.tuning import TREE
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
 
@@ -62,7 +62,7 @@ class LibrarySettings:
     yaw_step_deg: float = 15.0
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
-    thresholds: tuple[float, float, float] = TREE_THRESHOLDS
+    thresholds: tuple[float, float, float] = TREE.thresholds
 
     def __post_init__(self) -> None:
         """Checks the values.
