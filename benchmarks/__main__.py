@@ -13,7 +13,6 @@ from benchmarks import (  # noqa: F401
     causal,
     filter,
     fitting,
-    large_library,
     library,
     scoring,
     silhouettes,

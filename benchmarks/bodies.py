@@ -130,7 +130,7 @@ def library_of(name: str) -> Path:
         gain, shift = rng.uniform(0.75, 1.25, count), np.radians(rng.normal(0, 4.0, count))
         angles = middle + shift + gain * (later.angles_rad - middle)
         other = replace(later, angles_rad=np.clip(angles, *later.model.dof_limits_rad.T))
-        settings = LibrarySettings(_LIBRARY, pitches_deg=_PITCHES_DEG, tree="views")
+        settings = LibrarySettings(_LIBRARY, pitches_deg=_PITCHES_DEG)
         make_library({"later": other}, later.model, path, settings)
     return path
 

@@ -40,7 +40,7 @@ from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of
 from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, Posterior, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.keyposes import keypose_motions
@@ -78,11 +78,7 @@ class DenseEvidence(Evidence):
         self.score, self.drawn = score, drawn
 
     def unmoved_distances(
-        self,
-        spans: Spans,
-        nodes: NDArray[np.integer],
-        reduction: int,
-        scale: NDArray[np.integer] | None = None,
+        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         images, result = self._images(spans, nodes, reduction), []
         for window in self.windows:
@@ -138,7 +134,7 @@ def library_file() -> Path:
 @cache
 def _tree() -> TreeFilter:
     library = read_library(library_file())
-    return TreeFilter(library, transitions(library, occlusion_aware=True, sigma_scale=SIGMA_SCALE))
+    return TreeFilter(library, transitions(library, occlusion_aware=True))
 
 
 @cache

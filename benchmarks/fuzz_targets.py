@@ -446,8 +446,8 @@ def _use_scenes(folder: Path, thorough: bool) -> None:
         scenes.close()
 
 
-def _make_library(folder: Path, tree: str, learned: bool) -> None:
-    libraries.make_library(folder / "me.vplib", _motion().model, tree, learned=learned)
+def _make_library(folder: Path, learned: bool) -> None:
+    libraries.make_library(folder / "me.vplib", _motion().model, learned=learned)
 
 
 def _use_library(folder: Path, thorough: bool) -> None:
@@ -557,13 +557,9 @@ TARGETS: dict[str, FuzzTarget] = {
     "summary": _result({"summary.json": any_json}, _use_result),
     "settings": _result({"settings.toml": any_text}, _use_scenes),
     "library": FuzzTarget(
-        partial(_make_library, tree="whole", learned=True),
-        {"me.vplib": any_library},
-        _use_library,
+        partial(_make_library, learned=True), {"me.vplib": any_library}, _use_library
     ),
-    "library-of-views": FuzzTarget(
-        partial(_make_library, tree="views", learned=False),
-        {"me.vplib": any_library},
-        _use_library,
+    "library-without-proposal": FuzzTarget(
+        partial(_make_library, learned=False), {"me.vplib": any_library}, _use_library
     ),
 }

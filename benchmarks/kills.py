@@ -28,7 +28,15 @@ import numpy as np
 
 from benchmarks.library_fuzz_targets import unlearned_proposal
 from calib.files import read_rig
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.monocular.making.from_motion import make_library
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.store import read_library, write_library
+from silhouette_core.motion.keyposes.notation import movements
+from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.motion.motion_file import write_motion
+from voxelpose.demo.example_motions import example_motion
 from voxelpose.demo.filming import make_recording
 from voxelpose.results import Result
 
@@ -77,8 +85,8 @@ COMMANDS = {
     ),
     "library build": Command(
         (
-            *("library", "build", "result/motion.bvh", "--out", "new.vplib", "--stature", "1.7"),
-            *("--poses", "400", "--no-proposal"),
+            *("library", "build", "lamp.safetensors", "--out", "new.vplib", "--poses", "400"),
+            *("--body", "lamp.safetensors"),
         ),
         "new.vplib",
         read_library,
@@ -100,10 +108,12 @@ COMMANDS = {
 def prepare(folder: Path) -> None:
     """Makes what the commands read and replace."""
     make_recording(folder / "recording", 10)
-    build = COMMANDS["library build"].words
+    lamp, model = example_motion("desk_lamp", 100), BodyModel.from_sizes(BodySizes(1.7))
+    write_motion(lamp, folder / "lamp.safetensors")
+    clips, settings = {"wave": perform(movements()["wave"], model)}, LibrarySettings(poses=400)
+    make_library(clips, model, folder / "lib.vplib", settings, learning=None)
     for words in (
         ("fit", "recording", "--out", "result"),
-        [word.replace("new.vplib", "lib.vplib") for word in build],
         COMMANDS["calibrate convert"].words,
         COMMANDS["export"].words,
         COMMANDS["report"].words,

@@ -48,7 +48,7 @@ def _masks() -> tuple[np.ndarray, ...]:
     angles = np.where(
         model.dof_fixed, 0, np.clip(rng.normal(0, 0.4, (_POSES, model.dof_count)), low, high)
     )
-    surfaces, _ = pose_surfaces(model, np.tile([1.0, 0, 0, 0], (_POSES, 1)), angles)
+    surfaces = pose_surfaces(model, np.tile([1.0, 0, 0, 0], (_POSES, 1)), angles)
     views = np.column_stack(
         [np.radians(np.tile(np.arange(_VIEWS) * 15, _POSES)), np.full(_POSES * _VIEWS, 0.1)]
     )
@@ -125,9 +125,9 @@ def first_level() -> Case:
         return split.nearest_node
 
     def dense(representative, samples, threads):
-        return dense_distances(masks[representative], masks, pixel_weights(masks[representative]))
+        return dense_distances(masks[representative], masks, np.ones(masks[0].shape))
 
-    ours = Timed(lambda _: divide(Scorer(spans_of(masks), (80, 60), "nwxor")))
+    ours = Timed(lambda _: divide(Scorer(spans_of(masks), (80, 60))))
     name = "distances pixel by pixel, compiled"
     same = lambda a, b: "" if (a == b).mean() > 0.99 else "the results differ"  # noqa: E731
     return Case(ours, Timed(lambda _: divide(dense)), name, same, rounds=2)

@@ -19,16 +19,14 @@ from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 
 
-def make_library(path: Path, model: BodyModel, tree: str, *, learned: bool) -> None:
+def make_library(path: Path, model: BodyModel, *, learned: bool) -> None:
     """Writes a library of one movement of a body, with a proposal that learned nothing or none."""
     from silhouette_core.monocular.making.base_poses import base_poses
     from silhouette_core.monocular.making.build import build_library
     from silhouette_core.monocular.tree.pose_library import LibrarySettings
     from silhouette_core.monocular.tree.store import write_library
 
-    settings = LibrarySettings(
-        poses=60, yaw_step_deg=60, tolerance_deg=12.0, mirror=False, proposal=False, tree=tree
-    )
+    settings = LibrarySettings(poses=60, yaw_step_deg=60, tolerance_deg=12.0, mirror=False)
     clips = {"wave": perform(movements()["wave"], model)}
     library = build_library(base_poses(clips, settings), model, settings)
     if learned:
@@ -92,7 +90,7 @@ def _evidence():
     mask = np.zeros((240, 320), bool)
     mask[40:200, 140:180] = True
     window = look_at(camera, mask, 4.0, 90.0)
-    return Evidence([window]), Evidence([window], "xor", drawn_small=True)
+    return Evidence([window])
 
 
 def use_library(path: Path) -> None:
@@ -100,9 +98,8 @@ def use_library(path: Path) -> None:
     from silhouette_core.monocular.tree.pose_library import require_body
     from silhouette_core.monocular.tree.store import read_library
     from silhouette_core.monocular.tree.summary import summary
-    from silhouette_core.monocular.tree.transitions import NeighbourWeights, transitions
+    from silhouette_core.monocular.tree.transitions import transitions
     from silhouette_core.monocular.tree.tree_filter import TreeFilter
-    from silhouette_core.monocular.tree.view_tree_filter import ViewTreeFilter
 
     library = read_library(path)
     summary(library, path)
@@ -110,15 +107,9 @@ def use_library(path: Path) -> None:
     library.pose(np.arange(min(len(library), 50)))
     library.render(np.arange(min(len(library), 2)))
     even = np.full(len(library), 1 / len(library))
-    whole, small = _evidence()
-    if library.settings.tree == "views":
-        views = ViewTreeFilter(library, NeighbourWeights(library, False))
-        posterior = views.update(even, small)
-        views.update(views.predict(posterior), small)
-    else:
-        for aware in (False, True):
-            tree = TreeFilter(library, transitions(library, aware))
-            posterior = tree.update(even, whole)
-            tree.update(tree.predict(posterior), whole)
+    for aware in (False, True):
+        tree = TreeFilter(library, transitions(library, aware))
+        posterior = tree.update(even, _evidence())
+        tree.update(tree.predict(posterior), _evidence())
     if library.proposal is not None:
         library.proposal.modes(_features(library.proposal))

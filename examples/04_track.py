@@ -22,8 +22,8 @@ recording = Recording.open(recording_folder(out), cameras=["cam_2"])
 library = out / "small.vplib"
 if not library.exists():
     model = BodyModel.from_sizes(BodySizes(stature_m=1.75))
-    settings = LibrarySettings(poses=3000, proposal=False)
-    make_library(keypose_motions(model), model, library, settings)
+    settings = LibrarySettings(poses=3000)
+    make_library(keypose_motions(model), model, library, settings, learning=None)
 
 result = track(
     recording, Output(out / "track", overwrite=True), Settings(options={"library": str(library)})

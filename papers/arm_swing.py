@@ -22,7 +22,8 @@ from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import FilterSettings, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.tuning import FilterSettings
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.kinematics import forward, landmarks
 from silhouette_core.progress import Reporter

@@ -20,7 +20,8 @@ from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.tree.evidence import Alignment, Evidence
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX, reduce_silhouette
-from silhouette_core.monocular.tree.tree_filter import FilterSettings, Posterior, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.monocular.tuning import FilterSettings
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform

@@ -18,7 +18,8 @@ from silhouette_core.progress import Reporter
 
 NEIGHBOURS = 512
 SAMPLES = 3417  # the paper's
-_NODE_FRACTIONS = (693 / 3417, 3013 / 3417, 3318 / 3417)  # the paper's
+# With them, the levels have about the paper's 693, 3,013 and 3,318 of 3,417 nodes.
+_THRESHOLDS = (0.00466, 0.000573, 0.000234)
 _CLIPS, _KEYS, _BETWEEN_S = 6, 60, 0.7
 # Ranges in degrees of the columns of silhouette_core.motion.keyposes.notation. The right arm is
 # anywhere within its reach in profile;
@@ -87,8 +88,7 @@ def swing_library(
         yaw_step_deg=8.0,
         pitches_deg=(pitch_deg,),
         mirror=False,
-        node_shares=_NODE_FRACTIONS,
-        proposal=False,
+        thresholds=_THRESHOLDS,
         middle_deg=90.0 if near else -90.0,
     )
     rng = np.random.default_rng(_SEED)

@@ -26,7 +26,9 @@ from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
-from silhouette_core.monocular.tree.view_tree_filter import tree_filter
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.tuning import TREE
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.kinematics import quaternions
@@ -128,7 +130,8 @@ def library_of_body(
     if not model.tree.root_fixed:
         return library, None
     reporter.stage("root")
-    root = find_root(tree_filter(library, False, 1.0, backend), shown.camera, shown.masks)
+    tree = TreeFilter(library, transitions(library, False), backend=backend)
+    root = find_root(tree, shown.camera, shown.masks)
     reporter.stage("pose library")
     return _from_one_side(library, recorded is None, shown.camera, root), root
 
@@ -145,10 +148,14 @@ def _read(file: str, model: BodyModel) -> PoseLibrary:
 
 def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySettings:
     pitch_deg = min(max(pitch_deg, -60.0), 75.0)  # beyond it, which side is shown hardly counts
+    thresholds = *TREE.thresholds[:2], 0.0  # few samples: each that looks different is a leaf
     return LibrarySettings(
-        poses, yaw_step_deg=yaw_step_deg, pitches_deg=(pitch_deg,), mirror=False, proposal=False,
-        tree="views",
-    )  # fmt: skip
+        poses,
+        yaw_step_deg=yaw_step_deg,
+        pitches_deg=(pitch_deg,),
+        mirror=False,
+        thresholds=thresholds,
+    )
 
 
 def _sampled(model: BodyModel, pitch_deg: float) -> PoseLibrary:

@@ -29,7 +29,8 @@ from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, require_body
 from silhouette_core.monocular.tree.sample_proposer import SampleProposer
 from silhouette_core.monocular.tree.store import read_library
-from silhouette_core.monocular.tree.view_tree_filter import tree_filter
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
@@ -144,7 +145,8 @@ class PoseStages:
             tracking = TrackerSettings.of_given_body(model.length_m)
             areas = usual_areas(library.areas)
             away = None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m))
-            tree = tree_filter(library, True, interval_s=interval_s, backend=backend)
+            steps = transitions(library, True, interval_s=interval_s)
+            tree = TreeFilter(library, steps, backend=backend)
             forward = ForwardFilter(tree, pinhole, False, "balanced", away, interval_s)
             self.proposer = SampleProposer(forward, root, tracking.different_m)
         tracker = HypothesisTracker(model, pinhole, areas, tracking, backend)

@@ -7,7 +7,7 @@ from tests.kernel_examples.tree import masks
 def thin_rows(rng):
     # Multiples of half the tolerance: many differences are the tolerance exactly.
     rows = 0.5 * rng.integers(-4, 5, (60, 4))
-    return Example((rows, 5, np.array([2, 0]), 1.0, np.zeros(60, bool)))
+    return Example((rows, np.array([2, 0]), 1.0, np.zeros(60, bool)))
 
 
 def spoil_silhouettes(rng):

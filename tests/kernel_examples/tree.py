@@ -57,9 +57,3 @@ def nearest_samples(rng):
     filled = np.empty((sources, 9), np.int64), np.empty((sources, 9))
     scales = rng.uniform(0.2, 2, sources), views, same_pitch
     return Example((*given, *scales, *filled), rtol=1e-7)
-
-
-def nearest_rows(rng):
-    rows = rng.normal(size=(30, 14))
-    rows[7] = rows[3]
-    return Example((rows, 5, np.empty((9, 6), np.int32), np.empty((9, 6))), rtol=1e-9)

@@ -63,14 +63,6 @@ def nearest_samples(
         index[n, : len(order)], distance2[n, : len(order)] = other[order], square[order]
 
 
-def nearest_rows(rows, first, index, distance2):
-    """Squared distances to all rows, sorted."""
-    for n in range(len(index)):
-        square = ((rows - rows[first + n]) ** 2).sum(axis=1)
-        order = np.argsort(square, kind="stable")[: index.shape[1]]
-        index[n], distance2[n] = order, square[order]
-
-
 def _steps(masks):
     """Changes (N, h, w + 1) along the rows of masks (N, h, w), empty outside."""
     return np.diff(np.pad(masks, ((0, 0), (0, 0), (1, 1))).astype(np.int8), axis=2)

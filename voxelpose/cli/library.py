@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -12,7 +12,6 @@ from voxelpose.cli.arguments import (
     BodyName,
     OptionalFile,
     OptionalLength,
-    OptionalName,
     Sex,
     Threads,
 )
@@ -26,14 +25,12 @@ class Build:
 
 MOTION are BVH files, exponential-map files, or folders of them; with the --body of a robot or an
 animal, results or motion files of that body. An interrupted build resumes when
-the same command is run again. Above 60000 samples every view has a tree of its own, which any
-number of processes and machines build together.
+the same command is run again.
 
   voxelpose library build mocap --out me.vplib --stature 1.75
   voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
   voxelpose library build mocap --out man.vplib --body 92A5
   voxelpose library build arm_fit --out arm.vplib --body arm.urdf --pitch 20
-  voxelpose library build mocap --out large.vplib --poses 1100000 --yaw-step 10 --workers 8
 """
 
     motion: Annotated[
@@ -56,20 +53,10 @@ number of processes and machines build together.
     """Angle by which the camera looks down; may be given several times. Default: 8."""
     mirror: bool = True
     """Add the mirror image of every pose."""
-    weighting: Literal["xor", "wxor", "nwxor", "balanced"] = "xor"
-    """Silhouette distance of the tree: Okada and Stenger's eq. (6), (7)-(8), (9), or balanced."""
-    proposal: bool = True
-    """Learn a proposal of poses from the motion, up to half an hour on two cores."""
     names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
     """Names of the joints, for a skeleton whose names are not recognised."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
     """Clip that is not used, by the name of its file; may be given several times."""
-    tree: Annotated[Literal["whole", "views"] | None, arg(help_behavior_hint="")] = None
-    """One tree over everything, as in the paper, or one for every view. Default: by the samples."""
-    workers: Annotated[int, arg(metavar="N")] = 1
-    """Number of processes that build the trees of the views."""
-    cluster: OptionalName = None
-    """Address of a Dask scheduler, as in tcp://10.0.0.5:8786, whose machines build them instead."""
     threads: Threads = None
 
     def run(self) -> int:
@@ -83,9 +70,8 @@ number of processes and machines build together.
             from silhouette_core.body.sizes import BodySizes
             from silhouette_core.jit import set_threads
             from silhouette_core.monocular.making.from_motion import make_library, read_clips
-            from silhouette_core.monocular.tree.pose_library import LARGEST_WHOLE, LibrarySettings
+            from silhouette_core.monocular.tree.pose_library import LibrarySettings
             from silhouette_core.motion.body_source import load_body
-            from silhouette_core.workers import open_workers
 
             set_threads(self.threads)
             settings = LibrarySettings(
@@ -93,9 +79,6 @@ number of processes and machines build together.
                 yaw_step_deg=self.yaw_step,
                 pitches_deg=self.pitch or LibrarySettings.pitches_deg,
                 mirror=self.mirror,
-                weighting=self.weighting,
-                proposal=self.proposal,
-                tree=self.tree or ("whole" if self.poses <= LARGEST_WHOLE else "views"),
             )
             model = (
                 BodyModel.from_sizes(BodySizes(self.stature, self.chest, self.sex))
@@ -103,8 +86,7 @@ number of processes and machines build together.
                 else load_body(self.body)
             )
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
-            with open_workers(self.workers, self.cluster) as workers:
-                library = make_library(clips, model, self.out, settings, progress, workers)
+            library = make_library(clips, model, self.out, settings, progress)
         from silhouette_core.monocular.tree.summary import summary
 
         print(summary(library, self.out))

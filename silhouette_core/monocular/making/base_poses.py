@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 from calib.errors import InputError
 from silhouette_core.monocular.making.thinning import pose_features, thin_poses
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.heading import mirrored, split_heading
 from silhouette_core.motion.kinematics import forward, landmarks, rotation_matrices
 from silhouette_core.motion.motion import Motion
 
-_LEAST_SIGMA_RAD = np.radians(0.5)
-_LARGEST_SPACING_M = 1.0
 _DRAWN = 2000  # poses whose distance to the nearest base pose is measured
 
 
@@ -120,11 +119,11 @@ def _thin_to(
     """
     if len(kept) <= most:
         return kept, 0.0
-    low, high = 0.0, _LARGEST_SPACING_M
+    low, high = 0.0, 1.0
     rows = thin_poses(positions[kept], high)
     if len(rows) > most:
         return kept[rows[:: -(-len(rows) // most)]], high
-    while high - low > 0.02 * _LARGEST_SPACING_M / 10:
+    while high - low > 0.002:
         middle = (low + high) / 2
         candidates = thin_poses(positions[kept], middle)
         if len(candidates) <= most:
@@ -194,6 +193,6 @@ def motion_sigmas(
     yaw = np.radians(settings.yaw_step_deg) ** 2 / 12
     sigma = np.sqrt(change / max(count, 1) + 2 * quantisation[0])
     root = np.sqrt((turn / max(count, 1) + 2 * (quantisation[1] + yaw)) / 3)
-    return np.maximum(sigma, _LEAST_SIGMA_RAD).astype(np.float32), float(
-        max(root, _LEAST_SIGMA_RAD)
+    return np.maximum(sigma, np.radians(MOTION_MODEL.least_sigma_deg)).astype(np.float32), float(
+        max(root, np.radians(MOTION_MODEL.least_sigma_deg))
     )

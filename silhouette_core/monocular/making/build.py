@@ -1,10 +1,12 @@
-"""Build of a library from base poses: views from all sides, thresholds, and the tree."""
+"""Build of a library from base poses: views from all sides, and the tree."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +17,10 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.making.base_poses import BasePoses
 from silhouette_core.monocular.making.checkpoint import Arrays, Checkpoint
-from silhouette_core.monocular.making.thresholds import first_threshold, next_threshold
-from silhouette_core.monocular.making.view_build import build_views
 from silhouette_core.monocular.occlusion import occluded_parts, usual_areas
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import (
     SIZES_PX,
-    RenderedViews,
     join_spans,
     pose_surfaces,
     render_views,
@@ -33,12 +32,12 @@ from silhouette_core.monocular.tree.store import VERSION
 from silhouette_core.monocular.tree.transitions import find_neighbours, view_orientations
 from silhouette_core.monocular.tree.tree import Nodes, PoseSpace, Scorer, Split, divide
 from silhouette_core.progress import Reporter, SilentReporter
-from silhouette_core.workers import Workers
 
 _AT_ONCE = 480  # views held in memory together
 _PER_STEP = 4800  # views between two checkpoints
 _SAVE_EVERY = 400  # representatives of the first level between two checkpoints
 _RUNS = ("rows", "starts", "ends", "offsets")
+_FACTS = ("areas", "pelvis_px", "cut")
 
 
 def build_library(
@@ -46,8 +45,7 @@ def build_library(
     model: BodyModel,
     settings: LibrarySettings,
     reporter: Reporter | None = None,
-    partial: Path | None = None,
-    workers: Workers | None = None,
+    kept_in: Path | None = None,
 ) -> PoseLibrary:
     """Library of base poses seen from all sides.
 
@@ -56,50 +54,32 @@ def build_library(
         model: the body.
         settings: settings of the library.
         reporter: informed of every stage.
-        partial: folder for checkpoints, from which an interrupted build resumes; the caller removes
+        kept_in: folder for checkpoints, from which an interrupted build resumes; the caller removes
             it once the library is written.
-        workers: share the work of a library with a tree for every view; None: this process.
 
     Returns:
         The library. The same inputs give the same library, for any number of threads, interrupted
         or not.
 
     Raises:
-        InputError: `partial` cannot be written.
+        InputError: `kept_in` cannot be written.
 
     Source: Okada and Stenger, sections 3 and 7.
     """
     reporter = reporter or SilentReporter()
-    checkpoint = Checkpoint(partial, _digest(bases, model, settings))
-    if settings.tree == "views":
-        return build_views(bases, model, settings, checkpoint, reporter, workers)
-    views = settings.views()
+    checkpoint, views = Checkpoint(kept_in, _digest(bases, model, settings)), settings.views()
     count = len(bases.angles) * len(views)
     base = np.repeat(np.arange(len(bases.angles), dtype=np.int32), len(views))
     view = np.tile(np.arange(len(views), dtype=np.int16), len(bases.angles))
     rendered = _render_all(bases, model, views, checkpoint, reporter)
-    spans = [
-        Spans(*(rendered[f"level{number}.{name}"] for name in _RUNS))
-        for number in range(len(SIZES_PX))
-    ]
+    spans = [_spans(rendered, number) for number in range(len(SIZES_PX))]
     poses = PoseSpace(bases.angles, base, view_orientations(bases.quaternion[base], views[view]))
-    nodes, thresholds = _tree(count, spans, poses, settings, checkpoint, reporter)
-    levels = tuple(
-        Level(
-            level.representative,
-            level.parent,
-            select_spans(runs, level.representative),
-            size,
-            threshold,
-        )
-        for level, runs, size, threshold in zip(nodes, spans, SIZES_PX, thresholds, strict=True)
-    )
+    nodes = _Division(poses, settings, checkpoint, reporter).levels(count, spans)
     library = PoseLibrary(
         model=model,
         settings=settings,
         base_angles=bases.angles,
         base_quaternion=bases.quaternion,
-        base_height_m=rendered["heights"],
         base_source=bases.source,
         base_mirrored=bases.mirrored,
         clips=bases.clips,
@@ -110,31 +90,33 @@ def build_library(
         areas=rendered["areas"],
         occluded=occluded_parts(rendered["areas"], usual_areas(rendered["areas"])),
         cut=rendered["cut"] > 0,
-        levels=levels,
+        levels=tuple(
+            Level(
+                one.representative,
+                one.parent,
+                select_spans(runs, one.representative),
+                size,
+                threshold,
+            )
+            for one, runs, size, threshold in zip(
+                nodes, spans, SIZES_PX, settings.thresholds, strict=True
+            )
+        ),
         leaf_offsets=nodes[-1].offsets,
         leaf_samples=nodes[-1].members,
         sigma_rad=bases.sigma_rad,
         root_sigma_rad=bases.root_sigma_rad,
         bounds_px=spans[-1].bounds,
     )
-    return replace(
-        library,
-        neighbours=checkpoint.step(
-            "neighbours", lambda: find_neighbours(library, reporter=reporter)
-        ),
-    )
-
-
-def _measures(model: BodyModel) -> object:
-    """What describes a body beside its arrays."""
-    return body_arrays(model)[1] if model.person is None else asdict(model.person)
+    neighbours = checkpoint.step("neighbours", lambda: find_neighbours(library, reporter=reporter))
+    return replace(library, neighbours=neighbours)
 
 
 def _digest(bases: BasePoses, model: BodyModel, settings: LibrarySettings) -> str:
     """Digest of everything that determines the result."""
-    digest = hashlib.sha256(
-        json.dumps([VERSION, asdict(settings), _measures(model), bases.root_sigma_rad]).encode()
-    )
+    measures = body_arrays(model)[1] if model.person is None else asdict(model.person)
+    facts = [VERSION, asdict(settings), measures, bases.root_sigma_rad]
+    digest = hashlib.sha256(json.dumps(facts).encode())
     for array in (
         bases.angles,
         bases.quaternion,
@@ -148,146 +130,111 @@ def _digest(bases: BasePoses, model: BodyModel, settings: LibrarySettings) -> st
     return digest.hexdigest()
 
 
+def _spans(arrays: Arrays, number: int) -> Spans:
+    """Silhouettes of one level from arrays of all."""
+    return Spans(*(arrays[f"level{number}.{name}"] for name in _RUNS))
+
+
+def _joined(parts: Sequence[Arrays]) -> dict[str, NDArray]:
+    """Arrays of several sequences of samples as those of one."""
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in _FACTS}
+    for number in range(len(SIZES_PX)):
+        runs = join_spans([_spans(part, number) for part in parts])
+        joined |= {f"level{number}.{name}": getattr(runs, name) for name in _RUNS}
+    return joined
+
+
 def _render_all(
     bases: BasePoses,
     model: BodyModel,
     views: NDArray[np.float64],
     checkpoint: Checkpoint,
     reporter: Reporter,
-) -> dict[str, NDArray]:
-    """Arrays of all samples: silhouettes at every level, areas, pelvis_px and cut, and the heights
-    of the base poses.
-    """
+) -> Arrays:
+    """Arrays of all samples: silhouettes at every level, areas, pelvis_px and cut."""
     per_step = max(1, _PER_STEP // len(views))
-    starts = range(0, len(bases.angles), per_step)
     reporter.stage("taking pictures", len(bases.angles) * len(views))
     parts: list[Arrays] = []
-    for number, start in enumerate(starts):
-        which = slice(start, min(start + per_step, len(bases.angles)))
-        parts.append(
-            checkpoint.step(
-                f"pictures{number}", lambda which=which: _render_some(bases, model, views, which)
-            )
-        )
-        reporter.advance((which.stop - which.start) * len(views))
-    joined = {
-        name: np.concatenate([part[name] for part in parts])
-        for name in ("areas", "pelvis_px", "cut", "heights")
-    }
-    for number in range(len(SIZES_PX)):
-        runs = join_spans(
-            [Spans(*(part[f"level{number}.{name}"] for name in _RUNS)) for part in parts]
-        )
-        joined |= {f"level{number}.{name}": getattr(runs, name) for name in _RUNS}
-    return joined
+    for number, start in enumerate(range(0, len(bases.angles), per_step)):
+        which = slice(start, start + per_step)
+        render = partial(_render_some, bases, model, views, which)
+        parts.append(checkpoint.step(f"pictures{number}", render))
+        reporter.advance(len(parts[-1]["cut"]))
+    return _joined(parts)
 
 
 def _render_some(
     bases: BasePoses, model: BodyModel, views: NDArray[np.float64], which: slice
 ) -> Arrays:
     """Arrays of some of the base poses, from all views, see `_render_all`."""
-    surfaces, heights = pose_surfaces(model, bases.quaternion[which], bases.angles[which])
-    rendered: list[RenderedViews] = []
-    runs: list[list[Spans]] = [[] for _ in SIZES_PX]
+    surfaces = pose_surfaces(model, bases.quaternion[which], bases.angles[which])
+    parts: list[Arrays] = []
     at_once = max(1, _AT_ONCE // len(views))
     for start in range(0, len(surfaces), at_once):
         block = surfaces[start : start + at_once]
         base = np.repeat(np.arange(len(block)), len(views))
         seen = render_views(model, block, base, np.tile(views, (len(block), 1)))
-        for kept, masks in zip(runs, silhouette_levels(seen.windows > 0), strict=True):
-            kept.append(spans_of(masks))
-        rendered.append(seen)
-    arrays = {
-        name: np.concatenate([getattr(seen, name) for seen in rendered])
-        for name in ("areas", "pelvis_px", "cut")
-    }
-    for number, parts in enumerate(runs):
-        joined = join_spans(parts)
-        arrays |= {f"level{number}.{name}": getattr(joined, name) for name in _RUNS}
-    return arrays | {"heights": heights.astype(np.float32)}
+        arrays = {name: getattr(seen, name) for name in _FACTS}
+        for number, masks in enumerate(silhouette_levels(seen.windows > 0)):
+            runs = spans_of(masks)
+            arrays |= {f"level{number}.{name}": getattr(runs, name) for name in _RUNS}
+        parts.append(arrays)
+    return _joined(parts)
 
 
-def _tree(
-    count: int,
-    spans: list[Spans],
-    poses: PoseSpace,
-    settings: LibrarySettings,
-    checkpoint: Checkpoint,
-    reporter: Reporter,
-) -> tuple[list[Nodes], list[float]]:
-    """Nodes and thresholds of all levels."""
-    sets = [np.arange(count, dtype=np.int64)]
-    nodes: list[Nodes] = []
-    thresholds: list[float] = []
-    for number, (runs, size) in enumerate(zip(spans, SIZES_PX, strict=True)):
-        score = Scorer(runs, size, settings.weighting, bounds_px=spans[-1].bounds)
-        finished = checkpoint.load(f"tree{number}")
-        if finished is None:
-            target = round(settings.node_shares[number] * count)
-            chosen = checkpoint.load(f"threshold{number}")
-            if settings.thresholds is not None:
-                threshold = settings.thresholds[number]
-            elif chosen is not None:
-                threshold = float(chosen["threshold"][0])
-            elif number == 0:
-                threshold = first_threshold(count, target, poses, score, reporter)
-            else:
-                threshold = next_threshold(sets, target, poses, score)
-            checkpoint.save(f"threshold{number}", {"threshold": np.array([threshold])})
-            if number == 0:
-                groups = [_first_level(count, poses, score, threshold, checkpoint, reporter)]
-            else:
-                reporter.stage(f"tree, level {number + 1}", len(sets))
-                groups = divide(sets, poses, score, threshold, reporter)
-            level = Nodes.from_groups(groups, poses)
-            finished = {
-                name: getattr(level, name)
-                for name in ("representative", "parent", "offsets", "members")
-            }
-            finished["threshold"] = np.array([threshold])
-            checkpoint.save(f"tree{number}", finished)
-        thresholds.append(float(finished.pop("threshold")[0]))
-        nodes.append(Nodes(**finished))
-        sets = nodes[-1].sets()
-    return nodes, thresholds
+@dataclass(frozen=True, eq=False)
+class _Division:
+    """Division of all samples into the nodes of every level, with checkpoints."""
 
+    poses: PoseSpace
+    settings: LibrarySettings
+    checkpoint: Checkpoint
+    reporter: Reporter
 
-def _first_level(
-    count: int,
-    poses: PoseSpace,
-    score: Scorer,
-    threshold: float,
-    checkpoint: Checkpoint,
-    reporter: Reporter,
-) -> list[NDArray[np.int64]]:
-    """Samples of the nodes of the first level, with checkpoints."""
-    reporter.stage("tree, level 1")
-    samples = np.arange(count, dtype=np.int64)
-    saved = checkpoint.load("split")
-    if saved is None:
-        split = Split.start(samples, poses)
-    else:
-        split = Split(
-            samples,
-            saved["chosen"].tolist(),
-            saved["total"],
-            saved["nearest"],
-            saved["nearest_node"],
-        )
-        reporter.advance(len(split.chosen) - 1)
+    def levels(self, count: int, spans: Sequence[Spans]) -> list[Nodes]:
+        """Nodes of all levels over a number of samples."""
+        sets = [np.arange(count, dtype=np.int64)]
+        nodes: list[Nodes] = []
+        for number, (runs, size) in enumerate(zip(spans, SIZES_PX, strict=True)):
+            divided = partial(self._nodes, number, sets, Scorer(runs, size))
+            nodes.append(Nodes(**self.checkpoint.step(f"tree{number}", divided)))
+            sets = nodes[-1].sets()
+        return nodes
 
-    def after(split: Split) -> None:
-        reporter.advance()
-        if len(split.chosen) % _SAVE_EVERY == 0:
-            checkpoint.save(
-                "split",
-                {
-                    "chosen": np.array(split.chosen, np.int64),
-                    "total": split.total,
-                    "nearest": split.nearest,
-                    "nearest_node": split.nearest_node,
-                },
-            )
+    def _nodes(self, number: int, sets: list[NDArray[np.int64]], score: Scorer) -> Arrays:
+        """Nodes of a level, whose samples are those of the level above."""
+        threshold = self.settings.thresholds[number]
+        if number == 0:
+            groups = [self._first_level(sets[0], threshold, score)]
+        else:
+            self.reporter.stage(f"tree, level {number + 1}", len(sets))
+            groups = divide(sets, self.poses, score, threshold, self.reporter)
+        return vars(Nodes.from_groups(groups, self.poses))
 
-    split.run(score, threshold, after, threads=True)
-    return split.groups()
+    def _first_level(
+        self, samples: NDArray[np.int64], threshold: float, score: Scorer
+    ) -> list[NDArray[np.int64]]:
+        """Samples of the nodes of the first level, with checkpoints of its division."""
+        self.reporter.stage("tree, level 1")
+        saved = self.checkpoint.load("split")
+        if saved is None:
+            split = Split.start(samples, self.poses)
+        else:
+            split = Split(samples, saved.pop("chosen").tolist(), **saved)
+            self.reporter.advance(len(split.chosen) - 1)
+
+        def after(split: Split) -> None:
+            self.reporter.advance()
+            if len(split.chosen) % _SAVE_EVERY == 0:
+                self.checkpoint.save(
+                    "split",
+                    {
+                        "chosen": np.array(split.chosen, np.int64),
+                        "total": split.total,
+                        "nearest": split.nearest,
+                        "nearest_node": split.nearest_node,
+                    },
+                )
+
+        split.run(score, threshold, after, threads=True)
+        return split.groups()

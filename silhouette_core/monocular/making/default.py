@@ -19,8 +19,7 @@ from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLib
 from silhouette_core.monocular.tree.store import VERSION, read_library
 from silhouette_core.progress import Reporter, SilentReporter
 
-# Thresholds as `making.thresholds` chooses them for these motions: a quarter of the time is saved.
-SETTINGS = LibrarySettings(poses=24_000, thresholds=(0.0173, 0.0110, 0.0074))
+SETTINGS = LibrarySettings(poses=24_000)
 # A third of the usual takes, and a fifth of the encoders' samples: somebody waits for it. All takes
 # are varied: there is little motion.
 LEARNING = LearningSettings(

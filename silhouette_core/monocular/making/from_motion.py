@@ -25,7 +25,8 @@ from silhouette_core.motion.mocap.load import load_motions, motion_files
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import motion_path, read_motion
 from silhouette_core.progress import Reporter, SilentReporter
-from silhouette_core.workers import Workers
+
+_USUAL = LearningSettings()
 
 
 def read_clips(
@@ -91,8 +92,7 @@ def make_library(
     path: Path,
     settings: LibrarySettings,
     reporter: Reporter | None = None,
-    workers: Workers | None = None,
-    learning: LearningSettings | None = None,
+    learning: LearningSettings | None = _USUAL,
 ) -> PoseLibrary:
     """Builds and writes a library; an interrupted build resumes from the checkpoints in
     `path`.partial.
@@ -103,8 +103,8 @@ def make_library(
         path: the library's file; an existing library is replaced once the new one is complete.
         settings: settings of the library.
         reporter: informed of every stage.
-        workers: share the work of a library with a tree for every view; None: this process.
-        learning: settings of the proposal; None: the usual ones.
+        learning: settings of the proposal that a person's library learns from the motion, of which
+            `mirror` is that of the library; None: it has none.
 
     Returns:
         The library, opened from its file.
@@ -113,7 +113,9 @@ def make_library(
         InputError: there is no motion, the file is no library or cannot be written, or another
             process is building it.
     """
-    reporter, settings = reporter or SilentReporter(), settings.for_body(model)
+    reporter = reporter or SilentReporter()
+    if model.person is None:
+        settings, learning = replace(settings, mirror=False), None
     if path.is_dir() or (path.exists() and not is_library(path)):
         raise InputError(
             f"{path} exists and is not a pose library, so it is not overwritten: give --out another"
@@ -128,9 +130,9 @@ def make_library(
     )
     partial = path.with_name(f"{path.name}.partial")
     with claimed(path):
-        library = build_library(bases, model, settings, reporter, partial, workers)
-        if settings.proposal:
-            learning = replace(learning or LearningSettings(), mirror=settings.mirror)
+        library = build_library(bases, model, settings, reporter, partial)
+        if learning is not None:
+            learning = replace(learning, mirror=settings.mirror)
             proposal = _learned(motions, model, learning, partial, reporter)
             library = replace(library, proposal=proposal)
         write_library(library, path)

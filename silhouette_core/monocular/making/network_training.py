@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from silhouette_core.monocular.proposal.kernels import mixture as kernels
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork, normalised
 from silhouette_core.monocular.proposal.silhouette_features import product
+from silhouette_core.monocular.tuning import TRAINING
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
 _PARTS = 4  # of a batch, worked on side by side; their number changes the last digits
 _WARM_UP = 200  # steps over which the rate grows
-_LAST_RATE = 1e-5
-_LARGEST_GRADIENT = 300.0  # longer gradients are shortened
-_CLAIMED = 0.4  # of the steps, in which the nearest mode alone learns
-_SHARE, _LEAST_SHARE = 0.3, 0.02  # of all modes meanwhile, at first and at last
 
 
 @dataclass(frozen=True)
@@ -233,7 +230,11 @@ def descend(
     losses: list[float] = []
     for step in range(settings.steps):
         done = step / settings.steps
-        share = max(_SHARE * (1 - done / _CLAIMED), _LEAST_SHARE) if done < _CLAIMED else 0.0
+        share = (
+            max(TRAINING.share * (1 - done / TRAINING.claimed), TRAINING.least_share)
+            if done < TRAINING.claimed
+            else 0.0
+        )
         portion = settings.batch // _PARTS, share
         parts = side_by_side(lambda stream, portion=portion: gradients(stream, *portion), streams)
         means = [
@@ -241,9 +242,9 @@ def descend(
             for arrays in zip(*(found for _, found in parts), strict=True)
         ]
         length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in means))
-        scale = min(1.0, _LARGEST_GRADIENT / max(length, 1e-9))
+        scale = min(1.0, TRAINING.largest_gradient / max(length, 1e-9))
         warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
-        rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + _LAST_RATE
+        rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + TRAINING.last_rate
         for array, gradient, one, two in zip(parameters, means, first, second, strict=True):
             kernels.adam_step(
                 array.reshape(-1),

@@ -38,15 +38,15 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     nearby_frames,
     network_inputs,
 )
+from silhouette_core.monocular.tuning import TRAINING
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.read_ahead import side_by_side
 
 Arrays = Mapping[str, NDArray]
-_BETWEEN_S = 10.0  # between takes: no instant that is read lies in another take
+_BETWEEN_S = 10  # between takes: no instant that is read lies in another take
 _BASIS_GRIDS = 4000
 _AT_ONCE = 24  # takes that are filmed side by side
-_CAUSAL, _COLOURLESS = 1 / 3, 1 / 3  # of the samples
 _GRIDS = "coverage", "feet", "skin", "shading"
 _LEAST_STEPS = 200
 
@@ -126,9 +126,7 @@ def learn_proposal(
     recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
     stretches = plan_takes(motions, min(settings.frames, settings.takes * recorded), plan)
     if not stretches:
-        raise InputError(
-            "the proposal needs motion of at least half a second: give more, or --no-proposal"
-        )
+        raise InputError("a library is learned from motion of at least half a second: give more")
     # How BLAS and LAPACK round depends on their number of threads, on some processors even of short
     # products.
     with threadpool_limits(1, user_api="blas"):
@@ -268,7 +266,7 @@ def _trained_encoding(
         )
         return PictureBatch(
             *(pool.gathered(frames, name) for name in ("coverage", "skin", "shading")),
-            coloured=rng.random(samples) >= _COLOURLESS,
+            coloured=rng.random(samples) >= TRAINING.colourless,
             samples=TrainingBatch(
                 np.concatenate(others, axis=1, dtype=np.float32),
                 pool.gathered(frames, "joints"),
@@ -300,8 +298,8 @@ def _trained(
 
     def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:
         frames = rng.integers(0, count, samples)
-        causal = rng.random(samples) < _CAUSAL
-        coloured = rng.random(samples) >= _COLOURLESS
+        causal = rng.random(samples) < TRAINING.causal
+        coloured = rng.random(samples) >= TRAINING.colourless
         return TrainingBatch(
             network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
             filmed.joints[frames],

@@ -8,13 +8,12 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.tuning import SAMPLED_MOTION
 from silhouette_core.motion.dynamics import FPS, relaxed_rad
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 
 _FRAMES_PER_KNOT = 15
-_SPREAD = 0.5  # standard deviation about rest, of the way to a limit: few joints are at a limit
-_TILT_RAD = np.radians(6.0)  # of a root that is free, about each level axis
 
 
 def sampled_motion(model: BodyModel, rng: np.random.Generator, frames: int) -> Motion:
@@ -31,11 +30,11 @@ def sampled_motion(model: BodyModel, rng: np.random.Generator, frames: int) -> M
     rest = relaxed_rad(model.tree)
     low, high = np.where(model.dof_fixed, rest, model.dof_limits_rad.T)
     knots = rng.standard_normal((frames // _FRAMES_PER_KNOT + 2, model.dof_count + 2))
-    drawn = knots[:, 2:] * _SPREAD
+    drawn = knots[:, 2:] * SAMPLED_MOTION.spread
     angles = np.clip(rest + np.where(drawn < 0, rest - low, high - rest) * drawn, low, high)
     tilt = np.zeros((len(knots), 3))
     if not model.tree.root_fixed:
-        tilt[:, :2] = _TILT_RAD * knots[:, :2]
+        tilt[:, :2] = np.radians(SAMPLED_MOTION.tilt_deg) * knots[:, :2]
     turns = Rotation.from_rotvec(_between(tilt, frames)).as_matrix()
     root = np.tile(model.joints_m[0], (frames, 1))
     return Motion(FPS, model, root, quaternions(turns), _between(angles, frames))

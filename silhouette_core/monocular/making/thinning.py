@@ -28,11 +28,7 @@ def pose_features(motion: Motion) -> NDArray[np.float64]:
     return np.hstack([motion.angles_rad, lean])
 
 
-def thin_poses(
-    features_rad: NDArray[np.float64],
-    tolerance_rad: float,
-    already_kept: NDArray[np.float64] | None = None,
-) -> NDArray[np.int64]:
+def thin_poses(features_rad: NDArray[np.float64], tolerance_rad: float) -> NDArray[np.int64]:
     """Poses of which no two differ by the tolerance or less in all coordinates.
 
     Greedy in the given order, and exact: a pose is removed if a kept one is within the tolerance in
@@ -42,8 +38,6 @@ def thin_poses(
     Args:
         features_rad: (N, K) float64, finite, radians or any other unit.
         tolerance_rad: largest difference of similar poses, greater than 0, in the same unit.
-        already_kept: (M, K) float64, poses that are kept in any case, such as those of a library
-            that grows.
 
     Returns:
         (L,) int64, increasing, the rows that are kept.
@@ -54,16 +48,10 @@ def thin_poses(
     Source: Okada and Stenger, §3 (their tolerance is 5 degrees).
     """
     features = float_array("features_rad", features_rad, ("N", "K"), finite=True)
-    kept_before = (
-        np.empty((0, features.shape[1]))
-        if already_kept is None
-        else float_array("already_kept", already_kept, ("M", features.shape[1]), finite=True)
-    )
     if not tolerance_rad > 0:
         raise ValueError(f"tolerance_rad must be greater than 0, got {tolerance_rad}")
-    rows = np.vstack([kept_before, features])
-    kept = np.zeros(len(rows), bool)
-    spread = rows.std(axis=0) if len(rows) else np.zeros(rows.shape[1])
+    kept = np.zeros(len(features), bool)
+    spread = features.std(axis=0) if len(features) else np.zeros(features.shape[1])
     grid = np.argsort(-spread, kind="stable")[:_GRID_COLUMNS].astype(np.int64)
-    thin_rows(rows, len(kept_before), grid, float(tolerance_rad), kept)
-    return np.flatnonzero(kept[len(kept_before) :]).astype(np.int64)
+    thin_rows(features, grid, float(tolerance_rad), kept)
+    return np.flatnonzero(kept).astype(np.int64)

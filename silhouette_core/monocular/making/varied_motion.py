@@ -16,17 +16,12 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
 from silhouette_core.body.joints import HUMAN
+from silhouette_core.monocular.tuning import VARIED_MOTION as VARIED
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 
-_OTHER_ARMS, _BOTH_ARMS, _REVERSED = 0.6, 0.5, 0.3  # probabilities
-_OTHER_UPPER_BODY = 0.25
-_DEVIATING = 0.7
-_DEVIATION_RAD = (np.radians(2.0), np.radians(12.0))
 _FRAMES_PER_KNOT = 12
-_ANY_LIMB, _ANY_LIMB_KNOTS, _ALIKE = 0.25, 24, 0.5  # both legs, or both arms, take any pose
-_LEANING, _LEANING_RAD = 0.4, np.radians(30.0)
-_TUMBLING, _TUMBLING_RAD = 0.15, np.radians(6.0)  # chance, and deviation of the turn in a frame
+_ANY_LIMB_KNOTS = 24  # frames, likewise, where both legs, or both arms, take any pose
 _LEG_PARTS = ("thigh", "shin", "foot", "toes")
 _ARM_PARTS = ("clavicle", "upper_arm", "forearm", "hand")
 _ARMS = tuple(
@@ -63,23 +58,23 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
         T frames within the joint limits; the pelvis keeps its place.
     """
     angles, count = motion.angles_rad.copy(), len(motion)
-    if rng.random() < _OTHER_UPPER_BODY:
+    if rng.random() < VARIED.other_upper_body:
         angles[:, _UPPER_BODY] = _stretch(others, count, rng)[:, _UPPER_BODY]
-    if rng.random() < _OTHER_ARMS:
-        together = rng.random() < _BOTH_ARMS
+    if rng.random() < VARIED.other_arms:
+        together = rng.random() < VARIED.both_arms
         for arms in [_ARMS[0] | _ARMS[1]] if together else _ARMS:
             angles[:, arms] = _stretch(others, count, rng)[:, arms]
     for limbs in (_ARMS, _LEGS):
-        if rng.random() < _ANY_LIMB:
+        if rng.random() < VARIED.any_limb:
             _put_anywhere(angles, limbs, rng)
-    if rng.random() < _DEVIATING:
+    if rng.random() < VARIED.deviating:
         angles += _deviations(count, rng)
     rotation = rotation_matrices(motion.root_quaternion)
-    if rng.random() < _LEANING:
-        sigma = rng.uniform(0, _LEANING_RAD)
+    if rng.random() < VARIED.leaning:
+        sigma = rng.uniform(0, np.radians(VARIED.lean_deg))
         lean = _curves(count, 3, sigma, rng) * [1.0, 1.0, 0.0]
         rotation = Rotation.from_rotvec(lean).as_matrix() @ rotation
-    if rng.random() < _TUMBLING:
+    if rng.random() < VARIED.tumbling:
         rotation = _tumbling(count, rng) @ rotation
     return replace(
         motion,
@@ -93,7 +88,7 @@ def _stretch(others: Sequence[Motion], count: int, rng: np.random.Generator) -> 
     other = others[int(rng.integers(len(others)))]
     first = int(rng.integers(max(1, len(other) - count)))
     frames = np.minimum(first + np.arange(count), len(other) - 1)
-    return other.angles_rad[frames[::-1] if rng.random() < _REVERSED else frames]
+    return other.angles_rad[frames[::-1] if rng.random() < VARIED.reversed else frames]
 
 
 def _put_anywhere(
@@ -104,7 +99,7 @@ def _put_anywhere(
     """
     low, high = HUMAN.dof_limits_rad.T
     spread = _curves(len(angles_rad), len(low), 1.0, rng, _ANY_LIMB_KNOTS)
-    if rng.random() < _ALIKE:
+    if rng.random() < VARIED.alike:
         spread[:, limbs[1]] = spread[:, limbs[0]] + 0.3 * spread[:, limbs[1]]
     anywhere = low + (high - low) * ndtr(spread)
     either = limbs[0] | limbs[1]
@@ -113,7 +108,7 @@ def _put_anywhere(
 
 def _deviations(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Smooth curves (count, D), radians; zero where an angle is fixed."""
-    sigma = rng.uniform(*_DEVIATION_RAD)
+    sigma = rng.uniform(*np.radians(VARIED.deviation_deg))
     return _curves(count, len(HUMAN.dof_fixed), sigma, rng) * ~HUMAN.dof_fixed
 
 
@@ -137,6 +132,6 @@ def _curves(
 def _tumbling(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Rotations (count, 3, 3) about a horizontal axis, from any angle on, at a steady rate."""
     azimuth, first = rng.uniform(0, 2 * np.pi, 2)
-    angle = first + rng.normal(0, _TUMBLING_RAD) * np.arange(count)
+    angle = first + rng.normal(0, np.radians(VARIED.tumble_deg)) * np.arange(count)
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     return Rotation.from_rotvec(angle[:, None] * axis).as_matrix()

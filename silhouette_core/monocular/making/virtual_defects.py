@@ -10,17 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-# Bouts of frames: the chance of a beginning, and the longest one; they make 30 % of the frames.
-_BOUT, _LONGEST_BOUT = 0.025, 30
-# Holes at random places of the body, and larger ones, each with its chance in a bout; px.
-_HOLES, _HOLE_PX = 3, (1.5, 4.0)
-_LARGE_HOLES = ((0.5, (4.0, 9.0)), (0.25, (6.0, 14.0)))
-_STRANGE, _STRANGE_PX, _STRANGE_AWAY_PX = 0.35, (3.0, 9.0), 6.0  # foreground beside the body
-# Chance that one of the colours is like the background's in places, which are at the same places
-# of the body in all frames, and how often they are seen; px.
-_ALIKE, _PLACES, _PLACE_PX, _OFTEN = 0.15, (2, 9), (2.5, 8.0), (0.4, 1.0)
-_SHADOWED = 0.15  # chance of a shadow on the floor
-_ELEVATION, _SHADOW_OF = np.radians((35.0, 80.0)), (0.1, 1.1)  # of the light; statures of height
+from silhouette_core.monocular.tuning import VIRTUAL_DEFECTS as DEFECTS
+
+_LONGEST_BOUT = 30  # frames
+_HOLES = 3  # at random places of the body, at most
 
 
 def passing_defects(
@@ -36,23 +29,27 @@ def passing_defects(
     Returns:
         Edges (T,) and discs (T, D, 3), px, for `kernels.spoil_silhouettes`.
     """
-    count, slots = len(places_px), _HOLES + len(_LARGE_HOLES) + 1
+    count, slots = len(places_px), _HOLES + len(DEFECTS.large_holes) + 1
     edges, discs = np.zeros(count, np.int8), np.zeros((count, slots, 3), np.float32)
+    larger = list(zip(DEFECTS.large_holes, DEFECTS.large_holes_px, strict=True))
     frame = 0
     while frame < count:
-        if rng.random() >= _BOUT:
+        if rng.random() >= DEFECTS.bout:
             frame += 1
             continue
         bout = slice(frame, frame + int(rng.integers(1, _LONGEST_BOUT + 1)))
         edges[bout] = rng.integers(-1, 2)
         radii, away = np.zeros(slots), np.zeros((slots, 2))
         holes = int(rng.integers(_HOLES + 1))
-        radii[:holes] = rng.uniform(*_HOLE_PX, holes)
-        for k, (chance, sizes) in enumerate(_LARGE_HOLES, _HOLES):
+        radii[:holes] = rng.uniform(*DEFECTS.hole_px, holes)
+        for k, (chance, sizes) in enumerate(larger, _HOLES):
             if rng.random() < chance:
                 radii[k] = rng.uniform(*sizes)
-        if strange and rng.random() < _STRANGE:
-            radii[-1], away[-1] = -rng.uniform(*_STRANGE_PX), rng.normal(0, _STRANGE_AWAY_PX, 2)
+        if strange and rng.random() < DEFECTS.strange:
+            radii[-1], away[-1] = (
+                -rng.uniform(*DEFECTS.strange_px),
+                rng.normal(0, DEFECTS.strange_away_px, 2),
+            )
         chosen = rng.integers(places_px.shape[1], size=slots)
         discs[bout, :, :2] = places_px[bout][:, chosen] + away
         discs[bout, :, 2] = radii
@@ -74,9 +71,9 @@ def wall_coloured_places(
         Discs (T, D, 3), px, for `kernels.spoil_silhouettes`.
     """
     alike = np.flatnonzero(colour == rng.choice(np.unique(colour)))
-    number = int(rng.integers(*_PLACES)) * (rng.random() < _ALIKE)
-    seen = rng.random((len(places_px), number)) < rng.uniform(*_OFTEN)
-    radii = seen * rng.uniform(*_PLACE_PX, number)
+    number = int(rng.integers(*DEFECTS.places)) * (rng.random() < DEFECTS.alike)
+    seen = rng.random((len(places_px), number)) < rng.uniform(*DEFECTS.often)
+    radii = seen * rng.uniform(*DEFECTS.place_px, number)
     places = places_px[:, rng.choice(alike, number)]
     return np.concatenate([places, radii[..., None]], axis=2).astype(np.float32)
 
@@ -93,11 +90,14 @@ def cast_shadow(
     Returns:
         The surface; None in most takes.
     """
-    if rng.random() >= _SHADOWED:
+    if rng.random() >= DEFECTS.shadowed:
         return None
-    azimuth, length = rng.uniform(0, 2 * np.pi), 1 / np.tan(rng.uniform(*_ELEVATION))
+    azimuth, length = (
+        rng.uniform(0, 2 * np.pi),
+        1 / np.tan(rng.uniform(*np.radians(DEFECTS.light_deg))),
+    )
     along = np.array([np.cos(azimuth), np.sin(azimuth)], np.float32) * np.float32(length)
-    height = np.clip(surface[..., 2:], 0, rng.uniform(*_SHADOW_OF))
+    height = np.clip(surface[..., 2:], 0, rng.uniform(*DEFECTS.shadow_of))
     shadow = np.zeros(surface.shape, np.float32)
     shadow[..., :2] = surface[..., :2] + along * height
     return shadow

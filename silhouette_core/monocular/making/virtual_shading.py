@@ -12,15 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.monocular.tuning import VIRTUAL_SHADING as SHADING
 
 _COLOURS, _LEVELS = 4, 62  # labels stay below 255
-_PER_UNIT, _DARKEST = 30.0, -1.5  # levels of a factor of e; logarithm of the first's brightness
+_PER_UNIT, _DARKEST = 30, -3 / 2  # levels of a factor of e; logarithm of the first's brightness
 _BELOW, _SHOES = ("pelvis", "thigh", "shin"), ("foot", "toes")
-_ELEVATION = np.radians((15.0, 90.0))
-_DIRECT, _SKY = (0.15, 0.65), (0.0, 0.4)  # share of the light, and of the sky in the rest
-# Chance of patterns, their deviation, and how much of it is that of whole parts; logarithms.
-_PATTERNED, _PATTERN, _OF_PARTS = 0.4, 0.3, 0.5
-_ALIKE, _PATCH = 0.2, 0.4  # chance of two colours alike, and deviation of their brightness
 
 
 def lit_labels(
@@ -44,16 +40,16 @@ def lit_labels(
     first, second, third = (surface[:, faces[:, k]] for k in range(3))
     normal = np.cross(second - first, third - first)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    elevation, azimuth = rng.uniform(*_ELEVATION), rng.uniform(0, 2 * np.pi)
+    elevation, azimuth = rng.uniform(*np.radians(SHADING.light_deg)), rng.uniform(0, 2 * np.pi)
     level = np.cos(elevation)
     toward = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-    direct, sky = rng.uniform(*_DIRECT), rng.uniform(*_SKY)
+    direct, sky = rng.uniform(*SHADING.direct), rng.uniform(*SHADING.sky)
     light = direct * np.maximum(normal @ toward.astype(np.float32), 0)
     brightness = np.log((1 - direct) * (1 + sky * normal[..., 2]) + light)
-    if rng.random() < _PATTERNED:
-        deviation = rng.uniform(0, _PATTERN)
+    if rng.random() < SHADING.patterned:
+        deviation = rng.uniform(0, SHADING.pattern)
         brightness += rng.normal(0, deviation, len(faces))
-        brightness += rng.normal(0, _OF_PARTS * deviation, len(PART_NAMES))[face_part]
+        brightness += rng.normal(0, SHADING.of_parts * deviation, len(PART_NAMES))[face_part]
     levels = np.clip(np.rint((brightness - _DARKEST) * _PER_UNIT), 0, _LEVELS - 1)
     return (part_colours(bare)[face_part] * _LEVELS + levels).astype(np.int32)
 
@@ -83,9 +79,9 @@ def relative_brightness(images: NDArray[np.uint8], rng: np.random.Generator) -> 
     """
     labels = np.arange(_COLOURS * _LEVELS)
     colour, value = labels // _LEVELS, labels % _LEVELS / _PER_UNIT
-    if rng.random() < _ALIKE:
+    if rng.random() < SHADING.alike:
         one, other = rng.choice(_COLOURS, 2, replace=False)
-        value[colour == one] += rng.normal(0, _PATCH)
+        value[colour == one] += rng.normal(0, SHADING.patch)
         colour[colour == one] = other
     rows = images.reshape(-1, images.shape[-1])
     count = cv2.calcHist([rows], [0], None, [256], [0, 256]).ravel()[1 : len(labels) + 1]

@@ -36,20 +36,20 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     level_axes,
     shading_grid,
 )
+from silhouette_core.monocular.tuning import VIRTUAL_CAMERAS as CAMERAS
+from silhouette_core.monocular.tuning import VIRTUAL_PEOPLE as PEOPLE
+from silhouette_core.monocular.tuning import Range
 from silhouette_core.motion import kinematics
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.motion import Motion
 
-_FPS = 30.0
 _LENGTHS, _SHORTEST = (60, 110), 12  # frames of a take
 _CANVAS_PX = 208
 _STATURE_PX = 2 * STATURE_CELLS
 _HEAD_TOP = LANDMARK_NAMES.index("head_top")
 _SIZE = _CANVAS_PX, _CANVAS_PX
 _MATRIX = np.array([[1, 0, (_CANVAS_PX - 1) / 2], [0, 1, (_CANVAS_PX - 1) / 2], [0, 0, 1]], float)
-_METRE = 1 / 1.75  # in statures
-# Bodies: deviations relative to the spread of adults, and a common one of all girths.
-_SPREAD, _STOUT = 0.8, 0.12
-_SHAPE_LIMITS = (-0.3, 0.45)
+_METRE = 4 / 7  # in statures of 1.75 m
 _GIRTHS = np.array(
     [
         axis.along == "girth" or axis.name in ("trunk_width", "trunk_depth", "foot_girth")
@@ -58,33 +58,13 @@ _GIRTHS = np.array(
 )
 _LOOSE = ("pelvis", "lumbar", "abdomen", "thorax", "thigh", "shin", "upper_arm", "clavicle")
 _CLOTHED = np.array([any(name in part for name in _LOOSE) for part in PART_NAMES])
-_CLOTHES = (0.005 * _METRE, 0.035 * _METRE)  # distance of wide clothes from the skin
-# What has the colours of the head: under a cap or much hair nothing else, otherwise these, each
-# with its chance if all before have: sleeves differ.
-_CAP = 0.2
-_BARE_PARTS = (
-    (("hand", "thumb", "fingers"), 0.96),
-    (("forearm",), 0.6),
-    (("upper_arm",), 0.25),
+# What has the colours of the head, each if all before have: sleeves differ.
+_ARM_PARTS = ("hand", "thumb", "fingers"), ("forearm",), ("upper_arm",)
+_SKIN_LIKE_PARTS = (
+    ("upper_thorax", "thorax", "abdomen", "clavicle", "upper_arm"),
+    ("thigh", "shin", "pelvis"),
+    ("foot", "toes"),
 )
-_BARE_LEGS, _BARE_FEET = 0.12, 0.12
-_SKIN_LIKE, _SKIN_LIKE_PARTS = (
-    0.08,
-    (
-        ("upper_thorax", "thorax", "abdomen", "clavicle", "upper_arm"),
-        ("thigh", "shin", "pelvis"),
-        ("foot", "toes"),
-    ),
-)
-_SURE, _WRONGLY, _OFTEN, _SKIN_NOISE = (0.6, 1.0), (0.0, 0.3), 0.4, 0.2
-_EXPOSURE, _GRAIN = 0.02, (0.005, 0.05)  # of brightness: of a frame, of a cell; logarithms
-# Cameras: distances and heights, and the room that the person leaves before them.
-_DISTANCE, _HEIGHT = (2.7 * _METRE, 7.5 * _METRE), (0.4 * _METRE, 3.2 * _METRE)
-_NEAREST = 1.8 * _METRE
-_RAISED, _HIGHEST = 0.08, 0.6  # chance that the person hangs or climbs, and how high
-_AWAY = 0.35 * _METRE  # deviation of the place from the middle of the room
-# Logarithm of the error of the assumed distance: constant, and how it wanders.
-_WRONG, _STEADY, _WANDER = 0.09, 0.95, 0.008
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,16 +120,16 @@ class VirtualBodies:
     def draw(self, rng: np.random.Generator) -> tuple[BodyModel, NDArray[np.float64], float]:
         """Body, its clothed vertices (V, 3) at rest, m, and its stature, m."""
         template = self._templates[int(rng.integers(len(self._templates)))]
-        stout = rng.normal(0, _STOUT)
+        stout = rng.normal(0, PEOPLE.stout)
         body = ~IS_CLOTHING
         shape = _GIRTHS * stout
-        shape[body] += rng.normal(0, _SPREAD, np.count_nonzero(body)) * SHAPE_SIGMA[body]
-        model = template.reshaped(template.shape + np.clip(shape, *_SHAPE_LIMITS))
+        shape[body] += rng.normal(0, PEOPLE.spread, np.count_nonzero(body)) * SHAPE_SIGMA[body]
+        model = template.reshaped(template.shape + np.clip(shape, *PEOPLE.shape_limits))
         stature = float(model.landmarks_m[_HEAD_TOP, 2] - model.vertices_m[:, 2].min())
         vertices = model.vertices_m
         if rng.random() < 0.5:
             covered = (model.skin_weights * _CLOTHED[model.skin_parts]).sum(axis=1)
-            width = rng.uniform(*_CLOTHES) * stature
+            width = rng.uniform(*_in_statures(PEOPLE.clothes_m)) * stature
             vertices = vertices + model.vertex_normals * (width * covered)[:, None]
         return model, vertices, stature
 
@@ -212,6 +192,11 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     )
 
 
+def _in_statures(lengths_m: Range) -> NDArray[np.float64]:
+    """Lengths in statures of a person of 1.75 m."""
+    return np.array(lengths_m) * _METRE
+
+
 def mirror_image(take: VirtualTake) -> VirtualTake:
     """The take as seen in a mirror: left and right of pictures, body and room exchanged."""
     coverage, feet, skin, shading = (
@@ -253,26 +238,31 @@ def _performed(
     surface /= stature
     root = joints[:, 0, :2]
     floor = np.quantile(surface[..., 2].min(axis=1), 0.1)
-    if rng.random() < _RAISED:
-        floor -= rng.uniform(0, _HIGHEST)
-    moved = np.array([*(root.max(axis=0) + root.min(axis=0)) / 2 + rng.normal(0, _AWAY, 2), floor])
+    if rng.random() < CAMERAS.raised:
+        floor -= rng.uniform(0, CAMERAS.highest)
+    moved = np.array(
+        [
+            *(root.max(axis=0) + root.min(axis=0)) / 2 + rng.normal(0, CAMERAS.away_m * _METRE, 2),
+            floor,
+        ]
+    )
     return joints - moved, surface - moved.astype(np.float32), model
 
 
 def _bare_parts(rng: np.random.Generator) -> NDArray[np.bool_]:
     """Whether every part (27,) has the colours of the head."""
     bare = {"head"}
-    if rng.random() >= _CAP:
+    if rng.random() >= PEOPLE.cap:
         bare |= {"neck"}
-        for parts, chance in _BARE_PARTS:
+        for parts, chance in zip(_ARM_PARTS, PEOPLE.bare_arms, strict=True):
             if rng.random() >= chance:
                 break
             bare |= set(parts)
-        if rng.random() < _BARE_LEGS:
+        if rng.random() < PEOPLE.bare_legs:
             bare |= {"shin"}
-        if rng.random() < _BARE_FEET:
+        if rng.random() < PEOPLE.bare_legs:
             bare |= {"foot", "toes"}
-    if rng.random() < _SKIN_LIKE:  # clothes of the same colours
+    if rng.random() < PEOPLE.skin_like:  # clothes of the same colours
         bare |= set(_SKIN_LIKE_PARTS[int(rng.integers(len(_SKIN_LIKE_PARTS)))])
     names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
     return np.array([name in bare for name in names])
@@ -289,8 +279,11 @@ def _skin_grids(
     """
     grids = window_coverage(bare, corners).astype(np.float32)
     elsewhere = window_coverage(masks, corners) - grids
-    sure, wrong = rng.uniform(*_SURE), rng.uniform(*_WRONGLY) * (rng.random() < _OFTEN)
-    noise = rng.normal(0, rng.uniform(0, _SKIN_NOISE), grids.shape).astype(np.float32)
+    sure, wrong = (
+        rng.uniform(*PEOPLE.surely_found),
+        rng.uniform(*PEOPLE.wrongly_found) * (rng.random() < PEOPLE.often),
+    )
+    noise = rng.normal(0, rng.uniform(*PEOPLE.skin_noise), grids.shape).astype(np.float32)
     found = sure * grids + wrong * elsewhere
     return np.clip(np.rint(found + noise * (found > 0) * FULL), 0, FULL).astype(np.uint8)
 
@@ -306,8 +299,8 @@ def _shading_grids(
     """
     sums = window_coverage(brightness, corners)
     covered = window_coverage(masks, corners)
-    exposure = rng.normal(0, _EXPOSURE, len(masks)).astype(np.float32)[:, None, None]
-    noise = rng.uniform(*_GRAIN) * rng.standard_normal(sums.shape, np.float32)
+    exposure = rng.normal(0, PEOPLE.exposure, len(masks)).astype(np.float32)[:, None, None]
+    noise = rng.uniform(*PEOPLE.grain) * rng.standard_normal(sums.shape, np.float32)
     return shading_grid(sums + covered * (exposure + noise))
 
 
@@ -328,10 +321,10 @@ def window_coverage(masks: NDArray, corners: NDArray[np.integer]) -> NDArray:
 def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
     """Place (3,) of a camera that has the person's way (T, 2) before it."""
     azimuth = rng.uniform(0, 2 * np.pi)
-    distance = np.exp(rng.uniform(*np.log(_DISTANCE)))
-    height = rng.uniform(*_HEIGHT)
+    distance = np.exp(rng.uniform(*np.log(_in_statures(CAMERAS.distance_m))))
+    height = rng.uniform(*_in_statures(CAMERAS.height_m))
     away = np.array([np.cos(azimuth), np.sin(azimuth)])
-    while np.linalg.norm(roots - distance * away, axis=1).min() < _NEAREST:
+    while np.linalg.norm(roots - distance * away, axis=1).min() < CAMERAS.nearest_m * _METRE:
         distance *= 1.2
     return np.array([*(distance * away), height])
 
@@ -339,9 +332,9 @@ def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArr
 def _distance_error(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Logarithm (T,) of the assumed distance over the true one."""
     error = np.zeros(count)
-    constant, steps = rng.normal(0, _WRONG), rng.normal(0, _WANDER, count)
+    constant, steps = rng.normal(0, CAMERAS.wrong), rng.normal(0, CAMERAS.wander, count)
     for frame in range(1, count):
-        error[frame] = _STEADY * error[frame - 1] + steps[frame]
+        error[frame] = CAMERAS.steady * error[frame - 1] + steps[frame]
     return constant + error
 
 
@@ -411,4 +404,4 @@ def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator)
 
 
 def _stride(motion: Motion) -> int:
-    return max(1, round(motion.fps / _FPS))
+    return max(1, round(motion.fps / FPS))

@@ -16,19 +16,12 @@ from silhouette_core.monocular.tracking.motion_cost import PoseCandidates, yaw_r
 from silhouette_core.monocular.tree.evidence import Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
 
-# Range, as a logarithm, and number of the distances tried in a first frame: the person may crouch,
-# or hold the arms up.
-_FIRST_RANGE, _FIRST_COUNT = 0.30, 9
-_DISTANCE_STEP = 0.05
-_DISTANCE_GAIN = 0.4
-_PITCH_SIGMA_RAD = np.radians(8.0)
-# A frame is lost where the best node's distance exceeds the usual one by this factor and excess.
-_LOST_FACTOR, _LOST_EXCESS = 2.5, 0.05
-_LONGEST_GAP_S = 1.0
+_FIRST_COUNT = 9  # distances tried in a first frame
 _MOST_STEPS = 30  # that many frame intervals of missing frames are predicted one by one
 
 
@@ -94,33 +87,29 @@ class ForwardFilter:
             person: the observed silhouette.
         """
         last, library = self._last, self.tree.library
-        restarted = last is None or last.lost or time_s - last.time_s > _LONGEST_GAP_S
+        restarted = last is None or last.lost or time_s - last.time_s > DISTANCES.longest_gap_s
         if self._distance_m is not None:
             middle, factors = self._distance_m, np.ones(1)
         elif last is None or restarted:
             middle = self._first_distance(person.mask)
-            factors = np.exp(np.linspace(-_FIRST_RANGE, _FIRST_RANGE, _FIRST_COUNT))
+            factors = np.exp(
+                np.linspace(-DISTANCES.first_range, DISTANCES.first_range, _FIRST_COUNT)
+            )
             if last is not None:
                 middle = float(np.sqrt(middle * last.distance_m))
         else:
-            steps = [0.0, -_DISTANCE_STEP, _DISTANCE_STEP]
+            steps = [0.0, -DISTANCES.step, DISTANCES.step]
             middle, factors = last.distance_m, np.exp(np.array(steps))
         metre_px = STATURE_PX / library.model.length_m
         windows = tuple(
             look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
         )
         prior = self._prior(windows[0], last, time_s, restarted)
-        evidence = Evidence(
-            windows,
-            self.weighting,
-            self.tree.backend,
-            library.bounds_px,
-            library.settings.tree == "views",
-        )
+        evidence = Evidence(windows, self.weighting, self.tree.backend, library.bounds_px)
         posterior = self.tree.update(prior, evidence)
         best = float(posterior.distance[0])
         usual = float(np.median(self._recent_best)) if self._recent_best else best
-        lost = best > _LOST_FACTOR * usual + _LOST_EXCESS
+        lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._recent_best = [*self._recent_best[-60:], best]
         measured = float(
@@ -129,7 +118,7 @@ class ForwardFilter:
                 @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])
             )
         )
-        gain = 1.0 if restarted else _DISTANCE_GAIN
+        gain = 1.0 if restarted else DISTANCES.gain
         filter_frame = FilterFrame(
             number,
             time_s,
@@ -165,7 +154,7 @@ class ForwardFilter:
             if last.lost:
                 prior = self.tree.spread(prior, 0.5)
         # The pitch of a view is a property of the camera and not of the motion.
-        away = (library.views[:, 1] - window.pitch_rad) / _PITCH_SIGMA_RAD
+        away = (library.views[:, 1] - window.pitch_rad) / np.radians(DISTANCES.pitch_sigma_deg)
         return self.tree.weigh_views(prior, np.exp(-0.5 * away**2))
 
     def _initial(self) -> NDArray[np.float64]:

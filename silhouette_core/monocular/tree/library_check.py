@@ -13,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.distance import WEIGHTINGS
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import SIZES_PX, WINDOW_PX
 
-_LARGEST_ANGLE = 20.0  # radians, of joints and views
-_LARGEST_PX = 10_000.0
-_TALLEST_M = 10.0
-_UNIT_TOLERANCE = 0.01
-_RUNS = (np.uint8, np.int16)  # of the runs of silhouettes; else int32
+_LARGEST_ANGLE = 20  # radians, of joints and views
+_LARGEST_PX = 10_000
 
 
 def check_library(library: PoseLibrary) -> None:
@@ -39,7 +35,6 @@ def check_library(library: PoseLibrary) -> None:
     shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
         "base_angles": ((bases, dofs), np.float32),
         "base_quaternion": ((bases, 4), np.float32),
-        "base_height_m": ((bases,), np.float32),
         "base_source": ((bases, 2), np.int32),
         "base_mirrored": ((bases,), np.bool_),
         "views": ((views, 2), np.float64),
@@ -58,12 +53,11 @@ def check_library(library: PoseLibrary) -> None:
         raise ValueError(f"views are {views}, its settings make {library.settings.views_count}")
     _within("base_angles", library.base_angles, -_LARGEST_ANGLE, _LARGEST_ANGLE)
     _within("views", library.views, -_LARGEST_ANGLE, _LARGEST_ANGLE)
-    _within("base_height_m", library.base_height_m, -_TALLEST_M, _TALLEST_M)
     _within("pelvis_px", library.pelvis_px, -_LARGEST_PX, _LARGEST_PX)
     _within("sigma_rad", library.sigma_rad, 1e-6, _LARGEST_ANGLE)
     _within("root_sigma_rad", np.array([library.root_sigma_rad]), 1e-6, _LARGEST_ANGLE)
     norms = np.linalg.norm(library.base_quaternion.astype(np.float64), axis=1)
-    _within("lengths of base_quaternion", norms, 1 - _UNIT_TOLERANCE, 1 + _UNIT_TOLERANCE)
+    _within("lengths of base_quaternion", norms, 0.99, 1.01)
     _within("sample_base", library.sample_base, 0, bases - 1)
     _within("sample_view", library.sample_view, 0, views - 1)
     _within("base_source", library.base_source[:, 0], 0, len(library.clips) - 1)
@@ -81,18 +75,11 @@ def check_library_settings(settings: LibrarySettings) -> None:
     Raises:
         ValueError: a setting has another type or an impossible value.
     """
-    triples = [
-        settings.node_shares,
-        *([] if settings.thresholds is None else [settings.thresholds]),
-    ]
     good = {
         "poses": isinstance(settings.poses, int) and settings.poses <= 10**9,
         "pitches_deg": len(settings.pitches_deg) <= 100,
         "mirror": isinstance(settings.mirror, bool),
-        "weighting": settings.weighting in WEIGHTINGS,
-        "node_shares and thresholds": all(len(one) == 3 and _real(*one) for one in triples),
-        "proposal": isinstance(settings.proposal, bool),
-        "tree": settings.tree in ("whole", "views"),
+        "thresholds": len(settings.thresholds) == len(SIZES_PX) and _real(*settings.thresholds),
         "tolerance_deg": _real(settings.tolerance_deg),
     }
     if wrong := [name for name, is_good in good.items() if not is_good]:
@@ -113,6 +100,8 @@ def _check_tree(library: PoseLibrary) -> None:
     _within("leaf_samples", library.leaf_samples, 0, samples - 1)
     if (np.bincount(library.leaf_samples, minlength=samples) != 1).any():
         raise ValueError("leaf_samples do not hold every sample once")
+    if tuple(level.size_px for level in levels) != SIZES_PX:
+        raise ValueError(f"its levels have the sizes {[level.size_px for level in levels]}")
     for number, level in enumerate(levels):
         _check_level(f"level{number}", level, samples)
     if levels[0].parent.any():
@@ -121,8 +110,6 @@ def _check_tree(library: PoseLibrary) -> None:
         counts = np.bincount(below.parent, minlength=len(above))
         if len(counts) != len(above) or not counts.all() or (np.diff(below.parent) < 0).any():
             raise ValueError(f"level{number}.parent does not count the nodes above one by one")
-    if library.settings.tree == "views" and (len(levels) != 3 or len(levels[-1]) != samples):
-        raise ValueError("its tree has not a leaf for every sample, as one for every view has")
 
 
 def _check_level(name: str, level: Level, samples: int) -> None:
@@ -132,15 +119,14 @@ def _check_level(name: str, level: Level, samples: int) -> None:
     _check(f"{name}.parent", level.parent, (nodes,), np.int32)
     _within(f"{name}.representative", level.representative, 0, samples - 1)
     _within(f"{name}.parent", level.parent, 0, samples - 1)
-    if not nodes or level.size_px not in SIZES_PX:
-        raise ValueError(f"{name} has {nodes} nodes of size {level.size_px}")
+    if not nodes:
+        raise ValueError(f"{name} has no nodes")
     if not _real(level.threshold) or level.threshold < 0:
         raise ValueError(f"{name} has the threshold {level.threshold}")
     width, height = level.size_px
     _check(f"{name}.offsets", spans.offsets, (nodes + 1,), np.int64)
-    dtype = next((one for one in _RUNS if spans.rows.dtype == one), np.int32)
     for key in ("rows", "starts", "ends"):
-        _check(f"{name}.{key}", getattr(spans, key), (len(spans.rows),), dtype)
+        _check(f"{name}.{key}", getattr(spans, key), (len(spans.rows),), np.int16)
     _within(f"{name}.rows", spans.rows, 0, height - 1)
     _within(f"{name}.ends", spans.ends, 0, width)
     _within(f"{name}.starts", spans.starts, 0, width)
@@ -150,7 +136,7 @@ def _check_level(name: str, level: Level, samples: int) -> None:
 
 def _check_neighbours(library: PoseLibrary) -> None:
     """Checks the nearest samples, of which the first is the sample itself."""
-    if not library.neighbours and library.settings.tree == "whole":
+    if not library.neighbours:
         return  # they are searched for when they are needed
     for model in ("dm1", "dm2"):
         index, square = (library.neighbours[f"{model}.{name}"] for name in ("index", "square"))

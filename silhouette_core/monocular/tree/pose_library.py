@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +12,11 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
+from silhouette_core.monocular.tuning import TREE
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
-
-LARGEST_WHOLE = 60_000
-"""Number of samples up to which a library has one tree over all of them unless told otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +26,7 @@ class Level:
     Attributes:
         representative: (K,) int32, the sample that represents the node.
         parent: (K,) int32, node of the level above; zeros at the first level.
-        spans: the representatives' silhouettes in node order, at this level's resolution; runs in
-            8 bits where the tree is one for every view.
+        spans: the representatives' silhouettes in node order, at this level's resolution.
         size_px: (width, height) of that resolution.
         threshold: T_l, largest silhouette distance of a sample from its node.
     """
@@ -59,31 +54,15 @@ class LibrarySettings:
         yaw_step_deg: angle between the views of a pose; 360: one view.
         pitches_deg: angles of the camera below the horizontal, one or several.
         mirror: whether every pose's mirror image is added.
-        weighting: pixel weights of the silhouette distance in the tree. XOR is symmetric. With
-            nwXOR, pixels just outside the representative cost little, so that large nodes hold very
-            different silhouettes and the tree leads less well to the best pose (`python -m
-            benchmarks.pruning`).
-        node_shares: number of nodes of each level, as a fraction of the samples; the default is the
-            paper's 7,828, 26,805 and 44,108 of 57,136.
-        thresholds: T_l of each level instead; None: chosen to reach `node_shares`.
-        proposal: whether `from_motion.make_library` learns a proposal from the motion.
-        tree: "whole": one tree over all samples, as in the paper, whose build takes time that grows
-            with the square of their number. "views": a tree for every view, for libraries of up to
-            millions of samples, see `view_build`; `weighting`, `node_shares` and `thresholds` do
-            not count.
+        thresholds: T_l of each level, in units of the silhouette distance.
     """
 
-    poses: int = LARGEST_WHOLE
+    poses: int = 60_000
     tolerance_deg: float = 5.0
     yaw_step_deg: float = 15.0
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
-    weighting: Weighting = "xor"
-    node_shares: tuple[float, float, float] = (7_828 / 57_136, 26_805 / 57_136, 44_108 / 57_136)
-    thresholds: tuple[float, float, float] | None = None
-    proposal: bool = True
-    # Not in the text from which names of cached libraries are made: those are of one tree.
-    tree: Literal["whole", "views"] = field(default="whole", repr=False)
+    thresholds: tuple[float, float, float] = TREE.thresholds
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -115,10 +94,6 @@ class LibrarySettings:
                 " positive one"
             )
 
-    def for_body(self, model: BodyModel) -> LibrarySettings:
-        """These settings without what only a person's body has: mirror image, proposal."""
-        return self if model.person is not None else replace(self, mirror=False, proposal=False)
-
     @property
     def views_count(self) -> int:
         """Number of views of each base pose."""
@@ -139,7 +114,6 @@ class PoseLibrary:
         settings: settings of the library.
         base_angles: (B, D) float32, joint angles, radians.
         base_quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
-        base_height_m: (B,) float32, height of the pelvis above the lowest vertex.
         base_source: (B, 2) int32, index of the clip and number of the frame.
         base_mirrored: (B,) bool, whether the pose is the mirror image of its source.
         clips: names of the clips.
@@ -167,7 +141,6 @@ class PoseLibrary:
     settings: LibrarySettings
     base_angles: NDArray[np.float32]
     base_quaternion: NDArray[np.float32]
-    base_height_m: NDArray[np.float32]
     base_source: NDArray[np.int32]
     base_mirrored: NDArray[np.bool_]
     clips: tuple[str, ...]
@@ -224,7 +197,7 @@ class PoseLibrary:
         other samples of a leaf look alike by construction.
         """
         base, surface = np.unique(self.sample_base[samples], return_inverse=True)
-        surfaces, _ = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
+        surfaces = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
         return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
 
 

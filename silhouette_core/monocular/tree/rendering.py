@@ -26,8 +26,8 @@ from silhouette_core.motion import kinematics
 SIZES_PX = ((80, 60), (160, 120), (320, 240))
 """(width, height) of the silhouettes of the tree's levels, coarse to fine, px."""
 WINDOW_PX = SIZES_PX[-1]
-DISTANCE = 4.0 / 1.75
-"""Distance of the pelvis from the camera, in statures."""
+DISTANCE = 16 / 7
+"""Distance of the pelvis from the camera, in statures: 4 m for 1.75 m."""
 FOCAL_PX = STATURE_PX * DISTANCE
 _CANVAS_PX = 448
 
@@ -37,7 +37,7 @@ class RenderedViews:
     """N poses as seen by the virtual camera.
 
     Attributes:
-        windows: (N, 240, 320) uint8, part number + 1, 0 for background; smaller if drawn so.
+        windows: (N, 240, 320) uint8, part number + 1, 0 for background.
         pelvis_px: (N, 2) float32, the pelvis joint's projection (x, y) in the window.
         areas: (N, 27) uint16, pixels of each part, including those outside the window.
         cut: (N,) int32, number of pixels outside the window.
@@ -65,7 +65,7 @@ def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
 
 def pose_surfaces(
     model: BodyModel, quaternions: NDArray[np.floating], angles_rad: NDArray[np.floating]
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+) -> NDArray[np.float32]:
     """Surfaces of poses with the pelvis at the origin.
 
     Args:
@@ -74,8 +74,7 @@ def pose_surfaces(
         angles_rad: (B, D), joint angles.
 
     Returns:
-        Surfaces (B, V, 3) float32, m, and the height of the pelvis above the lowest vertex (B,)
-        float64, m.
+        (B, V, 3) float32, m.
     """
     rotation, origin = kinematics.forward(
         model,
@@ -86,7 +85,7 @@ def pose_surfaces(
     surfaces = np.empty((len(quaternions), *model.vertices_m.shape), np.float32)
     for k in range(len(quaternions)):
         surfaces[k] = kinematics.skin(model, rotation[k], origin[k])
-    return surfaces, -surfaces[..., 2].min(axis=1).astype(np.float64)
+    return surfaces
 
 
 def render_views(
@@ -94,7 +93,6 @@ def render_views(
     surfaces: NDArray[np.float32],
     which: NDArray[np.integer],
     views: NDArray[np.floating],
-    reduction: int = 1,
 ) -> RenderedViews:
     """Part-number projections of posed bodies, centred in windows.
 
@@ -103,8 +101,6 @@ def render_views(
         surfaces: (B, V, 3) float32, m, pelvis at the origin, heading removed.
         which: (N,), index of the surface of each view.
         views: (N, 2) yaw and pitch of each view, radians.
-        reduction: 1, 2 or 4: how many times smaller than 320 x 240 the windows are drawn, which is
-            faster. Numbers of pixels and positions are those of 320 x 240 nonetheless.
 
     Source: Okada and Stenger, section 3.1.
     """
@@ -114,27 +110,14 @@ def render_views(
     kernels.rotate_and_translate(
         surfaces[which], np.zeros((len(which), 3)), rotations, distance, placed
     )
-    canvas, focal = _CANVAS_PX // reduction, FOCAL_PX / reduction
-    middle = (canvas - 1) / 2
-    matrix = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]])
-    parts = render_many(placed, model.faces, model.face_part, matrix, (canvas, canvas))
-    windows = np.empty((len(which), WINDOW_PX[1] // reduction, WINDOW_PX[0] // reduction), np.uint8)
+    middle = (_CANVAS_PX - 1) / 2
+    matrix = np.array([[FOCAL_PX, 0, middle], [0, FOCAL_PX, middle], [0, 0, 1]])
+    parts = render_many(placed, model.faces, model.face_part, matrix, (_CANVAS_PX, _CANVAS_PX))
+    windows = np.empty((len(which), WINDOW_PX[1], WINDOW_PX[0]), np.uint8)
     shifts, cut = np.empty((len(which), 2), np.int32), np.empty(len(which), np.int32)
     areas = np.zeros((len(which), len(model.names)), np.uint16)
     kernels.centre_windows(parts, windows, shifts, areas, cut)
-    pelvis = (middle + shifts) * reduction + (reduction - 1) / 2
-    areas, cut = areas * np.uint16(reduction**2), cut * np.int32(reduction**2)
-    return RenderedViews(windows, pelvis.astype(np.float32), areas, cut)
-
-
-def halve_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Silhouette (…, h, w) bool at half the resolution, as large as before on average.
-
-    Of two set pixels of four the upper left one decides; `reduce_silhouette` sets all of these, and
-    so widens what it reduces.
-    """
-    a, b, c, d = (mask[..., y::2, x::2] for y in range(2) for x in range(2))
-    return (a & (b | c | d)) | (b & c & d)
+    return RenderedViews(windows, (middle + shifts).astype(np.float32), areas, cut)
 
 
 def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:

@@ -19,6 +19,7 @@ from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
@@ -26,15 +27,12 @@ from silhouette_core.refinement.still_root import still_root
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import mask_errors
 
-_STARTS = RefineSettings(reaches_m=(0.20, 0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
-_HELD = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
+_STARTS = RefineSettings(reaches_m=ROOT_SEARCH.start_reaches_m)
+_HELD = RefineSettings(reaches_m=ROOT_SEARCH.held_reaches_m)
 _OF_EACH_VIEW = 2  # poses refined of every view of a frame
 _LIKELY = 10  # poses of a frame that are tried with a root
 _ROOTS, _ROUNDS = 5, 2
 _HEADINGS, _HEADINGS_TRIED, _OF_EACH_HEADING = 24, 3, 2
-_SIGMA_M, _SIGMA_RAD = 0.06, np.radians(8.0)  # between the roots of two frames
-_SIGMA_ERROR = 0.03
-_LOOSE_RAD, _HELD_SIGMA = 0.6, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +129,7 @@ def _refined(
     filter_frame = ForwardFilter(tree, camera, facing=False).step(0, 0.0, Person(mask, False))
     rows = _best_of_views(tree, filter_frame.posterior)
     samples = candidates_of(tree, filter_frame, rows)
-    sigma = np.full(6 + surface.model.dof_count, _LOOSE_RAD)
+    sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)
     sigma[:3] = 0.1 * filter_frame.distance_m
     poses = [
         Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k])
@@ -159,7 +157,9 @@ def _gaps(poses: Sequence[Pose], root: Pose) -> NDArray[np.float64]:
     moved = np.array([pose.root_m - root.root_m for pose in poses])
     turns = np.stack([pose.root_rotation for pose in poses]) @ root.root_rotation.T
     turned = Rotation.from_matrix(turns).magnitude()
-    return (moved**2).sum(1) / _SIGMA_M**2 + turned**2 / _SIGMA_RAD**2
+    return (moved**2).sum(1) / ROOT_SEARCH.sigma_m**2 + turned**2 / np.radians(
+        ROOT_SEARCH.sigma_deg
+    ) ** 2
 
 
 def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
@@ -169,7 +169,8 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
         [
             sum(
                 (
-                    np.minimum(_gaps(frame.poses, root), 50.0) + (frame.errors / _SIGMA_ERROR) ** 2
+                    np.minimum(_gaps(frame.poses, root), 50.0)
+                    + (frame.errors / ROOT_SEARCH.sigma_error) ** 2
                 ).min()
                 for frame in frames
             )
@@ -186,10 +187,11 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
 def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Frame:
     """The likeliest poses of a frame, refined with a root that is held."""
     likely = (
-        0.5 * np.minimum(_gaps(frame.poses, root), 50.0) + 0.5 * (frame.errors / _SIGMA_ERROR) ** 2
+        0.5 * np.minimum(_gaps(frame.poses, root), 50.0)
+        + 0.5 * (frame.errors / ROOT_SEARCH.sigma_error) ** 2
     )
-    sigma = np.full(6 + surface.model.dof_count, _LOOSE_RAD)
-    sigma[:6] = _HELD_SIGMA
+    sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)
+    sigma[:6] = 1e-5
     poses = [
         Pose(root.root_m, root.root_rotation, frame.poses[k].angles_rad)
         for k in np.argsort(likely, kind="stable")[:_LIKELY]

@@ -46,7 +46,6 @@ _TYPES = {
 _PLAIN = (
     "base_angles",
     "base_quaternion",
-    "base_height_m",
     "base_source",
     "base_mirrored",
     "views",
@@ -158,10 +157,11 @@ def read_library(path: Path) -> PoseLibrary:
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     """Library from the arrays and the description in its file."""
-    # Files made before proposals were learned do not state that they have none.
-    settings: dict[str, Any] = {"proposal": False} | {
+    # Files made before state more settings, of which there is no choice any more, or no thresholds.
+    settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
+        if name in LibrarySettings.__dataclass_fields__ and value is not None
     }
     model = _body(arrays, about)
     if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
@@ -193,7 +193,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         clips=tuple(about["clips"]),
         levels=tuple(levels),
         root_sigma_rad=float(about["root_sigma_rad"]),
-        bounds_px=_bounds(about, levels),
+        bounds_px=Rectangle(int(edge) for edge in about["bounds_px"]),
         neighbours=_group(arrays, "neighbours."),
         proposal=PoseProposal.from_arrays(learned) if learned else None,
         **{name: arrays[name] for name in _PLAIN},
@@ -230,14 +230,6 @@ def _group(arrays: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
         for name, array in arrays.items()
         if name.startswith(prefix)
     }
-
-
-def _bounds(about: dict, levels: list[Level]) -> Rectangle:
-    """Rectangle of the silhouettes; files made before it was stored have the representatives'."""
-    if "bounds_px" in about:
-        left, top, right, bottom = (int(edge) for edge in about["bounds_px"])
-        return left, top, right, bottom
-    return levels[-1].spans.bounds if levels else (0, 0, 0, 0)
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray], dict]:

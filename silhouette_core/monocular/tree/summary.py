@@ -33,7 +33,7 @@ def summary(library: PoseLibrary, path: Path) -> str:
             f"views     every {library.settings.yaw_step_deg:g} degrees around, camera"
             f" {', '.join(f'{p:g}' for p in pitches)} degrees down"
         ),
-        f"tree      {nodes} nodes, thresholds {thresholds} ({library.settings.weighting})",
+        f"tree      {nodes} nodes, thresholds {thresholds}",
         (
             f"leaves    {len(library) / len(library.levels[-1]):.2f} poses each, at most"
             f" {int(np.diff(library.leaf_offsets).max()):,}"

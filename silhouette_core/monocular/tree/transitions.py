@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 
 from silhouette_core.monocular.occlusion import MAGNIFICATION
 from silhouette_core.monocular.tree.kernels import transitions as kernels
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.progress import Reporter
@@ -34,7 +35,7 @@ _AT_ONCE = 2048
 def transitions(
     library: PoseLibrary,
     occlusion_aware: bool,
-    sigma_scale: float = 1.0,
+    sigma_scale: float = MOTION_MODEL.sigma_scale,
     neighbours: int = KEPT,
     normalised: bool = True,
     interval_s: float = 1 / FPS,
@@ -57,7 +58,7 @@ def transitions(
     Args:
         library: the library, N samples.
         occlusion_aware: DM2, with eq. (5); else DM1, without.
-        sigma_scale: factor on all sigmas.
+        sigma_scale: factor on all sigmas; the paper has none.
         neighbours: largest number of neighbours used.
         normalised: rows sum to 1. Else a neighbour has the same weight whether there are many
             others or none, and probability gathers where poses are dense.
@@ -86,40 +87,6 @@ def transitions(
     )
     matrix.sum_duplicates()
     return matrix
-
-
-class NeighbourWeights:
-    """Motion model of a large library, read row by row; see `transitions`, whose matrix it is.
-
-    Args:
-        library: the library, N samples, with its neighbours.
-        occlusion_aware: DM2, with eq. (5); else DM1, without.
-        sigma_scale: factor on all sigmas.
-        interval_s: time between two frames, s.
-    """
-
-    def __init__(
-        self,
-        library: PoseLibrary,
-        occlusion_aware: bool,
-        sigma_scale: float = 1.0,
-        interval_s: float = 1 / FPS,
-    ):
-        """Keeps the neighbours where they are, which may be in a file."""
-        name = "dm2" if occlusion_aware else "dm1"
-        self._index, self._square = (
-            library.neighbours[f"{name}.{array}"] for array in ("index", "square")
-        )
-        self._variance = sigma_scale**2 * interval_s * FPS
-
-    def after(self, samples: NDArray[np.integer]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Samples (M, K) int32 that may follow `samples` (M,), and their probabilities (M, K)
-        float64, each row summing to 1.
-
-        Source: Okada and Stenger, eq. (4).
-        """
-        weight = np.exp(self._square[samples].astype(np.float64) / (-2 * self._variance))  # eq. (4)
-        return self._index[samples], weight / weight.sum(axis=1, keepdims=True)
 
 
 def find_neighbours(

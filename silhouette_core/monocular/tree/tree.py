@@ -11,11 +11,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.distance import Weighting
-from silhouette_core.image.spans import Rectangle, Spans
+from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.progress import Reporter
-from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
@@ -69,27 +67,25 @@ class Distances(Protocol):
 class Scorer:
     """Distances between samples at one resolution.
 
+    They are XOR, which is symmetric. With nwXOR, pixels just outside the representative cost
+    little, so that large nodes hold very different silhouettes and the tree leads less well to the
+    best pose (measured).
+
     Attributes:
         spans: all samples' silhouettes.
         size_px: (width, height).
-        weighting: of the distance; the weights are the representative's.
-        backend: scores the samples.
-        bounds_px: rectangle that holds every pose, see `pixel_weights`; None: the window.
     """
 
     spans: Spans
     size_px: tuple[int, int]
-    weighting: Weighting
-    backend: Backend = CPU
-    bounds_px: Rectangle | None = None
 
     def __call__(
         self, representative: int, samples: NDArray[np.int64], threads: bool
     ) -> NDArray[np.float64]:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
-        target = Target.from_mask(mask, self.weighting, self.bounds_px)
-        return self.backend.span_distances(target, self.spans, samples, parallel=threads)[:, 0]
+        target = Target.from_mask(mask, "xor")
+        return CPU.span_distances(target, self.spans, samples, parallel=threads)[:, 0]
 
 
 @dataclass(eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,38 +11,9 @@ from scipy.sparse import csr_matrix
 from silhouette_core.monocular.tree.evidence import Alignment, Evidence
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX
+from silhouette_core.monocular.tuning import FILTER, FilterSettings
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
-
-SIGMA_SCALE = 2.5
-"""Factor on the motion model's sigmas (ours). With 54 joint angles, the measured sigmas would leave
-nearly all of a transition to two samples, and the filter could not recover from a wrong pose."""
-
-
-@dataclass(frozen=True)
-class FilterSettings:
-    """Parameters of likelihood and pruning.
-
-    Attributes:
-        sigma: standard deviation of the silhouette distance of the true pose, eq. (10), as a
-            fraction of the silhouette's own weight.
-        coarse: factor on sigma for every level above the last, where a representative stands for
-            a larger node.
-        survivors: a node's children are scored if its posterior reaches this fraction of the best
-            node's.
-        most: largest number of nodes kept per level.
-        moved: number of nodes per level that are moved to where they fit best, if there are more
-            than twice as many: those that are likely where they are.
-        floor: fraction of the prior that is spread evenly over the library, so that the filter
-            recovers from a wrong pose.
-    """
-
-    sigma: float = 0.07
-    coarse: float = 1.5
-    survivors: float = 1e-3
-    most: int = 1500
-    moved: int = 500
-    floor: float = 0.10
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,18 +54,12 @@ class TreeFilter:
         self,
         library: PoseLibrary,
         transitions: csr_matrix,
-        settings: FilterSettings | None = None,
+        settings: FilterSettings = FILTER,
         backend: Backend = CPU,
     ):
-        """Indexes the children of every node."""
-        self.library, self.backend = library, backend
-        self.settings = settings or FilterSettings()
-        self.transitions = transitions
-        # Children are stored in the order of their parents: where those of every node begin.
-        self._children = [
-            np.searchsorted(level.parent, np.arange(len(above) + 1))
-            for above, level in pairwise(library.levels)
-        ]
+        """Keeps what it is given."""
+        self.library, self.transitions = library, transitions
+        self.settings, self.backend = settings, backend
 
     def predict(self, posterior: Posterior, steps: int = 1) -> NDArray[np.float64]:
         r"""Prior of the next frame.
@@ -193,7 +157,7 @@ class TreeFilter:
         nodes = np.arange(len(library.levels[0]))
         scored = [len(nodes)]
         alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0][nodes], evidence)
-        for depth, first in enumerate(self._children, 1):
+        for depth, first in enumerate(library.child_offsets[:-1], 1):
             nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
             scored.append(len(nodes))
             alignment, log_likelihood, kept = self.score_level(
@@ -226,7 +190,6 @@ class TreeFilter:
         nodes: NDArray[np.int64],
         node_prior: NDArray[np.float64],
         evidence: Evidence,
-        most: int | None = None,
     ) -> tuple[Alignment, NDArray[np.float64], NDArray[np.int64]]:
         r"""Likelihood of nodes of one level, and which of them survive.
 
@@ -253,7 +216,6 @@ class TreeFilter:
             nodes: (K,) int64, indices of the nodes to be scored.
             node_prior: (K,) float64, prior of these nodes.
             evidence: the frame's silhouette.
-            most: largest number of survivors; None: that of the settings.
 
         Returns:
             Alignments of the K nodes, their log likelihoods (K,) float64 without the constant
@@ -262,11 +224,9 @@ class TreeFilter:
         Source: Okada and Stenger, eq. (10), (11).
         """
         settings, levels_below = self.settings, len(self.library.levels) - 1 - depth
-        level, most = self.library.levels[depth], most or settings.most
-        reduction, sigma = (
-            WINDOW_PX[0] // level.size_px[0],
-            settings.sigma * settings.coarse**levels_below,
-        )
+        level = self.library.levels[depth]
+        reduction = WINDOW_PX[0] // level.size_px[0]
+        sigma = settings.sigma * settings.coarse**levels_below
         with np.errstate(divide="ignore"):
             log_prior, least = np.log(node_prior), np.log(settings.survivors)
         if len(nodes) <= 2 * settings.moved:
@@ -281,8 +241,8 @@ class TreeFilter:
         log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
         log_posterior = log_likelihood + log_prior
         kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)
-        if len(kept) > most:
-            kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[:most]])
+        if len(kept) > settings.most:
+            kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])
         return alignment, log_likelihood, kept
 
     def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -14,7 +14,6 @@ from silhouette_core.monocular.tree.pose_library import PoseLibrary
 
 _ROWS, _ACROSS = 9, 10
 _CROP_PX = (190, 208)  # width and height of the middle of the window; most silhouettes fit
-_SCALE = 0.6
 _GAP = 4
 
 
@@ -72,12 +71,12 @@ def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray
     height, width = windows.shape[1:]
     wide, high = _CROP_PX
     left, top = (width - wide) // 2, (height - high) // 2
-    tiles = []
+    tiles, scale = [], 0.6
     for window in windows:
         tile = palette[window[top : top + high, left : left + wide]]
         tiles.append(
             np.pad(
-                cv2.resize(tile, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_AREA),
+                cv2.resize(tile, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
                 ((0, 0), (0, _GAP), (0, 0)),
             )
         )

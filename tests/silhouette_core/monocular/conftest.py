@@ -10,12 +10,10 @@ from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 
-SETTINGS = LibrarySettings(
-    poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011), proposal=False
-)
+SETTINGS = LibrarySettings(poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011))
 
 
 @pytest.fixture(scope="session")
@@ -44,4 +42,4 @@ def quick_library_file(library, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def tree(library):
-    return TreeFilter(library, transitions(library, occlusion_aware=True, sigma_scale=SIGMA_SCALE))
+    return TreeFilter(library, transitions(library, occlusion_aware=True))

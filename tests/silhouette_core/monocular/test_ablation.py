@@ -9,7 +9,8 @@ import pytest
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, FilterSettings, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.tuning import FilterSettings
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
@@ -28,7 +29,7 @@ def stroll():
 @pytest.fixture
 def sparse(library):
     """A tree filter of its own for frames at 15 Hz."""
-    matrix = transitions(library, True, SIGMA_SCALE, interval_s=INTERVAL_S)
+    matrix = transitions(library, True, interval_s=INTERVAL_S)
     return TreeFilter(library, matrix)
 
 

@@ -25,7 +25,8 @@ from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.sample_proposer import SampleProposer
 from silhouette_core.monocular.tree.store import write_library
-from silhouette_core.monocular.tree.view_tree_filter import tree_filter
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
@@ -36,9 +37,7 @@ from voxelpose.demo.example_motions import example_motion
 
 CAMERA = camera_at((1.0, -1.6, 1.1), (0.0, -0.1, 0.3))
 PITCH_DEG = 23.0
-SETTINGS = LibrarySettings(
-    150 * 12, yaw_step_deg=30, pitches_deg=(PITCH_DEG,), mirror=False, proposal=False, tree="views"
-)
+SETTINGS = LibrarySettings(150 * 12, yaw_step_deg=30, pitches_deg=(PITCH_DEG,), mirror=False)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +65,7 @@ def test_a_smaller_silhouette_is_farther_away():
 
 def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed):
     poses, masks = filmed
-    tree = tree_filter(library, True, 1 / 15)
+    tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15))
     frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(masks[0], False))
     true_m = np.linalg.norm(poses[0].root_m - CAMERA.center_m)
     assert frame.distance_m == pytest.approx(true_m, rel=0.2)
@@ -86,7 +85,7 @@ def test_poses_from_one_side_look_as_the_camera_sees_them(library, filmed):
 @pytest.mark.slow
 def test_a_still_root_is_found_by_frames_of_one_camera(library, filmed):
     poses, masks = filmed
-    root = find_root(tree_filter(library, False, 1.0), CAMERA, masks[::5])
+    root = find_root(TreeFilter(library, transitions(library, False)), CAMERA, masks[::5])
     assert np.linalg.norm(root.root_m - poses[0].root_m) < 0.06
     turn = Rotation.from_matrix(root.root_rotation @ poses[0].root_rotation.T).magnitude()
     assert np.degrees(turn) < 10
@@ -97,7 +96,9 @@ def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
     root = Pose(poses[0].root_m, poses[0].root_rotation, np.zeros(4))
     model, person = desk_lamp(), Person(masks[0], False)
     settings = TrackerSettings.of_given_body(model.length_m)
-    forward = ForwardFilter(tree_filter(library, True, 1 / 15), CAMERA)
+    forward = ForwardFilter(
+        TreeFilter(library, transitions(library, True, interval_s=1 / 15)), CAMERA
+    )
     proposer = SampleProposer(forward, root, settings.different_m)
     (proposal,) = proposer.propose([proposer.note(0, 0.0, person)], [person], True)
     tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings)

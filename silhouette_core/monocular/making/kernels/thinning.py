@@ -19,9 +19,9 @@ def _bucket(cell, mask):
 
 
 @kernel
-def thin_rows(rows, first, grid, tolerance, kept):
+def thin_rows(rows, grid, tolerance, kept):
     """Fills kept (N,): whether no earlier kept row of rows (N, K) is within the tolerance in every
-    column; rows before `first` are always kept.
+    column.
 
     The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the
     neighbourhood of a row touches at most two cells a column, 2^G in all. Kept rows of a bucket
@@ -45,7 +45,7 @@ def thin_rows(rows, first, grid, tolerance, kept):
             high[g] = np.int64(np.floor((x + reach) / width))
         free = True
         corner = 0
-        while n >= first and free and corner < 1 << dimensions:
+        while free and corner < 1 << dimensions:
             new = True  # where low and high agree, the corners of that column are the same cell
             for g in range(dimensions):
                 up = (corner >> g) & 1

@@ -51,31 +51,3 @@ def nearest_samples(
                 distance2[n, k], index[n, k] = square, other
         for k in range(kept, room):
             index[n, k], distance2[n, k] = source, np.inf
-
-
-@parallel_kernel
-def nearest_rows(rows, first, index, distance2):
-    """Fills index (n, K) and distance2 (n, K): the rows of rows (N, D) nearest to each of the rows
-    first to first + n - 1, nearest first, and their squared Euclidean distances.
-
-    Of rows at the same distance the first is kept.
-    """
-    for n in prange(len(index)):
-        kept, room = 0, index.shape[1]
-        for other in range(len(rows)):
-            limit = distance2[n, room - 1] if kept == room else np.inf
-            square, k = 0.0, 0
-            while k < rows.shape[1] and square < limit:
-                for _ in range(min(6, rows.shape[1] - k)):
-                    apart = rows[first + n, k] - rows[other, k]
-                    square += apart * apart
-                    k += 1
-            if square >= limit:
-                continue
-            place = kept if kept < room else room - 1
-            kept = min(kept + 1, room)
-            while place > 0 and distance2[n, place - 1] > square:
-                distance2[n, place] = distance2[n, place - 1]
-                index[n, place] = index[n, place - 1]
-                place -= 1
-            distance2[n, place], index[n, place] = square, other

@@ -13,8 +13,6 @@ SETTINGS = LibrarySettings(
     yaw_step_deg=60,
     mirror=False,
     tolerance_deg=12.0,
-    weighting="nwxor",
-    proposal=False,
 )
 
 

@@ -31,6 +31,4 @@ def test_two_processes_cannot_build_one_library(tmp_path, monkeypatch):
     motion, path = waving(4), tmp_path / "me.vplib"
     monkeypatch.setattr(from_motion, "build_library", lambda *_: pytest.fail("it began"))
     with claimed(path), pytest.raises(InputError, match=r"another process is writing .*me\.vplib"):
-        from_motion.make_library(
-            {"wave": motion}, motion.model, path, LibrarySettings(poses=48, proposal=False)
-        )
+        from_motion.make_library({"wave": motion}, motion.model, path, LibrarySettings(poses=48))

@@ -22,12 +22,13 @@ class Listener(SilentReporter):
 
 @pytest.fixture
 def small(monkeypatch):
-    """A short keypose_motions and few poses."""
+    """A short keypose_motions, few poses and no proposal."""
     monkeypatch.setattr(
         "silhouette_core.motion.keyposes.keypose_motions",
         lambda model: {"sway": swaying(0, 60, model.sizes.stature_m)},
     )
     monkeypatch.setattr(default, "SETTINGS", replace(SETTINGS, poses=24))
+    monkeypatch.setattr(default, "LEARNING", None)
 
 
 def test_it_is_made_once_for_every_body(small, tmp_path):

@@ -23,7 +23,6 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     FrameFeatures,
     InsideGrids,
 )
-from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body
@@ -126,11 +125,11 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
         return learn_proposal(motions, model, TINY, reporter, step)
 
     monkeypatch.setattr("silhouette_core.monocular.making.from_motion.learn_proposal", learn)
-    settings = replace(SETTINGS, poses=24, proposal=True)
+    settings = replace(SETTINGS, poses=24)
     motions = {"sway": swaying(frames=60)}
 
-    def make(path=tmp_path / "me.vplib"):
-        return make_library(motions, motions["sway"].model, path, settings)
+    def make(path=tmp_path / "me.vplib", **more):
+        return make_library(motions, motions["sway"].model, path, settings, **more)
 
     def fail(*_):
         raise OSError("no space left")
@@ -146,9 +145,7 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
     arrays = resumed.proposal.arrays()
     for name, array in again.proposal.arrays().items():
         assert (arrays[name] == array).all()
-    settings = replace(settings, proposal=False)
-    assert make(tmp_path / "none.vplib").proposal is None and len(calls) == 2
-    assert read_library(tmp_path / "none.vplib").settings.proposal is False
+    assert make(tmp_path / "none.vplib", learning=None).proposal is None and len(calls) == 2
 
 
 def test_an_interrupted_training_keeps_its_encoders(monkeypatch):

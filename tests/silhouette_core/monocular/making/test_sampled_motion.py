@@ -18,9 +18,7 @@ from silhouette_core.monocular.tree.tree_sheet import write_sheet
 from silhouette_core.motion.motion_file import write_motion
 from voxelpose.demo.example_bodies import desk_lamp, quadruped, robot_arm
 
-SETTINGS = LibrarySettings(
-    60, yaw_step_deg=60, mirror=False, proposal=False, thresholds=(0.05, 0.03, 0.02)
-)
+SETTINGS = LibrarySettings(60, yaw_step_deg=60, mirror=False, thresholds=(0.05, 0.03, 0.02))
 
 
 def lamp_motion(frames: int = 300, seed: int = 0):
@@ -83,9 +81,8 @@ def test_a_library_is_built_from_motions_of_the_body_itself(tmp_path):
     paths = [tmp_path / "one.safetensors", tmp_path / "two.safetensors"]
     clips = read_clips(paths, desk_lamp())
     assert list(clips) == ["one", "two"] and len(clips["two"]) == 60
-    library = make_library(
-        clips, desk_lamp(), tmp_path / "l.vplib", replace(SETTINGS, mirror=True, proposal=True)
-    )
+    settings = replace(SETTINGS, mirror=True)
+    library = make_library(clips, desk_lamp(), tmp_path / "l.vplib", settings)
     assert library.proposal is None and not library.base_mirrored.any()
     with pytest.raises(InputError, match=r"two\.safetensors is the motion of a body with other"):
         read_clips(paths[1:], robot_arm())

@@ -1,7 +1,5 @@
 """Proposals as they are used and stored; what they have learned is tested elsewhere."""
 
-import json
-import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -231,22 +229,6 @@ def test_a_library_keeps_its_proposal(library, proposal, tmp_path, rng):
 def test_a_library_without_one_has_none(library, tmp_path):
     write_library(library, tmp_path / "me.vplib")
     assert read_library(tmp_path / "me.vplib").proposal is None
-
-
-def test_a_library_of_before_has_none(library, tmp_path):
-    path = tmp_path / "old.vplib"
-    write_library(library, path)
-    content = path.read_bytes()
-    length = int.from_bytes(content[:8], "little")
-    header = json.loads(content[8 : 8 + length])
-    about = json.loads(header["__metadata__"]["about"])
-    del about["settings"]["proposal"]
-    text = json.dumps(about)
-    header["__metadata__"] |= {"about": text, "about_checksum": str(zlib.crc32(text.encode()))}
-    text = json.dumps(header)
-    path.write_bytes(len(text).to_bytes(8, "little") + text.encode() + content[8 + length :])
-    read = read_library(path)
-    assert read.proposal is None and read.settings.proposal is False
 
 
 def test_arrays_that_do_not_fit_together_are_refused(library, proposal, tmp_path):

@@ -1,6 +1,5 @@
 """Alignments of nodes against a brute-force twin."""
 
-import cv2
 import numpy as np
 import pytest
 from scipy.sparse import identity
@@ -11,7 +10,6 @@ from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree.evidence import (
     SHIFTS_PX,
     Evidence,
-    block_weights,
 )
 from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of, silhouette_levels
@@ -123,23 +121,3 @@ def test_the_silhouette_itself_has_no_distance(library):
     )
     assert result.distance[33] == pytest.approx(0, abs=1e-9) and (result.shift_px[33] == 0).all()
     assert (result.distance > 1e-3).sum() >= len(result.distance) - 3
-
-
-@pytest.mark.parametrize("reduction", [2, 4])
-def test_blocks_disagree_as_the_images_do_that_they_stand_for(reduction):
-    """But for what no silhouette of blocks could avoid: the least of all disagreements."""
-    rng = np.random.default_rng(reduction)
-    mask = cv2.GaussianBlur(rng.normal(size=(24, 32)), (0, 0), 3.0) > 0
-    weights, edge = rng.uniform(0.5, 2, mask.shape), 1
-    small = rng.random((24 // reduction, 32 // reduction)) < 0.5
-    large = np.kron(small, np.ones((reduction, reduction), bool))
-    wide = np.pad(np.where(mask, -weights, weights), edge, mode="edge")
-    for (right, down), (own, own_weights) in zip(
-        SHIFTS_PX, block_weights(mask, weights, reduction), strict=True
-    ):
-        moved = wide[edge + down :][:24, edge + right :][:, :32]
-        disagreement = moved[large].sum() - moved[moved < 0].sum()
-        blocks = moved.reshape(24 // reduction, reduction, -1, reduction).sum(axis=(1, 3))
-        unavoidable = blocks[blocks < 0].sum() - moved[moved < 0].sum()
-        found = own_weights[own ^ small].sum()
-        assert found == pytest.approx(disagreement - unavoidable)

@@ -1,4 +1,4 @@
-"""The monocular estimator and the library score through the backend that is chosen."""
+"""The monocular estimator scores through the backend that is chosen."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,7 @@ import pytest
 from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
-from silhouette_core.monocular.tree.rendering import SIZES_PX
-from silhouette_core.monocular.tree.tree import Scorer
 from silhouette_core.progress import SilentReporter
-from tests.oracles.reference_backend import ReferenceBackend
 from tests.outside import install_backend, record_calls
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
@@ -30,12 +27,3 @@ def test_the_same_motion_by_a_backend_from_outside(library_file, tmp_path, monke
     called = record_calls(monkeypatch)
     np.testing.assert_allclose(joints("arrays"), expected, atol=1e-9)
     assert called == {"span_distances", "drawn_weights", "silhouette_errors"}
-
-
-def test_a_tree_is_divided_by_the_distances_of_its_backend(library):
-    spans, samples = library.levels[0].spans, np.arange(0, len(library.levels[0]), 7)
-    own, reference = (
-        Scorer(spans, SIZES_PX[0], "nwxor", *backend)(3, samples, False)
-        for backend in ((), (ReferenceBackend(),))
-    )
-    np.testing.assert_allclose(own, reference, rtol=1e-9, atol=1e-12)

@@ -13,7 +13,6 @@ from tests.silhouette_core.monocular.making.small_library import SETTINGS, small
 ONE_WRONG = {
     "base_angles": np.nan,
     "base_quaternion": 5.0,
-    "base_height_m": np.inf,
     "base_source": 99,
     "views": 1e308,
     "sample_base": -1,
@@ -24,7 +23,7 @@ ONE_WRONG = {
     "sigma_rad": 0.0,
 }
 RUNS = {"rows": 60, "starts": -1, "ends": 81, "offsets": -5}
-SETTINGS_WRONG = {"poses": 1e300, "weighting": "none", "tree": 3, "thresholds": (1.0,), "mirror": 2}
+SETTINGS_WRONG = {"poses": 1e300, "thresholds": (1.0,), "mirror": 2}
 
 
 @pytest.fixture(scope="module")
@@ -82,11 +81,12 @@ def test_a_tree_that_is_none_is_refused(made, tmp_path):
     for change in (
         {"parent": with_one(first.parent, 1)},
         {"representative": with_one(first.representative, len(made))},
-        {"size_px": (8000, 6000)},
         {"threshold": float("nan")},
     ):
         wrong = replace(made, levels=(replace(first, **change), *others))
         assert "level0" in refusal(wrong, path)
+    wrong = replace(made, levels=(replace(first, size_px=(160, 120)), *others))
+    assert "sizes [(160, 120), (160, 120), (320, 240)]" in refusal(wrong, path)
     parent = with_one(others[0].parent, 0)
     wrong = replace(made, levels=(first, replace(others[0], parent=parent), *others[1:]))
     assert "level1.parent" in refusal(wrong, path)

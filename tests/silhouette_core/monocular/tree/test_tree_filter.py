@@ -8,7 +8,8 @@ import pytest
 from silhouette_core.monocular.tree.evidence import Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import SIGMA_SCALE, FilterSettings, TreeFilter
+from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.tuning import MOTION_MODEL, FilterSettings
 from silhouette_core.monocular.window import look_at
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
@@ -116,7 +117,9 @@ def test_the_prior_is_the_dense_sum(library, tree, evidence, prior, steps):
 
 
 def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
-    dm1, dm2 = (transitions(library, aware, 4 * SIGMA_SCALE) for aware in (False, True))
+    dm1, dm2 = (
+        transitions(library, aware, 4 * MOTION_MODEL.sigma_scale) for aware in (False, True)
+    )
     moving = np.unique(library.model.dof_part[library.base_angles.std(0) > np.radians(3)])
     some, none = library.occluded[:, moving].any(1), ~library.occluded.any(1)
     assert some.any() and none.any()
