@@ -1,8 +1,9 @@
 """Random recordings, many at a time: python -m benchmarks.trials [GROUP ...] [--seeds FIRST LAST]
 
 Draws the recordings of each GROUP with ../shared/render (or that of $VOXELPOSE_SHARED), runs
-`voxelpose batch` over them, and writes their tables into docs/results.md: one row per group, the
-errors of the joints and of the kinds of motion, and how often what was said of itself was true.
+`voxelpose batch` over them, and writes their tables into docs/log/several-cameras.md: one row per
+group, the errors of the joints and of the kinds of motion, and how often what was said of itself
+was true.
 "careful" are seeds 201 to 240 of level 1, "careless" 301 to 340 of level 2, "made" the recordings
 that datasets/made/recipes.toml describes, which need nothing from elsewhere. Left out: all groups.
 What was drawn and estimated before is kept in out/trials; delete a result to make it again.
@@ -35,7 +36,7 @@ from voxelpose.reliability import verdict_of
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "trials"
-RESULTS = ROOT / "docs" / "results.md"
+RESULTS = ROOT / "docs" / "log" / "several-cameras.md"
 RECIPES = ROOT / "datasets" / "made" / "recipes.toml"
 GROUPS = {"careful": (1, 201, 240), "careless": (2, 301, 340)}
 WRONG_MM = 80.0
@@ -185,7 +186,7 @@ def reliability_table(groups: dict[str, list[Trial]]) -> str:
 
 
 def write_section(name: str, text: str) -> None:
-    """Replaces what docs/results.md has between a section's two comments."""
+    """Replaces what docs/log/several-cameras.md has between a section's two comments."""
     begin, end = f"<!-- trials {name} -->", f"<!-- end of trials {name} -->"
     document = RESULTS.read_text(encoding="utf-8")
     before, found, rest = document.partition(begin)

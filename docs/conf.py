@@ -29,6 +29,7 @@ include_patterns = [
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "docs/*.md",
+    "docs/log/*.md",
     "docs/names.rst",
     "docs/reference/*/*.rst",
 ]
@@ -53,7 +54,6 @@ suppress_warnings = ["ref.python", "myst.header"]
 # Docstrings write `name` for code, as comments do.
 default_role = "code"
 autodoc_typehints_format = "short"
-autodoc_mock_imports = ["skimage"]  # needed only to generate the body templates
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
@@ -84,6 +84,7 @@ _GUIDE = (
     " results"
 ).split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
+_LOG = sorted(f"docs/log/{path.stem}" for path in (_ROOT / "docs" / "log").glob("*.md"))
 _OTHERS = sorted(
     {path.stem for path in (_ROOT / "docs").glob("*.md")} - {*_GUIDE, "architecture", "papers"}
 )
@@ -104,6 +105,7 @@ def _add_pages(app: Sphinx, page: str, source: list[str]) -> None:
             ["docs/names", *(f"docs/reference/{package}/{package}" for package in _PACKAGES)],
         )
         source[0] += _toctree("The project", _PROJECT)
+        source[0] += _toctree("Log", _LOG)
 
 
 def _link_names(app: Sphinx, page: str, source: list[str]) -> None:

@@ -49,7 +49,7 @@ Paper = tuple[int, int, int] | None
 class Reading:
     """Interpretation of what the paper does not state; the same for all methods.
 
-    docs/results.md compares the interpretations of (4).
+    docs/log/libraries.md compares the interpretations of (4).
 
     Attributes:
         sigma: of eq. (10), as a fraction of the silhouette's own weight.

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.prose import sentences, words
 from voxelpose.cli import COMMANDS, _parse
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -16,6 +17,7 @@ PAGES = [
     ROOT / "CHANGELOG.md",
     *sorted((ROOT / "docs").glob("*.md")),
 ]
+LOG = sorted((ROOT / "docs" / "log").glob("*.md"))
 
 
 def anchors(page: Path) -> set[str]:
@@ -23,7 +25,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, *LOG], ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
     for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
         if link.startswith(("http:", "https:", "mailto:")):
@@ -36,18 +38,16 @@ def test_links_lead_somewhere(page):
 
 def test_names_in_the_papers_map_exist():
     text = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
-    names = re.findall(r"`((?:calib|silhouette_core|voxelpose|carving|matching)\.[\w.]+)`", text)
+    names = re.findall(r"`((?:calib|silhouette_core|voxelpose|papers)\.[\w.]+)`", text)
     assert len(names) > 20
     for name in names:
-        words = (
-            name if name.split(".")[0] not in ("carving", "matching") else f"voxelpose.{name}"
-        ).split(".")
-        for length in range(len(words), 0, -1):
+        parts = name.split(".")
+        for length in range(len(parts), 0, -1):
             try:
-                result = importlib.import_module(".".join(words[:length]))
+                result = importlib.import_module(".".join(parts[:length]))
             except ModuleNotFoundError:
                 continue
-            for word in words[length:]:
+            for word in parts[length:]:
                 result = getattr(result, word)
             break
 
@@ -68,8 +68,72 @@ def test_shown_commands_are_understood(page):
         r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     ):
         for line in block.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
-            if words[:1] == ["voxelpose"] and "--help" not in words:
+            given = shlex.split(line, comments=True)
+            if given[:1] == ["voxelpose"] and "--help" not in given:
                 assert callable(
-                    _parse(words[1], [word.replace("…", "x") for word in words[2:]]).run
+                    _parse(given[1], [word.replace("…", "x") for word in given[2:]]).run
                 ), line
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/guide.md", "docs/results.md"])
+def test_no_sentence_is_long(name):
+    found = sentences((ROOT / name).read_text(encoding="utf-8"))
+    assert len(found) > 30
+    assert not [sentence for sentence in found if words(sentence) > 30]
+
+
+def test_results_and_readme_are_short():
+    assert len((ROOT / "docs" / "results.md").read_text(encoding="utf-8").splitlines()) <= 250
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 600
+
+
+def test_paths_in_the_architecture_exist():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    paths = re.findall(r"`((?:calib|silhouette_core|voxelpose|tests|benchmarks)/[\w/.]*)`", text)
+    assert len(paths) > 40
+    assert not [path for path in paths if not (ROOT / path).exists()]
+
+
+def test_every_entry_of_the_log_is_listed():
+    listed = (ROOT / "docs" / "log" / "README.md").read_text(encoding="utf-8")
+    assert {page.name for page in LOG} - {"README.md"} == set(
+        re.findall(r"^\| \[([\w.-]+)\]", listed, re.MULTILINE)
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (
+            "One. Two! Three? lower goes on; so: here",
+            ["One.", "Two!", "Three? lower goes on; so: here"],
+        ),
+        (
+            "By R. Okada, Fig. 6. It took 1.5 s. 3 in all.",
+            ["By R Okada, Fig 6.", "It took 1.5 s.", "3 in all."],
+        ),
+        (
+            "A [link. Or two](a.md#b) and `x. Y` end. `Z` too.",
+            ["A link.", "Or two and Code end.", "Code too."],
+        ),
+        (
+            "wrapped\nline\n\nnext\n- item\n  goes on\n2. other",
+            ["wrapped line", "next", "item goes on", "other"],
+        ),
+        (
+            "# Head\ntext\n| a | B c. D e |\n|---|---|\n| `x \\| y` | |",
+            ["Head", "text", "a", "B c.", "D e", "Code"],
+        ),
+        ("before\n```sh\nno. Sentence\n```\nbut <!-- not. This --> all", ["before", "but  all"]),
+        (
+            "![shown. Twice](a.png) then **bold.** Then.",
+            ["shown.", "Twice", "then **bold.", "Then."],
+        ),
+    ],
+)
+def test_sentences_end_where_they_end(text, found):
+    assert sentences(text) == found
+
+
+def test_words_hold_a_letter_or_a_digit():
+    assert words("640 × 480 px – two (2) words") == 6
