@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 
+from examples.bodies.example_motions import example_motion
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import waving
 from tests.other_bodies import TURNED_DEG, write_example_result
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import run
-from voxelpose.demo.example_motions import example_motion
 from voxelpose.export.joints import write_joints
 from voxelpose.export.trc import write_trc
 
