@@ -54,7 +54,6 @@ _OPTIONS = {
         "library": (str, "library"),
         "start": (str, "start"),
         "refine": (bool, "refine"),
-        "weighting": (str, "weighting"),
         "motion_model": (str, "motion_model"),
         "outline_only": (bool, "outline_only"),
         "body": (str, "body"),

@@ -12,9 +12,7 @@ from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import BoardFinder, stride
 from voxelpose.recording.frame_reader import FrameReader, read_together
 from voxelpose.recording.timestamps import Times
-
-_WIDEST_S = 0.15  # between two frames: further apart, a carried board moves not straight
-_SAME_FRAMES = 0.02  # of a frame: nearer to a frame, that frame alone is taken
+from voxelpose.tuning import BOARD_SEARCH
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +142,10 @@ def frames_around(
     after = np.minimum(before + 1, len(times) - 1)
     passed, span = instants - times[before], times[after] - times[before]
     period = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    same = _SAME_FRAMES * period + 1e-6
+    same = BOARD_SEARCH.same_frame * period + 1e-6
     at_before, at_after = np.abs(passed) <= same, np.abs(passed - span) <= same
-    known = at_before | at_after | ((passed > 0) & (passed < span) & (span <= _WIDEST_S))
+    between = (passed > 0) & (passed < span) & (span <= BOARD_SEARCH.widest_s)
+    known = at_before | at_after | between
     first, second = np.where(at_after, after, before), np.where(at_before, before, after)
     fraction = np.where(second > first, passed / np.maximum(span, 1e-9), 0.0)
     return np.where(known, first, -1), np.where(known, second, -1), fraction

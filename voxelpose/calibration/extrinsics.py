@@ -12,11 +12,9 @@ from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_moments import board_moments, timed_moments
-from voxelpose.recording.folder import pictures_by_camera
+from voxelpose.recording.folder import pictures_by_camera, rates_differ
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import TIMESTAMPS, read_timestamps
-
-_RATES_DIFFER = 0.01
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,7 @@ def _check_rates(folder: Path, readers: Mapping[str, FrameReader], reporter: Rep
         " --help) finds the time of every frame"
     )
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
-    if rates and max(rates.values()) > (1 + _RATES_DIFFER) * min(rates.values()):
+    if rates_differ(rates.values()):
         listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
         raise InputError(f"the videos have different rates ({listed} frames per second): {remedy}")
     counts = {name: reader.frame_count for name, reader in readers.items()}

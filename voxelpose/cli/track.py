@@ -38,8 +38,6 @@ that body's motion, or poses within the limits of its joints.
     """Assumption about the first frame: upright and mostly facing the camera, or none."""
     refine: bool = True
     """Recombine limbs of library poses and adjust the body to the contour."""
-    weighting: Literal["balanced", "xor", "wxor", "nwxor"] = "balanced"
-    """Weights of differing pixels: Okada and Stenger's eq. (6), (7)-(8), (9); balanced: ours."""
     motion_model: Literal["DM1", "DM2"] = "DM2"
     """Motion model of Okada and Stenger: DM2 lets occluded parts move farther, DM1 does not."""
     outline_only: Annotated[bool, arg(name="outline-only")] = False
@@ -50,7 +48,6 @@ that body's motion, or poses within the limits of its joints.
         options: dict[str, bool | int | float | str] = {
             "start": self.start,
             "refine": self.refine,
-            "weighting": self.weighting,
             "motion_model": self.motion_model,
             "outline_only": self.outline_only,
         }

@@ -1,6 +1,6 @@
 """Recording folder: videos, empty backgrounds, calibration and subject; see docs/recordings.md."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,9 +38,6 @@ _CALIBRATIONS = (
     "calibration",
 )
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
-# Focal length over the longer image side: 53 degrees, between a telephone and a webcam.
-_DEFAULT_FOCAL = 1.0
-_RATE_TOLERANCE = 0.01  # cameras triggered together write average rates that differ a little
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,19 +375,11 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
         name: camera name.
         size: image (width, height), px.
     """
-    focal = _DEFAULT_FOCAL * max(size)
-    matrix = np.array(
-        [[focal, 0.0, (size[0] - 1) / 2], [0.0, focal, (size[1] - 1) / 2], [0.0, 0.0, 1.0]]
-    )
-    camera_from_world = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    return Camera(
-        name,
-        size,
-        matrix,
-        np.zeros(0),
-        camera_from_world,
-        camera_from_world @ np.array([0.0, 0.0, -1.0]),
-    )
+    focal = max(size)  # 53 degrees are between a telephone and a webcam
+    matrix = np.array([[focal, 0.0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]])
+    camera_from_world = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    centre_m = np.array([0.0, 0, 1])
+    return Camera(name, size, matrix, np.zeros(0), camera_from_world, -camera_from_world @ centre_m)
 
 
 def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
@@ -478,7 +467,7 @@ def _by_rate(
                 " add timestamps.csv"
             )
         return 1.0, np.zeros(count)
-    if max(rates.values()) > min(rates.values()) * (1 + _RATE_TOLERANCE):
+    if rates_differ(rates.values()):
         listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
         raise InputError(
             f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out"
@@ -487,6 +476,14 @@ def _by_rate(
         )
     rate = float(np.median(list(rates.values())))
     return rate, np.arange(count) / rate
+
+
+def rates_differ(rates: Iterable[float]) -> bool:
+    """Whether videos' rates differ by over a percent: cameras that are triggered together write
+    average rates that differ a little.
+    """
+    rates = list(rates)
+    return bool(rates) and max(rates) > 1.01 * min(rates)
 
 
 def _by_timestamps(

@@ -15,7 +15,7 @@ from voxelpose.recording.frame_reader import FrameReader
 
 TIMESTAMPS = "timestamps.csv"
 _LARGEST_BYTES = 500_000_000
-_LATEST_S = 1e11  # of any clock that counts seconds
+_LATEST_S = 10**11  # of any clock that counts seconds
 Times = NDArray[np.float64]
 """(frames,) float64, s."""
 
