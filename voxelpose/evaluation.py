@@ -237,17 +237,7 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
     Args:
         scores: scores by name, one line each.
     """
-    columns = [
-        "mpjpe_mm",
-        "root_mm",
-        "pa_mm",
-        "pck150",
-        "angle_deg",
-        "jitter_mm",
-        "jitter_truth_mm",
-        "flips",
-        "lost",
-    ]
+    columns = "mpjpe_mm root_mm pa_mm pck150 angle_deg jitter_mm jitter_truth_mm flips lost".split()
     if any(score.each_joint_angle_deg for score in scores.values()):
         columns.insert(0, "joint_angle_deg")
     lines = [

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from calib.board import Board, BoardView, Effort, Refusal
+from calib.camera import Camera
 from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
@@ -53,6 +54,20 @@ class CameraPictures:
 def stride(frame_count: int) -> int:
     """Step between the examined frames of a video."""
     return -(-frame_count // _MAX_EXAMINED)
+
+
+def check_lens_size(lens: Camera, reader: FrameReader) -> None:
+    """Refuses pictures of another size than a camera's lens was calibrated at.
+
+    Raises:
+        InputError: the sizes differ.
+    """
+    if reader.size != lens.size:
+        seen, known = (f"{width}x{height}" for width, height in (reader.size, lens.size))
+        raise InputError(
+            f"camera {lens.name} recorded at {seen}, its lens was calibrated at {known}: use one"
+            " size"
+        )
 
 
 def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:

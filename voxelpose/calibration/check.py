@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.agreement import Agreement, agreement, even_moments
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import write_rig
 from calib.repair import Repair, explain
@@ -201,12 +201,33 @@ def _dense_outlines(
         np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
     )
     reporter.stage(f"{name} frame by frame", len(near))
-    outlines, unknown = [], silhouettes.unknown.get(name)
-    for frame in recording.readers[name].select((near + recording.first).tolist()):
-        mask = silhouettes.of({name: frame})[name]
-        outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
+    frames = recording.readers[name].select((near + recording.first).tolist())
+    camera = recording.rig[name]
+    return outline_track(camera, frames, recording.times_s[near], silhouettes, reporter)
+
+
+def outline_track(
+    camera: Camera,
+    frames: Iterable[Frame],
+    time_s: NDArray[np.float64],
+    silhouettes: Silhouettes,
+    reporter: Reporter,
+) -> OutlineTrack:
+    """Outlines of one camera over time.
+
+    Args:
+        camera: the camera.
+        frames: its T frames.
+        time_s: (T,) float64, their times, s.
+        silhouettes: of a recording with this camera.
+        reporter: receives a step for each frame.
+    """
+    outlines, unknown = [], silhouettes.unknown.get(camera.name)
+    for frame in frames:
+        mask = silhouettes.of({camera.name: frame})[camera.name]
+        outlines.append(Outline.from_mask(camera, mask, unknown))
         reporter.advance()
-    return OutlineTrack(recording.rig[name], recording.times_s[near], tuple(outlines))
+    return OutlineTrack(camera, time_s, tuple(outlines))
 
 
 def _repaired(

@@ -12,6 +12,7 @@ from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_moments import board_moments, timed_moments
+from voxelpose.calibration.board_views import check_lens_size
 from voxelpose.recording.folder import pictures_by_camera, rates_differ
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import TIMESTAMPS, read_timestamps
@@ -99,12 +100,7 @@ def _readers(
         raise InputError(f"no pictures of {', '.join(missing)} in {folder}: {remedy}")
     readers = {name: FrameReader.open(paths[name]) for name in lenses.names}
     for name, reader in readers.items():
-        if reader.size != lenses[name].size:
-            seen, known = (f"{w}x{h}" for w, h in (reader.size, lenses[name].size))
-            raise InputError(
-                f"camera {name} recorded at {seen}, its lens was calibrated at {known}: use one"
-                " size"
-            )
+        check_lens_size(lenses[name], reader)
     return readers, lenses
 
 

@@ -17,10 +17,9 @@ from calib.errors import InputError
 from calib.files import read_rig
 from calib.signals import SignalOffsets, checked_reference, offsets_from_signals
 from calib.synchronise import Synchronisation, outline_signal, require_motion, synchronise
-from calib.tangency import Outline, OutlineTrack
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
-from voxelpose.calibration.check import LONG_SIDE_PX
+from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
 from voxelpose.calibration.sync_signals import board_signals, sound_signals
 from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
@@ -233,12 +232,9 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         without_background += silhouettes.without_background
-        outlines, unknown = [], silhouettes.unknown.get(name)
-        for frame in reader.frames(int(used[0]), int(used[-1]) + 1):
-            mask = silhouettes.of({name: frame})[name]
-            outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
-            reporter.advance()
-        tracks.append(OutlineTrack(recording.rig[name], films.times[name][used], tuple(outlines)))
+        frames = reader.frames(int(used[0]), int(used[-1]) + 1)
+        camera, times = recording.rig[name], films.times[name][used]
+        tracks.append(outline_track(camera, frames, times, silhouettes, reporter))
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
     most = min(films.max_offset_s(by, settings), 0.5 * shortest)

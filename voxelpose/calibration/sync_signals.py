@@ -14,7 +14,7 @@ from calib.correlation import Signal
 from calib.errors import InputError
 from calib.pairs import board_poses
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import BoardFinder
+from voxelpose.calibration.board_views import BoardFinder, check_lens_size
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.sound import has_sound, onsets
 from voxelpose.recording.timestamps import Times
@@ -121,9 +121,5 @@ def _lens(lenses: Rig, name: str, reader: FrameReader) -> Camera:
             f"no lens for {name}: the calibration has {', '.join(lenses.names)}; add it, or choose"
             " with --cameras"
         )
-    if lenses[name].size != reader.size:
-        seen, known = (f"{w}x{h}" for w, h in (reader.size, lenses[name].size))
-        raise InputError(
-            f"camera {name} recorded at {seen}, its lens was calibrated at {known}: use one size"
-        )
+    check_lens_size(lenses[name], reader)
     return lenses[name]

@@ -26,17 +26,11 @@ from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
     paint_unknown,
+    read_painting,
     read_unknown_polygons,
 )
 
-_CALIBRATIONS = (
-    "calibration.toml",
-    "calibration.yml",
-    "calibration.yaml",
-    "calibration.json",
-    "calibration.xml",
-    "calibration",
-)
+_CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 
 
@@ -259,13 +253,7 @@ class Recording:
         regions: dict[str, NDArray[np.bool_]] = {}
         for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
             if name in self.rig:
-                image = next(iter(FrameReader.open(path)))
-                if image.shape[1::-1] != self.rig[name].size:
-                    raise InputError(
-                        f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
-                        f" {size_text(self.rig[name].size)}: draw it on a frame"
-                    )
-                regions[name] = image.max(axis=2) > 127
+                regions[name] = read_painting(path, self.rig[name], "draw it on a frame") > 127
         return regions
 
     def unknown(self) -> UnknownMasks:
