@@ -78,14 +78,8 @@ class Synchronisation:
     board_hz: float = 12.0
     """Hz. How often a carried board is looked for. Enough on the boards of docs/results.md."""
 
-    torn_s: float = 0.25
-    """s. Time between views of a board above which its speed is unknown: three frames at 12 Hz."""
-
     sound_sigma_s: float = 0.002
     """s. Noise of a sudden sound's time. Source unknown: chosen by eye, not ablated."""
-
-    sound_way_s: float = 0.003
-    """s. Time that sound takes for a metre, by which cameras may be nearer to it than others."""
 
     sudden: float = 1.5
     """1. Rise of the logarithm of sound's energy over the quietest moment of a second around, above

@@ -21,12 +21,10 @@ class Moments:
 
     Attributes:
         views: Moment ("frame 120") -> camera -> view.
-        examined: Number of moments examined.
         seen: Number of moments at which each camera saw the board.
     """
 
     views: dict[str, dict[str, BoardView]]
-    examined: int
     seen: dict[str, int]
 
 
@@ -169,7 +167,7 @@ def _moments(
             f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
             " nearer, and slowly"
         )
-    return Moments(_thinned(views, max_moments, f"frame {floor}"), len(views), seen)
+    return Moments(_thinned(views, max_moments, f"frame {floor}"), seen)
 
 
 def _thinned(

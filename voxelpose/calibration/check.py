@@ -156,10 +156,7 @@ def check_recording(
 
 
 def _outlines(
-    recording: Recording,
-    silhouettes: Silhouettes,
-    moments: NDArray[np.int64],
-    reporter: Reporter,
+    recording: Recording, silhouettes: Silhouettes, moments: NDArray[np.int64], reporter: Reporter
 ) -> tuple[dict[str, OutlineTrack], dict[int, dict[str, CheckedFrame]]]:
     """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))

@@ -13,9 +13,9 @@ from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_moments import board_moments, timed_moments
 from voxelpose.calibration.board_views import check_lens_size
-from voxelpose.recording.folder import pictures_by_camera, rates_differ
+from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
-from voxelpose.recording.timestamps import TIMESTAMPS, read_timestamps
+from voxelpose.recording.timestamps import TIMESTAMPS, rates_differ, read_timestamps
 
 
 @dataclass(frozen=True)

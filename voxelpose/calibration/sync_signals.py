@@ -85,7 +85,7 @@ def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Sig
     seen = np.flatnonzero(np.isfinite(places).all(axis=1))
     way, passed = np.diff(places[seen], axis=0), np.diff(time_s[seen])
     speed = np.linalg.norm(way, axis=1) / passed
-    speed[passed > SYNCHRONISATION.torn_s] = np.nan
+    speed[passed > 3 / SYNCHRONISATION.board_hz] = np.nan
     middle_s = 0.5 * (time_s[seen][1:] + time_s[seen][:-1])
     return Signal(camera.name, middle_s, speed[:, None])
 

@@ -165,12 +165,7 @@ def print_sync(sync: Sync) -> None:
             table.add_row(*named, "its clock counts", "", "")
         else:
             interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
-            table.add_row(
-                *named,
-                f"{line.frames:+.2f}",
-                f"{1000 * line.offset_s:+.1f}",
-                interval,
-            )
+            table.add_row(*named, f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}", interval)
     console.print(table)
     for line in (*_verdict(sync), *(f"note: {note}" for note in sync.notes)):
         console.print(plain(line), soft_wrap=True)

@@ -212,11 +212,7 @@ def _ball(
     cosine, sine = _circle()
     polar = np.linspace(0.05, np.pi - 0.05, 13)[:, None]
     unit = np.stack(
-        [
-            np.sin(polar) * cosine,
-            np.sin(polar) * sine,
-            np.broadcast_to(np.cos(polar), (13, RING)),
-        ],
+        [np.sin(polar) * cosine, np.sin(polar) * sine, np.broadcast_to(np.cos(polar), (13, RING))],
         -1,
     )
     return _loft(centre + unit * radii)

@@ -172,10 +172,7 @@ class _Shape:
         return np.column_stack([np.interp(z, joints[:, 2], joints[:, k]) for k in (0, 1)])
 
     def _flesh(
-        self,
-        offset: NDArray[np.float64],
-        growth: NDArray[np.float64],
-        clothed: NDArray[np.bool_],
+        self, offset: NDArray[np.float64], growth: NDArray[np.float64], clothed: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         """Offsets (n, 2) from a limb's axis, thickened, with this person's cloth over it."""
         radius = np.linalg.norm(offset, axis=1)

@@ -40,9 +40,7 @@ class Hypothesis:
 
 
 def write_hypotheses(
-    hypotheses: Iterable[tuple[int, NDArray, NDArray]],
-    path: Path,
-    tree: KinematicTree = HUMAN,
+    hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: Path, tree: KinematicTree = HUMAN
 ) -> None:
     """Writes one row per frame, hypothesis and joint: frame,rank,probability,joint,x_m,y_m,z_m.
 

@@ -1,6 +1,6 @@
 """Recording folder: videos, empty backgrounds, calibration and subject; see docs/recordings.md."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,12 @@ from voxelpose.recording.frame_reader import (
     size_text,
 )
 from voxelpose.recording.subject import Subject, read_subject
-from voxelpose.recording.timestamps import TIMESTAMPS, match_frames, read_timestamps
+from voxelpose.recording.timestamps import (
+    TIMESTAMPS,
+    matched_by_time,
+    read_timestamps,
+    times_by_rate,
+)
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
@@ -122,11 +127,11 @@ class Recording:
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
         if fps is None and (folder / TIMESTAMPS).exists():
-            readers, rate, times_s = _by_timestamps(folder / TIMESTAMPS, readers)
+            readers, rate, times_s = matched_by_time(folder / TIMESTAMPS, readers)
             start, stop = _frame_range(readers, frames)
         else:
             start, stop = _frame_range(readers, frames)
-            rate, times_s = _by_rate(folder, readers, fps)
+            rate, times_s = times_by_rate(folder, readers, fps)
         subject = read_subject(folder / "subject.toml")
         return cls(
             folder,
@@ -434,51 +439,3 @@ def _frame_range(
             f" frames (0:{shortest})"
         )
     return first, last
-
-
-def _by_rate(
-    folder: Path, readers: Mapping[str, FrameReader], fps: float | None
-) -> tuple[float, NDArray[np.float64]]:
-    """Returns frames per second, and the time of every frame since the first, s."""
-    count = min(reader.frame_count for reader in readers.values())
-    if fps is not None:
-        if not (np.isfinite(fps) and fps > 0):
-            raise InputError(
-                f"{fps} frames per second are impossible: give --fps as a positive number"
-            )
-        return fps, np.arange(count) / fps
-    rates = {name: reader.fps for name, reader in readers.items() if reader.fps is not None}
-    if not rates:
-        if count > 1:
-            raise InputError(
-                f"{folder}: folders of frames do not tell how fast they were taken: give --fps, or"
-                " add timestamps.csv"
-            )
-        return 1.0, np.zeros(count)
-    if rates_differ(rates.values()):
-        listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
-        raise InputError(
-            f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out"
-            f" {folder / TIMESTAMPS}` aligns them; or use the cameras of one rate with --cameras,"
-            " or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
-        )
-    rate = float(np.median(list(rates.values())))
-    return rate, np.arange(count) / rate
-
-
-def rates_differ(rates: Iterable[float]) -> bool:
-    """Whether videos' rates differ by over a percent: cameras that are triggered together write
-    average rates that differ a little.
-    """
-    rates = list(rates)
-    return bool(rates) and max(rates) > 1.01 * min(rates)
-
-
-def _by_timestamps(
-    path: Path, readers: Mapping[str, FrameReader]
-) -> tuple[dict[str, FrameReader], float, NDArray[np.float64]]:
-    """Returns readers of matching frames, frames per second, and times since the first, s."""
-    times_s, numbers = match_frames(read_timestamps(path, readers), path)
-    matched = {name: reader.select(numbers[name].tolist()) for name, reader in readers.items()}
-    rate = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
-    return matched, rate, times_s - times_s[0]
