@@ -10,7 +10,7 @@ from calib.board import Board, BoardView, view_between
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import BoardFinder, stride
-from voxelpose.recording.frame_reader import FrameReader, read_together
+from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import Times
 from voxelpose.tuning import BOARD_SEARCH
 
@@ -31,44 +31,7 @@ class Moments:
 def board_moments(
     board: Board,
     readers: Mapping[str, FrameReader],
-    floor: int | None,
-    max_moments: int,
-    reporter: Reporter,
-) -> Moments:
-    """Detects the board in synchronous recordings.
-
-    Args:
-        board: The board.
-        readers: Synchronous pictures by camera name.
-        floor: A frame that is always kept; None if there is none.
-        max_moments: Maximum number of moments.
-        reporter: Receives the progress.
-
-    Raises:
-        InputError: Pictures cannot be read, or a camera never saw the board.
-    """
-    count = min(reader.frame_count for reader in readers.values())
-    if floor is not None and not 0 <= floor < count:
-        raise InputError(f"--floor {floor} is not in the recording: it has frames 0 to {count - 1}")
-    step = stride(count)
-    finders = {name: BoardFinder(board, bool(reader.stills)) for name, reader in readers.items()}
-    views: dict[str, dict[str, BoardView]] = {}
-    reporter.stage("looking for the board", -(-count // step))
-    for number, frames in enumerate(read_together(readers, 0, count)):
-        if number % step and number != floor:
-            continue
-        detections = {name: finders[name](frame, number == floor) for name, frame in frames.items()}
-        views[f"frame {number}"] = {
-            name: view for name, view in detections.items() if isinstance(view, BoardView)
-        }
-        reporter.advance()
-    return _moments(views, finders, max_moments, floor)
-
-
-def timed_moments(
-    board: Board,
-    readers: Mapping[str, FrameReader],
-    times: Mapping[str, Times],
+    times: Mapping[str, Times] | None,
     floor: int | None,
     max_moments: int,
     reporter: Reporter,
@@ -81,7 +44,8 @@ def timed_moments(
     Args:
         board: The board.
         readers: Pictures by camera name.
-        times: (frames,) float64, s, increasing, of one clock, by camera name.
+        times: (frames,) float64, s, increasing, of one clock, by camera name; None: all cameras
+            film in step, from the first frame on.
         floor: A frame of the first camera that is always kept; None if there is none.
         max_moments: Maximum number of moments.
         reporter: Receives the progress.
@@ -90,9 +54,13 @@ def timed_moments(
         InputError: Pictures cannot be read, or a camera never saw the board.
     """
     first, *others = readers
-    count = readers[first].frame_count
+    place = "the recording" if times is None else first
+    if times is None:
+        shortest = min(reader.frame_count for reader in readers.values())
+        times = dict.fromkeys(readers, np.arange(shortest, dtype=float))
+    count = len(times[first])
     if floor is not None and not 0 <= floor < count:
-        raise InputError(f"--floor {floor} is not in {first}: it has frames 0 to {count - 1}")
+        raise InputError(f"--floor {floor} is not in {place}: it has frames 0 to {count - 1}")
     begin = min(float(times[name][0]) for name in others or readers)
     end = max(float(times[name][-1]) for name in others or readers)
     useful = np.flatnonzero((times[first] >= begin) & (times[first] <= end))

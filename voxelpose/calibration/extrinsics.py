@@ -11,7 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_moments import board_moments, timed_moments
+from voxelpose.calibration.board_moments import board_moments
 from voxelpose.calibration.board_views import check_lens_size
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
@@ -56,12 +56,10 @@ def extrinsics_from_recording(
     table = folder / TIMESTAMPS
     if table.exists():
         times = read_timestamps(table, readers)
-        moments = timed_moments(
-            board, readers, times, settings.floor, settings.max_moments, reporter
-        )
     else:
         _check_rates(folder, readers, reporter)
-        moments = board_moments(board, readers, settings.floor, settings.max_moments, reporter)
+        times = None
+    moments = board_moments(board, readers, times, settings.floor, settings.max_moments, reporter)
     if not moments.views:
         seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
         raise InputError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from importlib.resources import files
@@ -108,7 +108,7 @@ def _walk() -> Performance:
     return Performance(columns, keys, interpolation="smooth")
 
 
-def _rotations(values: dict[str, float]) -> dict[str, Rotation]:
+def _rotations(values: Mapping[str, float]) -> dict[str, Rotation]:
     have = lambda name: values.get(name, 0.0)  # noqa: E731
     rotations = {
         "pelvis": _rotation(have("tip"), yaw=have("yaw")),
