@@ -107,7 +107,7 @@ class _Options(msgspec.Struct):
 
 class _Conditioning(msgspec.Struct):
     filter: Literal["butterworth", "savgol", "gaussian", "none"] = "butterworth"
-    cutoff_hz: _Positive = 7.0
+    cutoff_hz: _Positive = 7
     filter_order: Annotated[int, Meta(ge=1, le=8)] | None = None
     gap_limit: _Count | Annotated[str, Meta(max_length=20)] = 0
     gap_method: Literal["linear", "pchip", "none"] = "linear"

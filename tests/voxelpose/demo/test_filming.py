@@ -96,7 +96,7 @@ def directions(performance: str, near: str, far: str, count: int = 120) -> np.nd
 
 def test_arm_swings_24_times_in_profile_at_constant_speed(tmp_path):
     played = performances()["arm_swing"]
-    assert (played.frames, played.fps, played.cameras) == (576, 15, ("cam_3",))
+    assert (played.frames, played.fps, played.cameras) == (576, 15, ["cam_3"])
     folder = make_recording(tmp_path / "swing", frames=2, performance="arm_swing")
     recording = Recording.open(folder)
     assert recording.rig.names == ("cam_3",) and recording.fps == 15
