@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo
+PACKAGES := calib silhouette_core voxelpose
 # Processes that share the tests out among themselves, one core each.
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -15,7 +16,7 @@ help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
 	@echo "make test      runs all tests (make test-fast leaves out the slow ones), in 2 processes: make WORKERS=8 test"
 	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
-	@echo "make check     style, types and layers"
+	@echo "make check     style, types and layers, and how many lines the packages have"
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
@@ -45,6 +46,8 @@ check: $(VENV)/.ready-dev
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
+	@for name in $(PACKAGES); do echo "$$name: $$(find $$name -name '*.py' | xargs cat | wc -l) lines"; done
+	@echo "together: $$(find $(PACKAGES) -name '*.py' | xargs cat | wc -l) lines"
 
 docs: $(VENV)/.ready-docs
 	rm -rf docs/reference

@@ -15,12 +15,12 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.recipes import read_recipes
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.making.from_motion import make_library, read_clips
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
-from voxelpose.demo.recipes import read_recipes
 from voxelpose.evaluation import score_motion
 from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit

@@ -1,7 +1,7 @@
 """Scores bodies that are no person's: python -m benchmarks.bodies [EXAMPLE | track_EXAMPLE ...]
 
 A robot arm, a quadruped, a desk lamp and a person with a stick, rendered by the project with the
-exact truth (voxelpose.demo.example_motions), are fitted from four cameras with the very body that
+exact truth (examples.bodies), are fitted from four cameras with the very body that
 was rendered, and with one whose surface is wrong by 8 mm. Then single frames of the quadruped, each
 matched by itself from the true place of its trunk, with and without interference, from four and
 from two cameras; and random stances of a spider whose four legs interfere at once (silhouettes
@@ -25,6 +25,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Rig
+from examples.bodies.example_bodies import spider
+from examples.bodies.example_motions import (
+    BODY,
+    EXAMPLES,
+    TRUE_MOTION,
+    example_motion,
+    film_example,
+)
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Settings
 from silhouette_core.image.raster import render_parts
@@ -38,8 +46,6 @@ from silhouette_core.progress import SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.demo.example_bodies import QUADRUPED_LENGTH_M, spider
-from voxelpose.demo.example_motions import BODY, EXAMPLES, TRUE_MOTION, example_motion, film_example
 from voxelpose.demo.room import demo_rig
 from voxelpose.fitting import Output, fit, track
 from voxelpose.multiview.carving.carver import carve
@@ -65,7 +71,7 @@ _LIBRARY, _PITCHES_DEG = 36_000, (5.0, 13.0, 22.0)  # samples, and how far the c
 
 def length_m(name: str, model: BodyModel) -> float:
     """Length to which errors are related: of the quadruped its trunk's, else the body's extent."""
-    return QUADRUPED_LENGTH_M if name == "quadruped" else model.extent_m
+    return 0.88 if name == "quadruped" else model.extent_m
 
 
 def recording_of(name: str) -> Path:

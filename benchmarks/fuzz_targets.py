@@ -376,8 +376,8 @@ def _make_result(folder: Path) -> None:
 
 def _make_given(folder: Path) -> None:
     """A motion that holds its body: no person's."""
+    from examples.bodies.example_motions import example_motion
     from silhouette_core.motion.motion_file import write_motion
-    from voxelpose.demo.example_motions import example_motion
 
     write_motion(example_motion("desk_lamp", 3), folder / "given.safetensors")
 

@@ -35,7 +35,7 @@ from calib.tangency import OutlineTrack
 from silhouette_core.progress import SilentReporter
 from voxelpose.calibration.extrinsics import ExtrinsicsSettings, extrinsics_from_recording
 from voxelpose.calibration.sync import SyncSettings, sync_recording
-from voxelpose.demo.choreography import PERFORMANCES
+from voxelpose.demo.choreography import performances
 from voxelpose.demo.mannequin import Mannequin
 from voxelpose.demo.room import FilmCamera, demo_rig
 from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
@@ -81,7 +81,7 @@ def began(seed: int, count: int) -> NDArray[np.float64]:
 
 def restless(time_s: float) -> tuple:
     """Pose of the demo's actor, who repeats nothing at the same pace."""
-    return PERFORMANCES["there_and_back"].pose_at(time_s + 0.8 * np.sin(0.37 * time_s))
+    return performances()["there_and_back"].pose_at(time_s + 0.8 * np.sin(0.37 * time_s))
 
 
 def clapping(
@@ -131,7 +131,7 @@ def person() -> None:
 
 def pointing() -> None:
     """Somebody stands and points with one arm, now and then above the head."""
-    _filmed("pointing", PERFORMANCES["pointing"].pose_at, 0)
+    _filmed("pointing", performances()["pointing"].pose_at, 0)
 
 
 def _filmed(title: str, move: Callable[[float], tuple], draw: int) -> None:

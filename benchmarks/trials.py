@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 
 from benchmarks.drawn import SHARED, drawn
 from benchmarks.expected_error import reliability_rows, sample
+from benchmarks.recipes import read_recipes
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.batch.batch_tables import write_tables
 from voxelpose.batch.jobs import jobs_of
 from voxelpose.batch.run import BatchSettings, Outcome, run_batch
-from voxelpose.demo.recipes import read_recipes
 from voxelpose.multiview.quality.expected_error import NEAR_MM
 from voxelpose.reliability import verdict_of
 

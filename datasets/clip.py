@@ -7,7 +7,7 @@ import the project's own functions from here.
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -19,7 +19,8 @@ from calib.camera import Camera, Rig  # noqa: F401
 from calib.files import read_rig, write_rig  # noqa: F401
 from voxelpose import InputError, Recording  # noqa: F401
 from voxelpose.recording.folder import pictures_by_camera  # noqa: F401
-from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader
+from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader, natural_order  # noqa: F401
+from voxelpose.recording.timestamps import write_timestamps  # noqa: F401
 
 FloatArray = NDArray[np.float64]
 
@@ -92,15 +93,11 @@ def to_world_z_up(camera: Camera, up: str, unit_m: float = 1.0, name: str | None
         unit_m: the data set's unit, m.
         name: new name; None keeps the camera's own.
     """
-    return make_camera(
-        "",
+    return replace(
+        camera,
         name=name or camera.name,
-        size=camera.size,
-        matrix=camera.matrix,
-        distortion=camera.distortion,
         rotation=camera.rotation @ z_up_from(up).T,
         translation=unit_m * camera.translation,
-        fisheye=camera.fisheye,
     )
 
 

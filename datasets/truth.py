@@ -12,12 +12,10 @@ import numpy as np
 from clip import InputError
 from numpy.typing import ArrayLike, NDArray
 
+from silhouette_core.body.joints import LANDMARK_NAMES as JOINTS
+
 FloatArray = NDArray[np.float64]
 
-JOINTS = tuple(
-    "pelvis left_hip left_knee left_ankle right_hip right_knee right_ankle neck head_top "
-    "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist".split()
-)
 
 # Height of the top of the head above the ear hole of an adult, m: about the mean of ANSUR's
 # tragion-to-vertex height of women and men.

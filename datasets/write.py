@@ -22,6 +22,7 @@ from clip import (
     Recording,
     Rig,
     write_rig,
+    write_timestamps,
 )
 from truth import crop_truth, write_truth
 
@@ -224,12 +225,12 @@ def _needs_timestamps(views: list[CameraView], fps: float) -> bool:
 def _write_timestamps(file: Path, views: list[CameraView], fps: float, count: int | None) -> None:
     """Writes the time of every frame; simultaneous frames have the same time."""
     latest = max(view.start for view in views)
-    lines = ["cam_id,frame_time"]
+    times = {}
     for view in views:
-        frames = range(_reader(view).frame_count) if count is None else range(count)
+        frames = np.arange(_reader(view).frame_count if count is None else count)
         offset = latest - view.start if count is None else 0
-        lines += [f"{view.camera.name},{(number + offset) / fps:.6f}" for number in frames]
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        times[view.camera.name] = (frames + offset) / fps
+    write_timestamps(file, times)
 
 
 def _write_subject(file: Path, stature: float | None, sex: str | None) -> None:

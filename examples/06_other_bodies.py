@@ -7,11 +7,11 @@ OUT/06_other_bodies.png.
 import shutil
 
 import numpy as np
+from bodies.example_motions import TRUE_MOTION, film_example
 from common import out_folder
 
 from silhouette_core.motion.motion_file import read_motion
 from voxelpose import Output, Recording, Settings, fit
-from voxelpose.demo.example_motions import TRUE_MOTION, film_example
 
 out = out_folder()
 folder = out / "robot_arm"

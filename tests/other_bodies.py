@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from examples.bodies.example_motions import example_motion
 from silhouette_core.estimator import Estimate, Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from tests.sources import ring, write_staged
-from voxelpose.demo.example_motions import example_motion
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import TRUE_MOTION

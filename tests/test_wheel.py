@@ -66,7 +66,7 @@ def test_the_demo_runs_from_the_wheel(fresh, away):
         file = run(python, "-c", f"import {package}; print({package}.__file__)").strip()
         assert fresh.parent in Path(file).parents
         for data in (ROOT / package).rglob("*.*"):
-            if data.suffix in (".toml", ".safetensors", ".html", ".typed", ".urdf"):
+            if data.suffix in (".toml", ".safetensors", ".html", ".typed"):
                 assert (Path(file).parent / data.relative_to(ROOT / package)).is_file(), data
     program = shutil.which("voxelpose", path=os.fspath(fresh))
     run(program, "demo", "--frames", "4", "--no-track", "--out", "demo")

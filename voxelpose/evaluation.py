@@ -22,9 +22,9 @@ from voxelpose.export.trc import POSE2SIM_AXES
 from voxelpose.recording.truth import TRUE_MOTION, TRUTH, KnownJoints, load_truth, truth_of
 from voxelpose.results import Result, is_result
 
-_LOST_MM = 300.0
-_CORRECT_MM = 150.0
-_FLIP_MM = 30.0
+_LOST_MM = 300
+_CORRECT_MM = 150
+_FLIP_MM = 30
 _SIDE_BONES = ("hip knee", "knee ankle", "shoulder elbow", "elbow wrist")
 _BONES = np.array(
     [
@@ -237,17 +237,7 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
     Args:
         scores: scores by name, one line each.
     """
-    columns = [
-        "mpjpe_mm",
-        "root_mm",
-        "pa_mm",
-        "pck150",
-        "angle_deg",
-        "jitter_mm",
-        "jitter_truth_mm",
-        "flips",
-        "lost",
-    ]
+    columns = "mpjpe_mm root_mm pa_mm pck150 angle_deg jitter_mm jitter_truth_mm flips lost".split()
     if any(score.each_joint_angle_deg for score in scores.values()):
         columns.insert(0, "joint_angle_deg")
     lines = [

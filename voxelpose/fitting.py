@@ -300,7 +300,7 @@ def _summary(
         "seconds": {
             **{name: round(value, 3) for name, value in seconds.items()},
             "stages": {
-                name: _range_of(values, 4) | {"sum": round(float(np.sum(values)), 3)}
+                name: _range_of(values) | {"sum": round(float(np.sum(values)), 3)}
                 for name, values in estimate.stage_s.items()
             },
         },
@@ -317,7 +317,7 @@ def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, fl
     for name, array in motion.quality.items():
         values = np.asarray(array, float)
         if values.ndim == 1:
-            summary[name] = _range_of(values, 4)
+            summary[name] = _range_of(values)
             if name == "right_probability":
                 summary[name] |= {"lower_quarter": round(float(np.nanquantile(values, 0.25)), 4)}
         columns = cameras if name == "camera_agreement" else motion.model.names
@@ -332,8 +332,8 @@ def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, fl
     return summary
 
 
-def _range_of(values: NDArray, digits: int) -> dict[str, float]:
+def _range_of(values: NDArray) -> dict[str, float]:
     if not np.isfinite(values).any():
         return {}
     numbers = {"min": np.nanmin(values), "median": np.nanmedian(values), "max": np.nanmax(values)}
-    return {name: round(float(value), digits) for name, value in numbers.items()}
+    return {name: round(float(value), 4) for name, value in numbers.items()}

@@ -22,7 +22,9 @@ _OPENCV_WHEELS = (
     "opencv-contrib-python",
     "opencv-contrib-python-headless",
 )
-_MIN_FREE_GB = 1.0
+_MIN_FREE_GB = 1
+_Finding = tuple[State, str, str]
+"""State, what was found, and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -42,17 +44,13 @@ class HealthCheck:
     remedy: str = ""
 
 
-def examine(folder: Path | None = None) -> list[HealthCheck]:
-    """Checks everything that a fit needs, by trying it.
-
-    Args:
-        folder: folder in which results will be written; None for the current folder.
+def examine() -> list[HealthCheck]:
+    """Checks everything that a fit needs, by trying it; results are written to the current folder.
 
     Returns:
         One result per subject; a check that raises an exception is reported as failing.
     """
-    folder = folder or Path.cwd()
-    checks: dict[str, Callable[[], HealthCheck]] = {
+    checks: dict[str, Callable[[], _Finding]] = {
         "Python": _python,
         "OpenCV": _opencv,
         "threads": _threads,
@@ -63,26 +61,26 @@ def examine(folder: Path | None = None) -> list[HealthCheck]:
         "estimators": _estimators,
         "backends": _backends,
         "open3d": _open3d,
-        "disk": lambda: _disk(folder),
+        "disk": _disk,
     }
     findings = []
     for name, check in checks.items():
         try:
-            findings.append(check())
+            findings.append(HealthCheck(name, *check()))
         except Exception as error:  # any failure belongs in the report
             remedy = "install voxelpose again into a fresh environment"
             findings.append(HealthCheck(name, "fails", f"{type(error).__name__}: {error}", remedy))
     return findings
 
 
-def _python() -> HealthCheck:
+def _python() -> _Finding:
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     if sys.maxsize < 2**32:
-        return HealthCheck("Python", "fails", f"{found}, 32 bit", "use a 64-bit Python")
-    return HealthCheck("Python", "works", found)
+        return "fails", f"{found}, 32 bit", "use a 64-bit Python"
+    return "works", found, ""
 
 
-def _opencv() -> HealthCheck:
+def _opencv() -> _Finding:
     installed = [wheel for wheel in _OPENCV_WHEELS if _installed(wheel)]
     import cv2
 
@@ -92,8 +90,8 @@ def _opencv() -> HealthCheck:
             f"these wheels overwrite each other: pip uninstall {' '.join(installed)}, then pip"
             " install opencv-python-headless"
         )
-        return HealthCheck("OpenCV", "limited", found, remedy)
-    return HealthCheck("OpenCV", "works", found)
+        return "limited", found, remedy
+    return "works", found, ""
 
 
 def _installed(distribution: str) -> bool:
@@ -104,57 +102,48 @@ def _installed(distribution: str) -> bool:
     return True
 
 
-def _threads() -> HealthCheck:
+def _threads() -> _Finding:
     from silhouette_core import jit
 
     cores, threads = jit.cores(), jit.set_threads()
     found = f"{cores} cores, {threads} threads"
     if threads < cores:
-        return HealthCheck("threads", "limited", found, "unset NUMBA_NUM_THREADS to use all cores")
-    return HealthCheck("threads", "works", found)
+        return "limited", found, "unset NUMBA_NUM_THREADS to use all cores"
+    return "works", found, ""
 
 
-def _compiled() -> HealthCheck:
+def _compiled() -> _Finding:
     import numba
     import numpy as np
 
     from silhouette_core.image.raster import render_parts
 
     corners = np.array([[-1.0, -1, 2], [1, -1, 2], [0, 1, 2]])
-    parts, _ = render_parts(
-        corners,
-        np.array([[0, 1, 2]]),
-        np.array([4]),
-        np.array([[20.0, 0, 16], [0, 20, 16], [0, 0, 1]]),
-        (32, 32),
-    )
+    matrix = np.array([[20.0, 0, 16], [0, 20, 16], [0, 0, 1]])
+    parts, _ = render_parts(corners, np.array([[0, 1, 2]]), np.array([4]), matrix, (32, 32))
     found = f"numba {numba.__version__}, NumPy {np.__version__}"
     if parts[14, 16] != 5:
-        return HealthCheck(
-            "compiled code",
-            "fails",
-            f"{found}: a kernel returns wrong values",
-            "delete __pycache__ folders, or set NUMBA_CACHE_DIR",
-        )
-    return HealthCheck("compiled code", "works", found)
+        remedy = "delete __pycache__ folders, or set NUMBA_CACHE_DIR"
+        return "fails", f"{found}: a kernel returns wrong values", remedy
+    return "works", found, ""
 
 
-def _cache() -> HealthCheck:
+def _cache() -> _Finding:
     import silhouette_core
 
     folders = [os.environ.get("NUMBA_CACHE_DIR", ""), str(Path(silhouette_core.__file__).parent)]
     for folder in filter(None, folders):
         parents = (Path(folder), *Path(folder).parents)
         if os.access(next(parent for parent in parents if parent.exists()), os.W_OK):
-            return HealthCheck("compilation cache", "works", folder)
+            return "works", folder, ""
     remedy = (
         "set NUMBA_CACHE_DIR to a folder that you may write to; otherwise every command compiles"
         " again, for about a minute"
     )
-    return HealthCheck("compilation cache", "limited", f"{folders[-1]} cannot be written", remedy)
+    return "limited", f"{folders[-1]} cannot be written", remedy
 
 
-def _video() -> HealthCheck:
+def _video() -> _Finding:
     import cv2
     import numpy as np
 
@@ -170,60 +159,53 @@ def _video() -> HealthCheck:
             writer.close()
         capture = cv2.VideoCapture(str(path))
         means = []
-        while True:
-            good, image = capture.read()
-            if not good:
-                break
-            means.append(float(image.mean()))
+        while (read := capture.read())[0]:
+            means.append(float(read[1].mean()))
         capture.release()
     if len(means) == 3 and np.allclose(means, (60, 120, 180), atol=6):
-        return HealthCheck("video", "works", "WebM is written and read")
+        return "works", "WebM is written and read", ""
     remedy = (
         "install imageio-ffmpeg, or FFmpeg itself with its path in IMAGEIO_FFMPEG_EXE, for writing,"
         " and opencv-python-headless from PyPI for reading; folders of frames can be read and fits"
         " made with --no-pictures in any case"
     )
-    return HealthCheck("video", "fails", f"of 3 frames written, {len(means)} were read", remedy)
+    return "fails", f"of 3 frames written, {len(means)} were read", remedy
 
 
-def _pictures() -> HealthCheck:
+def _pictures() -> _Finding:
     from silhouette_core.body.model import BodyModel
     from silhouette_core.body.sizes import BodySizes
 
     model = BodyModel.from_sizes(BodySizes(1.75))
-    return HealthCheck(
-        "body and pictures",
-        "works",
-        f"{len(model.names)} parts, {len(model.faces)} triangles; drawn without a screen",
-    )
+    counts = f"{len(model.names)} parts, {len(model.faces)} triangles"
+    return "works", f"{counts}; drawn without a screen", ""
 
 
-def _estimators() -> HealthCheck:
+def _estimators() -> _Finding:
     from silhouette_core.estimator import GROUP, load_estimator
 
-    return _registered("estimators", GROUP, load_estimator)
+    return _registered(GROUP, load_estimator)
 
 
-def _backends() -> HealthCheck:
+def _backends() -> _Finding:
     from silhouette_core.scoring.backend import GROUP, load_backend
 
-    return _registered("backends", GROUP, load_backend)
+    return _registered(GROUP, load_backend)
 
 
-def _registered(name: str, group: str, load: Callable[[str], object]) -> HealthCheck:
+def _registered(group: str, load: Callable[[str], object]) -> _Finding:
     """Checks that the classes of an entry point group can be loaded."""
     from silhouette_core.entry_points import registered
 
     names = sorted(registered(group))
     if not names:
-        remedy = "install voxelpose (pip install -e . in a clone)"
-        return HealthCheck(name, "fails", "none is registered", remedy)
+        return "fails", "none is registered", "install voxelpose (pip install -e . in a clone)"
     for registered_name in names:
         load(registered_name)
-    return HealthCheck(name, "works", ", ".join(names))
+    return "works", ", ".join(names), ""
 
 
-def _open3d() -> HealthCheck:
+def _open3d() -> _Finding:
     from calib.errors import InputError
     from voxelpose.view.open3d_import import import_open3d
 
@@ -231,15 +213,15 @@ def _open3d() -> HealthCheck:
         module = import_open3d()
     except InputError as error:  # states the remedy
         found, _, remedy = str(error).partition(": ")
-        return HealthCheck("open3d", "limited", found, f"only `view --open3d` needs it: {remedy}")
+        return "limited", found, f"only `view --open3d` needs it: {remedy}"
     except Exception as error:  # a broken wheel raises anything
         remedy = (
             "only `view --open3d` needs it; on Linux: pip install libusb-package, and apt install"
             " libgl1 libgomp1"
         )
-        return HealthCheck("open3d", "limited", f"{type(error).__name__}: {error}", remedy)
+        return "limited", f"{type(error).__name__}: {error}", remedy
     screen = "a screen" if _has_screen() else "no screen here: use view --png"
-    return HealthCheck("open3d", "works", f"{module.__version__}, {screen}")
+    return "works", f"{module.__version__}, {screen}", ""
 
 
 def _has_screen() -> bool:
@@ -248,21 +230,14 @@ def _has_screen() -> bool:
     )
 
 
-def _disk(folder: Path) -> HealthCheck:
+def _disk() -> _Finding:
+    folder = Path.cwd()
     free = shutil.disk_usage(folder).free / 1e9
     found = f"{free:.1f} GB free in {folder}"
     if not os.access(folder, os.W_OK):
-        return HealthCheck(
-            "disk",
-            "fails",
-            f"{folder} cannot be written",
-            "change to a folder that you may write to",
-        )
+        remedy = "change to a folder that you may write to"
+        return "fails", f"{folder} cannot be written", remedy
     if free < _MIN_FREE_GB:
-        return HealthCheck(
-            "disk",
-            "limited",
-            found,
-            "free some space: overlay videos need about 1 MB per second and camera",
-        )
-    return HealthCheck("disk", "works", found)
+        remedy = "free some space: overlay videos need about 1 MB per second and camera"
+        return "limited", found, remedy
+    return "works", found, ""

@@ -6,16 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-Level = Literal["failed", "doubtful", "reliable"]
+from voxelpose.tuning import RELIABILITY
 
-_LOST = 0.1  # fraction of frames without a pose
-_RIGHT = 0.5  # probability below which a frame counts as wrong
-_WRONG = 0.25  # fraction of wrong frames
-_APART = 0.75  # outline agreement below which that is the reason, and the measure of one camera
-_OPEN_MM = 75.0  # error to expect from one camera above which the pose is open
-_SEAM_MM = 80.0  # mean distance of the joints of two pieces in the frames that they share
-_UNCERTAIN = 0.5  # probability of a joint to be within 30 mm, below which it is named
-_TURN = 1.5  # half-turn ratio below which the heading is the reason
+Level = Literal["failed", "doubtful", "reliable"]
 
 
 @dataclass(frozen=True)
@@ -63,18 +56,21 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     lost, posed = len(frames["lost"]), frames["with_pose"]
     agreement = _known(quality.get("outline_agreement", {}).get("median"), 1.0)
     right = quality.get("right_probability", {}).get("lower_quarter")
-    if lost > _LOST * (lost + posed):
+    if lost > RELIABILITY.lost * (lost + posed):
         reason = f"{lost} of {lost + posed} frames have no pose: look at their silhouettes"
         return Verdict("doubtful", f"{reason} (voxelpose view)")
-    apart = [seam for seam in facts.get("seams_mm", ()) if seam is not None and seam > _SEAM_MM]
-    if apart:
+    seam_mm = max((seam for seam in facts.get("seams_mm", ()) if seam is not None), default=0.0)
+    if seam_mm > RELIABILITY.seam_mm:
         return Verdict(
             "doubtful",
-            f"two pieces of the recording are {max(apart):.0f} mm apart where they meet: look at"
+            f"two pieces of the recording are {seam_mm:.0f} mm apart where they meet: look at"
             " the frames around it (facts in summary.json), or give longer --pieces",
         )
-    if (right is None and agreement < _APART) or (right is not None and right < _RIGHT):
-        if agreement >= _APART and _known(facts.get("half_turn_ratio"), _TURN) < _TURN:
+    apart = agreement < RELIABILITY.agreement
+    wrong = apart if right is None else right < RELIABILITY.right
+    if wrong:
+        turn = facts.get("half_turn_ratio")
+        if not apart and turn is not None and turn < RELIABILITY.half_turn:
             return Verdict(
                 "doubtful",
                 "turned half round, the body explains the silhouettes nearly as well: look which"
@@ -86,7 +82,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             " sheet, at background and calibration, and at clothes of the walls' colours",
         )
     error_mm = quality.get("pose_error_mm", {}).get("median")
-    if error_mm is not None and error_mm > _OPEN_MM:
+    if error_mm is not None and error_mm > RELIABILITY.open_mm:
         return Verdict(
             "doubtful",
             f"one camera leaves several poses open, and joints are likely {error_mm:.0f} mm off:"
@@ -102,7 +98,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     if error_mm is not None:
         return Verdict("reliable", error_mm=error_mm)
     near = quality.get("landmark_confidence", {})
-    uncertain = (name for name in near if _known(near[name], 1.0) < _UNCERTAIN)
+    uncertain = (name for name in near if _known(near[name], 1.0) < RELIABILITY.near)
     return Verdict("reliable", "", tuple(uncertain))
 
 

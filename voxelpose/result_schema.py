@@ -20,9 +20,9 @@ _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
 _MOST_FRAMES = 10_000_000
 _REMEDY = "fit again, or put the file back as the program wrote it"
 
-_Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
-_Positive = Annotated[float, Meta(gt=0, le=1e6)]
-_Seconds = Annotated[float, Meta(ge=0, le=1e9)]
+_Number = Annotated[float, Meta(ge=-(10**9), le=10**9)]
+_Positive = Annotated[float, Meta(gt=0, le=10**6)]
+_Seconds = Annotated[float, Meta(ge=0, le=10**9)]
 _Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
 _Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
 _Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
@@ -107,7 +107,7 @@ class _Options(msgspec.Struct):
 
 class _Conditioning(msgspec.Struct):
     filter: Literal["butterworth", "savgol", "gaussian", "none"] = "butterworth"
-    cutoff_hz: _Positive = 7.0
+    cutoff_hz: _Positive = 7
     filter_order: Annotated[int, Meta(ge=1, le=8)] | None = None
     gap_limit: _Count | Annotated[str, Meta(max_length=20)] = 0
     gap_method: Literal["linear", "pchip", "none"] = "linear"

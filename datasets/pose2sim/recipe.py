@@ -1,7 +1,6 @@
 """A trial of Pose2Sim: videos, and calibration/Calib_*.toml of the trial or its session."""
 
 import argparse
-import re
 import tomllib
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from clip import (
     InputError,
     Rig,
     camera_name,
+    natural_order,
     number_in,
     open_frames,
     read_rig,
@@ -47,7 +47,7 @@ def read(source: Path, options: argparse.Namespace) -> Clip:
     """
     folder = source / "videos"
     files = (path for path in folder.glob("*") if path.suffix.lower() in VIDEOS)
-    videos = {path.stem: path for path in sorted(files, key=_natural_order)}
+    videos = {path.stem: path for path in sorted(files, key=natural_order)}
     select_names(videos, None, "video", folder)
     file = options.calibration or _calibration(source)
     rig = read_rig(file, unit=options.unit or _unit(file))
@@ -62,12 +62,6 @@ def read(source: Path, options: argparse.Namespace) -> Clip:
 
         truth = read_truth(options.trc) @ z_up_from(options.up).T
     return Clip(tuple(views), None, truth, notes={"clip": source.resolve().name})
-
-
-def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Returns a sort key that puts cam2 before cam10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts if part]
 
 
 def _calibration(source: Path) -> Path:

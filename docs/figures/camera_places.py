@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from docs.figures.drawing import INK, POSITIVE, QUIET, blank, centred, save
 from silhouette_core.image.raster import render_parts
-from voxelpose.demo.choreography import PERFORMANCES
+from voxelpose.demo.choreography import performances
 from voxelpose.demo.mannequin import Mannequin
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -73,7 +73,7 @@ def rig_of(places: tuple[tuple[float, float], ...]) -> Rig:
 
 def hull_excess(places: tuple[tuple[float, float], ...]) -> float:
     """Volume of the visual hull over that of the body, mean over some poses."""
-    actor, played = Mannequin.build(), PERFORMANCES["three_seconds"]
+    actor, played = Mannequin.build(), performances()["three_seconds"]
     every = rig_of(tuple((15.0 * k, (LOW_M, HIGH_M)[k % 2]) for k in range(24)))
     ratios = []
     for time_s in np.linspace(0, 2.9, 6):

@@ -20,7 +20,7 @@ from calib.files import write_rig
 from docs.figures.drawing import INK, QUIET, blank, centred, save
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.demo.choreography import PERFORMANCES
+from voxelpose.demo.choreography import performances
 from voxelpose.demo.filming import write_video
 from voxelpose.demo.mannequin import COLOURS_BGR, SHIRT, TROUSERS, Mannequin
 from voxelpose.demo.room import FilmCamera, demo_rig
@@ -78,7 +78,7 @@ def film(case: Case, folder: Path) -> tuple[Image, NDArray[np.bool_], NDArray[np
         A frame (480, 640, 3), its silhouette (480, 640), and the true one.
     """
     camera = demo_rig(2)["cam_2"]
-    actor, played = Mannequin.build(), PERFORMANCES[case.performance]
+    actor, played = Mannequin.build(), performances()[case.performance]
     view = FilmCamera(camera, np.random.default_rng(5), case.colours_bgr, case.shadow)
     poses = [actor.pose(*played.pose_at(frame / FPS))[0] for frame in range(FRAMES)]
     folder.mkdir(parents=True)

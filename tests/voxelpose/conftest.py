@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.sources import install_standing
+from tests.sources import install_standing, ring, write_recording
+from voxelpose.cli import run
 
 
 @pytest.fixture
@@ -17,6 +18,17 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def fitted(desk: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The result of a fit of `walk`, a recording by two cameras without a truth."""
+    write_recording(desk / "walk", ring(2))
+    assert (
+        run("fit walk --out fitted --estimator standing --stature 1.8 --no-pictures".split()) == 0
+    )
+    capsys.readouterr()
+    return desk / "fitted"
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from examples.bodies.example_motions import BODY, TRUE_MOTION, film_example
 from silhouette_core.motion.motion_file import read_motion
 from voxelpose.cli import run
-from voxelpose.demo.example_motions import BODY, TRUE_MOTION, film_example
 from voxelpose.results import Result
 
 

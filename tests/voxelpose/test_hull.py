@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from carving_scenes import ring, silhouettes
 from scipy.spatial import cKDTree
 
 from calib.errors import InputError
 from calib.files import write_rig
+from tests.voxelpose.multiview.carving.carving_scenes import ring, silhouettes
 from voxelpose.hull import CarveSettings, carve_recording
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.hull_mesh import surface

@@ -34,7 +34,7 @@ def test_colliding_opencv_wheels_are_named(monkeypatch):
 
 def test_estimators_and_backends_are_listed():
     assert found("estimators").found == "monocular, multiview"
-    assert found("backends").found == "cpu, reference"
+    assert found("backends").found == "cpu"
 
 
 def test_little_space_is_said(monkeypatch, tmp_path):

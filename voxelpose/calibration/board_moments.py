@@ -10,11 +10,9 @@ from calib.board import Board, BoardView, view_between
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import BoardFinder, stride
-from voxelpose.recording.frame_reader import FrameReader, read_together
+from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import Times
-
-_WIDEST_S = 0.15  # between two frames: further apart, a carried board moves not straight
-_SAME_FRAMES = 0.02  # of a frame: nearer to a frame, that frame alone is taken
+from voxelpose.tuning import BOARD_SEARCH
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,56 +21,17 @@ class Moments:
 
     Attributes:
         views: Moment ("frame 120") -> camera -> view.
-        examined: Number of moments examined.
         seen: Number of moments at which each camera saw the board.
     """
 
     views: dict[str, dict[str, BoardView]]
-    examined: int
     seen: dict[str, int]
 
 
 def board_moments(
     board: Board,
     readers: Mapping[str, FrameReader],
-    floor: int | None,
-    max_moments: int,
-    reporter: Reporter,
-) -> Moments:
-    """Detects the board in synchronous recordings.
-
-    Args:
-        board: The board.
-        readers: Synchronous pictures by camera name.
-        floor: A frame that is always kept; None if there is none.
-        max_moments: Maximum number of moments.
-        reporter: Receives the progress.
-
-    Raises:
-        InputError: Pictures cannot be read, or a camera never saw the board.
-    """
-    count = min(reader.frame_count for reader in readers.values())
-    if floor is not None and not 0 <= floor < count:
-        raise InputError(f"--floor {floor} is not in the recording: it has frames 0 to {count - 1}")
-    step = stride(count)
-    finders = {name: BoardFinder(board, bool(reader.stills)) for name, reader in readers.items()}
-    views: dict[str, dict[str, BoardView]] = {}
-    reporter.stage("looking for the board", -(-count // step))
-    for number, frames in enumerate(read_together(readers, 0, count)):
-        if number % step and number != floor:
-            continue
-        detections = {name: finders[name](frame, number == floor) for name, frame in frames.items()}
-        views[f"frame {number}"] = {
-            name: view for name, view in detections.items() if isinstance(view, BoardView)
-        }
-        reporter.advance()
-    return _moments(views, finders, max_moments, floor)
-
-
-def timed_moments(
-    board: Board,
-    readers: Mapping[str, FrameReader],
-    times: Mapping[str, Times],
+    times: Mapping[str, Times] | None,
     floor: int | None,
     max_moments: int,
     reporter: Reporter,
@@ -85,7 +44,8 @@ def timed_moments(
     Args:
         board: The board.
         readers: Pictures by camera name.
-        times: (frames,) float64, s, increasing, of one clock, by camera name.
+        times: (frames,) float64, s, increasing, of one clock, by camera name; None: all cameras
+            film in step, from the first frame on.
         floor: A frame of the first camera that is always kept; None if there is none.
         max_moments: Maximum number of moments.
         reporter: Receives the progress.
@@ -94,9 +54,13 @@ def timed_moments(
         InputError: Pictures cannot be read, or a camera never saw the board.
     """
     first, *others = readers
-    count = readers[first].frame_count
+    place = "the recording" if times is None else first
+    if times is None:
+        shortest = min(reader.frame_count for reader in readers.values())
+        times = dict.fromkeys(readers, np.arange(shortest, dtype=float))
+    count = len(times[first])
     if floor is not None and not 0 <= floor < count:
-        raise InputError(f"--floor {floor} is not in {first}: it has frames 0 to {count - 1}")
+        raise InputError(f"--floor {floor} is not in {place}: it has frames 0 to {count - 1}")
     begin = min(float(times[name][0]) for name in others or readers)
     end = max(float(times[name][-1]) for name in others or readers)
     useful = np.flatnonzero((times[first] >= begin) & (times[first] <= end))
@@ -144,9 +108,10 @@ def frames_around(
     after = np.minimum(before + 1, len(times) - 1)
     passed, span = instants - times[before], times[after] - times[before]
     period = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    same = _SAME_FRAMES * period + 1e-6
+    same = BOARD_SEARCH.same_frame * period + 1e-6
     at_before, at_after = np.abs(passed) <= same, np.abs(passed - span) <= same
-    known = at_before | at_after | ((passed > 0) & (passed < span) & (span <= _WIDEST_S))
+    between = (passed > 0) & (passed < span) & (span <= BOARD_SEARCH.widest_s)
+    known = at_before | at_after | between
     first, second = np.where(at_after, after, before), np.where(at_before, before, after)
     fraction = np.where(second > first, passed / np.maximum(span, 1e-9), 0.0)
     return np.where(known, first, -1), np.where(known, second, -1), fraction
@@ -170,7 +135,7 @@ def _moments(
             f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
             " nearer, and slowly"
         )
-    return Moments(_thinned(views, max_moments, f"frame {floor}"), len(views), seen)
+    return Moments(_thinned(views, max_moments, f"frame {floor}"), seen)
 
 
 def _thinned(

@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 
 from calib.board import Board, BoardView, Effort, Refusal
+from calib.camera import Camera
 from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still
+from voxelpose.tuning import BOARD_SEARCH
 
 _MAX_EXAMINED = 400  # frames of a video in which the board is searched
-_NEW_VIEW = 0.02  # of the picture's width: smaller differences between views are redundant
-_FAST = 2.0  # times the median speed
 _PATIENT_STEP = 20  # one frame in this many is searched with more effort
 _KEPT_FAILURES = 5  # pictures without the board in which another board is searched
 NOT_NEW = "shows the board much as another frame does"
@@ -54,6 +54,20 @@ class CameraPictures:
 def stride(frame_count: int) -> int:
     """Step between the examined frames of a video."""
     return -(-frame_count // _MAX_EXAMINED)
+
+
+def check_lens_size(lens: Camera, reader: FrameReader) -> None:
+    """Refuses pictures of another size than a camera's lens was calibrated at.
+
+    Raises:
+        InputError: the sizes differ.
+    """
+    if reader.size != lens.size:
+        seen, known = (f"{width}x{height}" for width, height in (reader.size, lens.size))
+        raise InputError(
+            f"camera {lens.name} recorded at {seen}, its lens was calibrated at {known}: use one"
+            " size"
+        )
 
 
 def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
@@ -202,10 +216,11 @@ def select_views(board: Board, views: Mapping[str, BoardView], max_views: int) -
     outlines = np.array([_outline(board, view) for view in views.values()])
     moved = np.linalg.norm(np.diff(outlines, axis=0), axis=1)
     speed = np.minimum(np.append(moved, np.inf), np.append(np.inf, moved))
-    still = np.flatnonzero(speed <= max(_FAST * float(np.median(speed)), _NEW_VIEW / 4))
+    fastest = max(BOARD_SEARCH.fast * float(np.median(speed)), BOARD_SEARCH.new_view / 4)
+    still = np.flatnonzero(speed <= fastest)
     chosen = [int(still[np.argmin(speed[still])])]
     distance = np.linalg.norm(outlines[still] - outlines[chosen[0]], axis=1)
-    while len(chosen) < min(max_views, len(still)) and distance.max() > _NEW_VIEW:
+    while len(chosen) < min(max_views, len(still)) and distance.max() > BOARD_SEARCH.new_view:
         best = int(np.argmax(distance))
         chosen.append(int(still[best]))
         distance = np.minimum(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.agreement import Agreement, agreement, even_moments
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import write_rig
 from calib.repair import Repair, explain
@@ -23,9 +23,10 @@ from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
 from voxelpose.results import ResultWriter
+from voxelpose.tuning import SYNCHRONISATION
 
 LONG_SIDE_PX = 480
-_SUBFRAME = 0.6  # frames: offsets up to about half a frame cannot be corrected
+_SHOWN = 3  # moments that are kept for the picture
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,10 @@ class CheckSettings:
     Attributes:
         moments: number of frames compared, spread over the recording.
         max_offset_frames: largest clock offset tried in both directions, frames.
-        shown: number of moments kept for the picture.
     """
 
     moments: int = 12
     max_offset_frames: int = 12
-    shown: int = 3
 
     def __post_init__(self) -> None:
         """Checks the values."""
@@ -118,7 +117,7 @@ def check_recording(
     moments = even_moments(recording.frame_count, settings.moments)
     reporter.stage("backgrounds")
     silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
-    tracks, checked_frames = _outlines(recording, silhouettes, moments, settings, reporter)
+    tracks, checked_frames = _outlines(recording, silhouettes, moments, reporter)
     times = recording.times_s[moments]
     checked = agreement(list(tracks.values()), times)
     repairs: list[Repair] = []
@@ -132,26 +131,16 @@ def check_recording(
         tracks |= {name: dense[name] for name in checked.culprits}
     rig, after = _repaired(recording.rig, tracks, times, repairs)
     notes = _notes(recording, silhouettes, checked)
-    if after is not None and all(
-        repair.kind == "out of step" and abs(repair.offset_s) * recording.fps <= _SUBFRAME
-        for repair in repairs
-    ):
-        who = ", ".join(
-            f"{repair.camera} by {abs(repair.offset_s) * recording.fps:.1f}" for repair in repairs
+    frames = [(repair.camera, abs(repair.offset_s) * recording.fps) for repair in repairs]
+    late = all(repair.kind == "out of step" for repair in repairs)
+    if after is not None and late and max(count for _, count in frames) <= SYNCHRONISATION.subframe:
+        who = ", ".join(f"{camera} by {count:.1f}" for camera, count in frames)
+        notes += (
+            f"frames do not quite coincide ({who} of a frame), as where cameras are not triggered"
+            " together; no harm",
         )
-        notes = (
-            *notes,
-            (
-                f"frames do not quite coincide ({who} of a frame), as where cameras are not"
-                " triggered together; no harm"
-            ),
-        )
-        checked, repairs, rig, after = (
-            replace(checked, culprits=(), agrees=after.agrees),
-            [],
-            None,
-            None,
-        )
+        checked = replace(checked, culprits=(), agrees=after.agrees)
+        repairs, rig, after = [], None, None
     return Check(
         recording.rig,
         tracks,
@@ -167,19 +156,12 @@ def check_recording(
 
 
 def _outlines(
-    recording: Recording,
-    silhouettes: Silhouettes,
-    moments: NDArray[np.int64],
-    settings: CheckSettings,
-    reporter: Reporter,
+    recording: Recording, silhouettes: Silhouettes, moments: NDArray[np.int64], reporter: Reporter
 ) -> tuple[dict[str, OutlineTrack], dict[int, dict[str, CheckedFrame]]]:
     """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
-    shown = {
-        int(moments[at])
-        for at in np.linspace(0, len(moments) - 1, settings.shown + 2).round().astype(int)[1:-1]
-    }
+    shown = moments[np.linspace(0, len(moments) - 1, _SHOWN + 2).round().astype(int)[1:-1]]
     checked_frames: dict[int, dict[str, CheckedFrame]] = {}
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)
@@ -216,12 +198,33 @@ def _dense_outlines(
         np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
     )
     reporter.stage(f"{name} frame by frame", len(near))
-    outlines, unknown = [], silhouettes.unknown.get(name)
-    for frame in recording.readers[name].select((near + recording.first).tolist()):
-        mask = silhouettes.of({name: frame})[name]
-        outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
+    frames = recording.readers[name].select((near + recording.first).tolist())
+    camera = recording.rig[name]
+    return outline_track(camera, frames, recording.times_s[near], silhouettes, reporter)
+
+
+def outline_track(
+    camera: Camera,
+    frames: Iterable[Frame],
+    time_s: NDArray[np.float64],
+    silhouettes: Silhouettes,
+    reporter: Reporter,
+) -> OutlineTrack:
+    """Outlines of one camera over time.
+
+    Args:
+        camera: the camera.
+        frames: its T frames.
+        time_s: (T,) float64, their times, s.
+        silhouettes: of a recording with this camera.
+        reporter: receives a step for each frame.
+    """
+    outlines, unknown = [], silhouettes.unknown.get(camera.name)
+    for frame in frames:
+        mask = silhouettes.of({camera.name: frame})[camera.name]
+        outlines.append(Outline.from_mask(camera, mask, unknown))
         reporter.advance()
-    return OutlineTrack(recording.rig[name], recording.times_s[near], tuple(outlines))
+    return OutlineTrack(camera, time_s, tuple(outlines))
 
 
 def _repaired(

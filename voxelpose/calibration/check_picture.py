@@ -23,9 +23,6 @@ from voxelpose.view.images.canvas import (
 
 _GAP, _MARGIN, _HEAD, _CAPTION = 8, 28, 104, 30
 _WIDEST, _TILE = 1900, 360
-_BORDER = 0.35  # shown around the silhouette, as a fraction of its size
-_GOOD: tuple[int, int, int] = LEFT
-_DIM = 0.55
 
 
 def draw_check(check: Check) -> Image:
@@ -110,7 +107,7 @@ def _box(masks: list[NDArray[np.bool_]]) -> tuple[NDArray[np.float64], NDArray[n
     # Percentiles, because of flicker far from the body.
     low = np.array([np.percentile(column, 1), np.percentile(row, 1)])
     high = np.array([np.percentile(column, 99), np.percentile(row, 99)])
-    border = _BORDER * max(high - low)
+    border = 0.35 * max(high - low)
     return np.maximum(low - border, 0), np.minimum(high + border, size)
 
 
@@ -127,7 +124,7 @@ def _tile(
     scale = min(tile[0] / (high - low)[0], tile[1] / (high - low)[1])
     shift = np.array(tile) / 2 - scale * (low + high) / 2
     warp = np.column_stack([scale * np.eye(2), shift])
-    tinted = (checked.frame * _DIM).astype(np.uint8)
+    tinted = (0.55 * checked.frame).astype(np.uint8)
     tinted[checked.mask] = np.clip(0.5 * checked.frame[checked.mask] + 110, 0, 255).astype(np.uint8)
     image = np.asarray(
         cv2.warpAffine(tinted, warp, tile, flags=cv2.INTER_LINEAR, borderValue=(48, 42, 38)),
@@ -143,9 +140,8 @@ def _tile(
         disagrees = other in check.agreement.culprits and name not in check.agreement.culprits
         for line in touching_lines(camera, track, time_s):
             pixels = (((line + 0.5) * zoom - 0.5) @ warp[:, :2].T) + warp[:, 2]
-            stroke(
-                image, pixels, WARNING if disagrees or name in check.agreement.culprits else _GOOD
-            )
+            wrong = disagrees or name in check.agreement.culprits
+            stroke(image, pixels, WARNING if wrong else LEFT)
     return image
 
 

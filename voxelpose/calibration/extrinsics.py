@@ -11,12 +11,11 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_moments import board_moments, timed_moments
+from voxelpose.calibration.board_moments import board_moments
+from voxelpose.calibration.board_views import check_lens_size
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
-from voxelpose.recording.timestamps import TIMESTAMPS, read_timestamps
-
-_RATES_DIFFER = 0.01
+from voxelpose.recording.timestamps import TIMESTAMPS, rates_differ, read_timestamps
 
 
 @dataclass(frozen=True)
@@ -57,12 +56,10 @@ def extrinsics_from_recording(
     table = folder / TIMESTAMPS
     if table.exists():
         times = read_timestamps(table, readers)
-        moments = timed_moments(
-            board, readers, times, settings.floor, settings.max_moments, reporter
-        )
     else:
         _check_rates(folder, readers, reporter)
-        moments = board_moments(board, readers, settings.floor, settings.max_moments, reporter)
+        times = None
+    moments = board_moments(board, readers, times, settings.floor, settings.max_moments, reporter)
     if not moments.views:
         seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
         raise InputError(
@@ -101,12 +98,7 @@ def _readers(
         raise InputError(f"no pictures of {', '.join(missing)} in {folder}: {remedy}")
     readers = {name: FrameReader.open(paths[name]) for name in lenses.names}
     for name, reader in readers.items():
-        if reader.size != lenses[name].size:
-            seen, known = (f"{w}x{h}" for w, h in (reader.size, lenses[name].size))
-            raise InputError(
-                f"camera {name} recorded at {seen}, its lens was calibrated at {known}: use one"
-                " size"
-            )
+        check_lens_size(lenses[name], reader)
     return readers, lenses
 
 
@@ -117,7 +109,7 @@ def _check_rates(folder: Path, readers: Mapping[str, FrameReader], reporter: Rep
         " --help) finds the time of every frame"
     )
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
-    if rates and max(rates.values()) > (1 + _RATES_DIFFER) * min(rates.values()):
+    if rates_differ(rates.values()):
         listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
         raise InputError(f"the videos have different rates ({listed} frames per second): {remedy}")
     counts = {name: reader.frame_count for name, reader in readers.items()}

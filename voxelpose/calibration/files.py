@@ -27,25 +27,26 @@ def write_png(picture: Image, path: Path) -> None:
 
 
 def write_calibration(
-    rig: Rig, out: Path, notes: Mapping[str, Any], others: Mapping[Path, bytes]
+    rig: Rig,
+    out: Path,
+    notes: Mapping[str, Any],
+    picture: tuple[Path, Image],
+    report: tuple[Path, Mapping[str, object]],
 ) -> None:
-    """Writes a calibration and its accompanying files. A failure leaves no partial file.
+    """Writes a calibration, a picture and a report. A failure leaves no partial file.
 
     Args:
         rig: The cameras.
         out: The calibration; its suffix selects the format.
         notes: Stored in the calibration, if its format supports that.
-        others: Content of the other files by path.
+        picture: PNG file and what it shows.
+        report: JSON file and what it says.
 
     Raises:
         InputError: A file cannot be written.
     """
+    others = {picture[0]: png(picture[1]), report[0]: as_json(report[1]).encode()}
     with ExitStack() as complete:
         for path, content in others.items():
             complete.enter_context(replacing(path)).write_bytes(content)
         write_rig(rig, out, notes=notes)
-
-
-def report_json(document: Mapping[str, object]) -> bytes:
-    """JSON encoding of a report."""
-    return as_json(document).encode()

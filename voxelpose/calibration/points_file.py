@@ -9,7 +9,7 @@ from calib.errors import InputError
 from calib.points import ScenePoints
 
 _LARGEST_BYTES = 50_000_000
-_FARTHEST_M, _FARTHEST_PX = 1e5, 1e6
+_FARTHEST_M, _FARTHEST_PX = 100_000, 1_000_000
 _LONGEST_NAME = 200
 _PIXELS = ("x_px", "y_px")
 _METRES = ("x_m", "y_m", "z_m")

@@ -27,16 +27,13 @@ _CELLS = 72  # along the longest edge
 _LINE = (52, 45, 40)
 _SEEN = (96, 84, 62)  # colour of the volume seen by all cameras
 _MOST_LINES = 50
-_PERSON_M = np.linspace(0.1, 1.8, 6)  # heights tested for the view from above
-_TALLEST_M = 2.5
 
 
 @dataclass(frozen=True)
 class _Panel:
-    """One orthographic view.
+    """One orthographic view, with the world's x to the right.
 
     Attributes:
-        right: World axis that points right.
         up: World axis that points up.
         low: (3,) float64, m, world point at the lower left corner.
         scale: px per m.
@@ -44,7 +41,6 @@ class _Panel:
         bottom_px: Row of that corner in the picture.
     """
 
-    right: int
     up: int
     low: FloatArray
     scale: float
@@ -55,7 +51,7 @@ class _Panel:
         """Pixels (N, 2) of world points (N, 3)."""
         return np.column_stack(
             [
-                self.left_px + (points[:, self.right] - self.low[self.right]) * self.scale,
+                self.left_px + (points[:, 0] - self.low[0]) * self.scale,
                 self.bottom_px - (points[:, self.up] - self.low[self.up]) * self.scale,
             ]
         )
@@ -82,8 +78,8 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
     )
     picture = np.empty((height, max(width, 860), 3), np.uint8)
     picture[:] = PAPER
-    above = _Panel(0, 1, low, scale, _MARGIN, height - _FOOT)
-    side = _Panel(0, 2, low, scale, _MARGIN + edges[0] * scale + _GAP, height - _FOOT)
+    above = _Panel(1, low, scale, _MARGIN, height - _FOOT)
+    side = _Panel(2, low, scale, _MARGIN + edges[0] * scale + _GAP, height - _FOOT)
     counts = _counts(rig, low, high, floor)
     for panel, count, title in zip(
         (above, side), counts, ("from above", "from the side"), strict=True
@@ -105,7 +101,7 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
                 MIDDLE,
             )
         if floor:
-            for axis, letter in ((panel.right, "x"), (panel.up, "yz"[panel is side])):
+            for axis, letter in ((0, "x"), (panel.up, "yz"[panel is side])):
                 ends = panel.at(np.array([np.zeros(3), 0.08 * edges.max() * np.eye(3)[axis]]))
                 stroke(picture, ends, RIGHT, 2)
                 write_text(picture, letter, round(ends[1, 0]) + 4, round(ends[1, 1]) - 4, 13, RIGHT)
@@ -144,7 +140,7 @@ def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
     depth = max(1.0, float(np.ptp(centers, axis=0).max()))
     middle = np.clip(middle, centers.min(axis=0) - depth, centers.max(axis=0) + depth)
     shown = np.vstack(
-        [centers, middle[None], *([np.zeros((1, 3)), [[0, 0, _TALLEST_M]]] if floor else [])]
+        [centers, middle[None], *([np.zeros((1, 3)), [[0, 0, 2.5]]] if floor else [])]
     )
     low, high = shown.min(axis=0), shown.max(axis=0)
     margin = 0.12 * max(float((high - low).max()), 1.0)
@@ -162,7 +158,8 @@ def _counts(
     step = float((high - low).max()) / _CELLS
     x, y, z = (np.arange(low[axis] + step / 2, high[axis], step) for axis in range(3))
     seen = _seen_by(rig, x, y, z)
-    above = _seen_by(rig, x, y, _PERSON_M).min(axis=2) if floor else seen.max(axis=2)
+    person = np.linspace(0.1, 1.8, 6)
+    above = _seen_by(rig, x, y, person).min(axis=2) if floor else seen.max(axis=2)
     return above.T, seen.max(axis=1).T
 
 
@@ -212,15 +209,14 @@ def _spacing_m(extent_m: float) -> int:
 def _grid(picture: Image, panel: _Panel, high: FloatArray, spacing_m: int) -> None:
     """Draws a grid and the border."""
     low = panel.low
-    for axis in (panel.right, panel.up):
-        other = panel.up if axis == panel.right else panel.right
+    for axis, other in ((0, panel.up), (panel.up, 0)):
         first, last = np.ceil(low[axis] / spacing_m), np.floor(high[axis] / spacing_m)
         for line in spacing_m * np.arange(first, last + 1):
             ends = np.zeros((2, 3))
             ends[:, axis], ends[:, other] = line, (low[other], high[other])
             stroke(picture, panel.at(ends), _LINE)
     border = np.zeros((4, 3))
-    border[:, panel.right] = np.array([low, high, high, low])[:, panel.right]
+    border[:, 0] = np.array([low, high, high, low])[:, 0]
     border[:, panel.up] = np.array([low, low, high, high])[:, panel.up]
     stroke(picture, panel.at(border), FAINT, closed=True)
 

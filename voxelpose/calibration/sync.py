@@ -17,23 +17,20 @@ from calib.errors import InputError
 from calib.files import read_rig
 from calib.signals import SignalOffsets, checked_reference, offsets_from_signals
 from calib.synchronise import Synchronisation, outline_signal, require_motion, synchronise
-from calib.tangency import Outline, OutlineTrack
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
-from voxelpose.calibration.check import LONG_SIDE_PX
+from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
 from voxelpose.calibration.sync_signals import board_signals, sound_signals
 from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.sound import STEP_S, has_sound
 from voxelpose.recording.timestamps import Times, write_timestamps
+from voxelpose.tuning import SYNCHRONISATION
 
 SyncMethod = Literal["geometry", "board", "sound", "silhouettes"]
 
-_DOUBTFUL_PX = 0.8  # of a picture of 480 x 360
-_MAX_OFFSET_S = {"geometry": 2.0, "board": 20.0, "sound": 60.0, "silhouettes": 10.0}
-_SECONDS = {"geometry": 12.0, "board": 60.0, "sound": 600.0, "silhouettes": 40.0}
-_SOUND_SIGMA_S = 0.002
-_DISTANCE_S = 0.003  # which sound takes for a metre: some are nearer to it than others
+_MAX_OFFSET_S = {"geometry": 2, "board": 20, "sound": 60, "silhouettes": 10}
+_SECONDS = {"geometry": 12, "board": 60, "sound": 600, "silhouettes": 40}
 
 
 @dataclass(frozen=True)
@@ -235,12 +232,9 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
         without_background += silhouettes.without_background
-        outlines, unknown = [], silhouettes.unknown.get(name)
-        for frame in reader.frames(int(used[0]), int(used[-1]) + 1):
-            mask = silhouettes.of({name: frame})[name]
-            outlines.append(Outline.from_mask(recording.rig[name], mask, unknown))
-            reporter.advance()
-        tracks.append(OutlineTrack(recording.rig[name], films.times[name][used], tuple(outlines)))
+        frames = reader.frames(int(used[0]), int(used[-1]) + 1)
+        camera, times = recording.rig[name], films.times[name][used]
+        tracks.append(outline_track(camera, frames, times, silhouettes, reporter))
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
     most = min(films.max_offset_s(by, settings), 0.5 * shortest)
@@ -257,7 +251,7 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
         offsets = offsets_from_signals(signals, SignalSettings(most), settings.reference)
         return Sync(offsets, by, films.times, films.fps, tuple(notes))
     result = synchronise(tracks, most, settings.reference)
-    if result.agreed and result.after_px > _DOUBTFUL_PX * image_scale(tracks):
+    if result.agreed and result.after_px > SYNCHRONISATION.doubtful_px * image_scale(tracks):
         notes.append(
             "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
             " calibrate check` names it"
@@ -296,15 +290,16 @@ def _by_sound(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
     signals = sound_signals(paths, seconds, reporter)
     reporter.stage("offsets")
     how = SignalSettings(
-        films.max_offset_s("sound", settings), STEP_S, _SOUND_SIGMA_S, lasting=False
+        films.max_offset_s("sound", settings), STEP_S, SYNCHRONISATION.sound_sigma_s, lasting=False
     )
     result = offsets_from_signals(signals, how, settings.reference)
+    metre_s = 0.003  # of sound's way: some cameras are nearer to it than others
     lines = [
         line
         if line.camera == result.reference
         else replace(
             line,
-            error_s=float(np.hypot(line.error_s, _DISTANCE_S)),
+            error_s=float(np.hypot(line.error_s, metre_s)),
             frames=line.offset_s * films.fps[line.camera],
         )
         for line in result.offsets

@@ -14,14 +14,13 @@ from calib.correlation import Signal
 from calib.errors import InputError
 from calib.pairs import board_poses
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import BoardFinder
+from voxelpose.calibration.board_views import BoardFinder, check_lens_size
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.sound import has_sound, onsets
 from voxelpose.recording.timestamps import Times
+from voxelpose.tuning import SYNCHRONISATION
 
-_BOARD_HZ = 12.0  # how often the board is looked for: it is carried slowly
 _LEAST_VIEWS = 20
-_TORN_S = 0.25  # between views of the board: further apart, its speed is unknown
 
 
 def board_signals(
@@ -51,7 +50,7 @@ def board_signals(
         camera = _lens(lenses, name, reader)
         inside = np.flatnonzero((times[name] >= window_s[0]) & (times[name] <= window_s[1]))
         rate = 1 / max(float(np.median(np.diff(times[name]))), 1e-9)
-        numbers = inside[:: max(1, int(rate / _BOARD_HZ))]
+        numbers = inside[:: max(1, int(rate / SYNCHRONISATION.board_hz))]
         reporter.stage(f"looking for the board in {name}", len(numbers))
         find, views = BoardFinder(board, stills=False), []
         for picture in reader.select(numbers.tolist()):
@@ -86,7 +85,7 @@ def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Sig
     seen = np.flatnonzero(np.isfinite(places).all(axis=1))
     way, passed = np.diff(places[seen], axis=0), np.diff(time_s[seen])
     speed = np.linalg.norm(way, axis=1) / passed
-    speed[passed > _TORN_S] = np.nan
+    speed[passed > 3 / SYNCHRONISATION.board_hz] = np.nan
     middle_s = 0.5 * (time_s[seen][1:] + time_s[seen][:-1])
     return Signal(camera.name, middle_s, speed[:, None])
 
@@ -122,9 +121,5 @@ def _lens(lenses: Rig, name: str, reader: FrameReader) -> Camera:
             f"no lens for {name}: the calibration has {', '.join(lenses.names)}; add it, or choose"
             " with --cameras"
         )
-    if lenses[name].size != reader.size:
-        seen, known = (f"{w}x{h}" for w, h in (reader.size, lenses[name].size))
-        raise InputError(
-            f"camera {name} recorded at {seen}, its lens was calibrated at {known}: use one size"
-        )
+    check_lens_size(lenses[name], reader)
     return lenses[name]

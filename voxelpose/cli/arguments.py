@@ -61,8 +61,7 @@ Filter = Annotated[
     arg(help="Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay."),
 ]
 Cutoff = Annotated[
-    float,
-    arg(metavar="HZ", help="Cut-off: the frequency at which half of the amplitude is left."),
+    float, arg(metavar="HZ", help="Cut-off: the frequency at which half of the amplitude is left.")
 ]
 FilterOrder = Annotated[
     int | None,
@@ -82,9 +81,7 @@ GapLimit = Annotated[
 ]
 GapMethod = Annotated[
     Literal["linear", "pchip", "none"],
-    arg(
-        help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not.",
-    ),
+    arg(help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."),
 ]
 Threads = Annotated[
     int | None,

@@ -14,7 +14,7 @@ from voxelpose.cli.arguments import OptionalLength, OverwriteFile, refuse_existi
 if TYPE_CHECKING:
     from calib.board import Board
 
-_MAX_SQUARE_M = 2.0
+_MAX_SQUARE_M = 2
 
 Dictionary = Annotated[
     str, arg(metavar="NAME", help="OpenCV's name of the markers of a ChArUco board.")

@@ -82,13 +82,8 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             from calib.files import read_rig
             from calib.files.notes import read_notes
             from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
-            from voxelpose.calibration.files import (
-                beside,
-                report_json,
-                write_calibration,
-            )
+            from voxelpose.calibration.files import beside, write_calibration
             from voxelpose.calibration.rig_picture import rig_picture
-            from voxelpose.view.images.canvas import png
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)
@@ -98,12 +93,10 @@ Next to OUT, an image of the cameras and a report in JSON are written.
 
         grounded = self.points is not None or self.floor is not None
         print_extrinsics(extrinsics, "points" if self.points is not None else "boards")
-        others = {
-            picture: png(rig_picture(extrinsics.rig, grounded)),
-            report: report_json(extrinsics_report(extrinsics)),
-        }
         notes = read_notes(self.intrinsics) | {"extrinsics": extrinsics_notes(extrinsics)}
-        write_calibration(extrinsics.rig, self.out, notes, others)
+        shown = rig_picture(extrinsics.rig, grounded)
+        said = extrinsics_report(extrinsics)
+        write_calibration(extrinsics.rig, self.out, notes, (picture, shown), (report, said))
         print(f"{self.out}: {len(extrinsics.rig)} cameras with their positions, in metres")
         print(f"{picture}: the rig from above and from the side; does it look like the room?")
         up = other_up(extrinsics.rig)

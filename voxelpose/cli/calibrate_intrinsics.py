@@ -45,18 +45,13 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
             progress.stage("opening")
             from voxelpose.calibration.board_views import cameras_in
             from voxelpose.calibration.coverage import coverage_picture
-            from voxelpose.calibration.files import (
-                beside,
-                report_json,
-                write_calibration,
-            )
+            from voxelpose.calibration.files import beside, write_calibration
             from voxelpose.calibration.lenses import (
                 calibrate_lenses,
                 lens_notes,
                 lens_report,
                 lens_rig,
             )
-            from voxelpose.view.images.canvas import png
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
             refuse_existing([self.out, picture, report], self.overwrite)
@@ -75,8 +70,13 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
         if failures:
             advice = f" (the {len(lenses)} others are good: leave it out with --cameras)"
             raise InputError("; ".join(failures.values()) + advice * bool(lenses))
-        others = {picture: png(coverage_picture(lenses)), report: report_json(lens_report(lenses))}
-        write_calibration(lens_rig(lenses), self.out, {"intrinsics": lens_notes(lenses)}, others)
+        write_calibration(
+            lens_rig(lenses),
+            self.out,
+            {"intrinsics": lens_notes(lenses)},
+            (picture, coverage_picture(lenses)),
+            (report, lens_report(lenses)),
+        )
         print(
             f"{self.out}: lenses of {len(lenses)} cameras, without their positions (next:"
             " voxelpose calibrate extrinsics)"

@@ -26,7 +26,6 @@ from voxelpose.cli.terminal import plain, rich_console
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
 
-_ANY_SQUARE_M = 0.1  # speeds are compared in shape, not in size
 _NAMES = {
     "board": "the board's speed",
     "sound": "sound",
@@ -103,7 +102,8 @@ match in time.
 
             board = None
             if self.board is not None:
-                square = _ANY_SQUARE_M if self.square is None else self.square
+                # Speeds are compared in shape, not in size: any square does.
+                square = 0.1 if self.square is None else self.square
                 board = BoardArguments(
                     board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
                 ).to_board()
@@ -165,12 +165,7 @@ def print_sync(sync: Sync) -> None:
             table.add_row(*named, "its clock counts", "", "")
         else:
             interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
-            table.add_row(
-                *named,
-                f"{line.frames:+.2f}",
-                f"{1000 * line.offset_s:+.1f}",
-                interval,
-            )
+            table.add_row(*named, f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}", interval)
     console.print(table)
     for line in (*_verdict(sync), *(f"note: {note}" for note in sync.notes)):
         console.print(plain(line), soft_wrap=True)

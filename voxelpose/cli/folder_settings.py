@@ -8,6 +8,7 @@ from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.cli.options import folder_of, nearest, options_of
 
@@ -146,9 +147,8 @@ def _instance(command: Any, values: Mapping[str, Any]) -> Any:
 def _sections(file: Path) -> dict[str, dict[str, Any]]:
     """The tables of a file, by their sections: `fit`, `calibrate.board`."""
     from voxelpose.cli import COMMANDS
-    from voxelpose.recording.settings_files import read_settings_file
 
-    content = read_settings_file(file)
+    content = parse_toml(load_text(file, 1_000_000), file)
     _check_sections(content, COMMANDS, file)
     sections = {}
     for name, table in content.items():

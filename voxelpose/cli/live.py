@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from voxelpose.live.senders import Senders
     from voxelpose.live.session import LiveSession
 
-_STATUS_EVERY_S = 1.0
+_STATUS_EVERY_S = 1
 
 
 @dataclass(frozen=True, kw_only=True)

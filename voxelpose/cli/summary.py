@@ -81,11 +81,7 @@ def print_score(score: Score) -> None:
             f"jitter_mm: third difference (truth: {score.jitter_truth_mm:.1f})",
         ),
         (100 * score.flips, "%", "flips: frames with left and right exchanged"),
-        (
-            100 * score.lost,
-            "%",
-            f"lost: frames without a pose or beyond 300 mm, of {score.frames}",
-        ),
+        (100 * score.lost, "%", f"lost: frames without a pose or beyond 300 mm, of {score.frames}"),
     ):
         if np.isfinite(value):
             table.add_row(f"[bold]{value:.1f} {unit}[/bold]", plain(meaning))

@@ -11,7 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.body.joints import LANDMARK_NAMES
-from voxelpose.demo.choreography import PERFORMANCES
+from voxelpose.demo.choreography import performances
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
 from voxelpose.demo.measurements import Measurements, tailor
 from voxelpose.demo.room import SIZE, FilmCamera, demo_rig
@@ -35,8 +35,7 @@ def make_recording(
         frames: number of frames, at the performance's rate; beyond its end the performance
             repeats. None: the whole performance.
         seed: of the sensor noise.
-        performance: a name of `choreography.PERFORMANCES`: "three_seconds", "arm_swing", "golf",
-            "pointing", "far_arm_swing" or "walk".
+        performance: a name of performances.toml, or "walk".
         cameras: names of those that film, of cam_1 to cam_8; None: the performance's own.
         person: measurements of the actor; None: the standard mannequin, 1.68 m tall.
 
@@ -47,9 +46,10 @@ def make_recording(
         InputError: a video cannot be written there.
         ValueError: fewer than one frame, or an unknown performance or camera.
     """
-    if performance not in PERFORMANCES:
-        raise ValueError(f"there is no performance {performance!r}: {', '.join(PERFORMANCES)}")
-    played = PERFORMANCES[performance]
+    known = performances()
+    if performance not in known:
+        raise ValueError(f"there is no performance {performance!r}: {', '.join(known)}")
+    played = known[performance]
     frames = played.frames if frames is None else frames
     if frames < 1:
         raise ValueError(f"frames must be at least 1, got {frames}")

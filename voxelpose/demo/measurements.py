@@ -10,26 +10,18 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.mesh_measurements import measure_body
 from silhouette_core.body.model import BodyModel
-from voxelpose.demo.mannequin import BONE_NAMES, RING, SHIRT, STATURE_M, TROUSERS, Mannequin
+from voxelpose.demo.mannequin import (
+    BONE_NAMES,
+    RING,
+    SHIRT,
+    STATURE_M,
+    TROUSERS,
+    Mannequin,
+    mannequin_tables,
+    metres,
+)
 
-# The standard actor: heights of sole, hip joint, base of the neck, vertex of the head and hair, m.
-_HEIGHTS_M = np.array([0.0, 0.020, 0.955, 1.455, 1.700, 1.714])
-_LEG_FRACTION = 0.935 / 1.435  # of the height below the head
-_CLOTH_M = 0.010
-_HAIR_M = 0.005
-# Bone and height of the hip, waist and chest girths.
-_GIRTHS = (("pelvis", 0.93), ("belly", 1.11), ("chest", 1.33))
-# Heights at which a thicker trunk thickens, and by how much of the growth of hip, waist or chest.
-_TRUNK_M = np.array([0.93, 1.11, 1.33, 1.425, 1.485])
-_TRUNK_GROWTH = np.array([1.0, 1.0, 1.0, 0.6, 0.35])
-# Likewise the legs, by that of the hip, and the arms, by that of the chest.
-_LEG_GROWTH = np.array([(0.09, 0.0), (0.17, 0.5), (0.42, 0.9), (0.515, 0.8), (0.86, 1.3)]).T
-_ARM_GROWTH = np.array([(0.80, 0.05), (0.88, 0.15), (1.05, 0.4), (1.11, 0.5), (1.30, 0.8)]).T
-# Mean and standard deviation of legs, arms, shoulders and head; the standard actor has long legs.
-_PROPORTIONS = ((0.95, 0.015), (1.0, 0.02), (1.0, 0.03), (1.0, 0.025))
-_DEPTH_POWER = 1.3  # trunks grow more in depth than in width
-_STANDING_OUT = np.radians(8.0)  # abduction of the arms in most key poses
-_MOST_OUT = np.radians(20.0)
+_TRUNK = ("pelvis", "belly", "chest")  # bones at the girths of hip, waist and chest
 
 
 @dataclass(frozen=True)
@@ -60,21 +52,6 @@ class Measurements:
     cloth_m: float = 0.010
     sole_m: float = 0.008
 
-    def with_variation(self, rng: np.random.Generator) -> Measurements:
-        """Draws limb proportions, clothing and soles within the usual range of adults."""
-        legs, arms, shoulders, head = (
-            mean + sigma * float(np.clip(rng.normal(), -2, 2)) for mean, sigma in _PROPORTIONS
-        )
-        return replace(
-            self,
-            legs=legs,
-            arms=arms,
-            shoulders=shoulders,
-            head=head,
-            cloth_m=float(rng.uniform(0.004, 0.018)),
-            sole_m=float(rng.uniform(0.005, 0.010)),
-        )
-
 
 def person_of(body: BodyModel) -> Measurements:
     """Stature and girths of a body; the proportions are those of the standard actor."""
@@ -104,9 +81,8 @@ def tailor(measurements: Measurements) -> Mannequin:
     for k, name in enumerate(BONE_NAMES):
         points[bones == k] = shape.moved(name, points[bones == k], clothed[bones == k])
     vertices, joints = np.split(points[:-1], [len(standard.vertices_m)])
-    stride = float(shape.heights_m[2] - shape.heights_m[1]) / (_HEIGHTS_M[2] - _HEIGHTS_M[1])
     return replace(
-        standard, vertices_m=vertices, joints_m=joints, head_top_m=points[-1], stride=stride
+        standard, vertices_m=vertices, joints_m=joints, head_top_m=points[-1], stride=shape.stride
     )
 
 
@@ -114,31 +90,43 @@ class _Shape:
     """Map from points of the standard actor to points of a person."""
 
     def __init__(self, standard: Mannequin, person: Measurements) -> None:
+        tables = mannequin_tables()["tailoring"]
+        self._standard_m, self._cloth_m = metres(tables["heights"]), metres(tables["cloth"])
+        self._trunk_m = metres(tables["trunk_heights"])
+        self._growths = {
+            limb: (metres(tables[f"{limb}_heights"]), np.array(tables[f"{limb}_growth"]) / 100)
+            for limb in ("leg", "arm")
+        }
         self._person = person
         self._scale = person.stature_m / STATURE_M
         # Heads vary less than statures do.
         self._head = self._scale**0.4 * person.head
-        head = self._head * (_HEIGHTS_M[4] - _HEIGHTS_M[3])
-        legs = (person.stature_m - head) * _LEG_FRACTION * person.legs
+        _, floor, hip, neck, vertex, _ = tables["heights"]
+        head = self._head * (vertex / 1000 - neck / 1000)
+        legs = (person.stature_m - head) * ((hip - floor) / (neck - floor)) * person.legs
         top, sole = person.stature_m + person.sole_m, person.sole_m
-        self.heights_m = np.array([0, sole, legs + sole, top - head, top, top + _HAIR_M])
+        hair = float(metres(tables["hair"]))
+        self.heights_m = np.array([0, sole, legs + sole, top - head, top, top + hair])
+        self.stride = float(np.diff(self.heights_m)[1] / np.diff(self._standard_m)[1])
         girths = (person.hip_girth_m, person.waist_girth_m, person.chest_girth_m)
+        share = np.array(tables["trunk_growth"]) / 100
         self._width, self._depth = np.array(
             [
-                _growth(standard, *place, (girth + 2 * np.pi * person.cloth_m) / self._scale)
-                for place, girth in zip(_GIRTHS, girths, strict=True)
+                _growth(standard, bone, height, (girth + 2 * np.pi * person.cloth_m) / self._scale)
+                for bone, height, girth in zip(_TRUNK, self._trunk_m, girths, strict=False)
             ]
-        ).T[:, [0, 1, 2, 2, 2]] * _TRUNK_GROWTH + (1 - _TRUNK_GROWTH)
+        ).T[:, [0, 1, 2, 2, 2]] * share + (1 - share)
         self._joints = dict(zip(BONE_NAMES, standard.joints_m, strict=True))
         shoulder, elbow = (self._joints[f"left_{name}"] for name in ("upper_arm", "forearm"))
         self._shoulder_x = self._scale * (
             shoulder[0] * person.shoulders * (1 + 0.3 * (self._width[2] - 1))
         )
-        self._shoulder_z = float(np.interp(shoulder[2], _HEIGHTS_M, self.heights_m))
+        self._shoulder_z = float(np.interp(shoulder[2], self._standard_m, self.heights_m))
         beside = self._scale * (0.165 * float(self._width[:3].max()) + 0.03) - self._shoulder_x
         upper_arm = self._scale * person.arms * (shoulder[2] - elbow[2])
-        out = float(np.arcsin(np.clip(beside / upper_arm, 0, 1))) - _STANDING_OUT
-        self._out = float(np.clip(out, 0, _MOST_OUT))
+        # Arms hang 8 degrees out in most key poses, and no more than 20 degrees farther.
+        out = float(np.arcsin(np.clip(beside / upper_arm, 0, 1))) - np.radians(8.0)
+        self._out = float(np.clip(out, 0, np.radians(20.0)))
 
     def moved(
         self, bone: str, points_m: NDArray[np.float64], clothed: NDArray[np.bool_]
@@ -152,16 +140,18 @@ class _Shape:
         elif name in ("thigh", "shin", "foot"):
             moved = self._leg(points, clothed)
         else:
-            growths = (np.interp(points[:, 2], _TRUNK_M, g) for g in (self._width, self._depth))
+            growths = (
+                np.interp(points[:, 2], self._trunk_m, g) for g in (self._width, self._depth)
+            )
             factor = self._head if name == "head" else self._scale * np.column_stack([*growths])
-            height = np.interp(points[:, 2], _HEIGHTS_M, self.heights_m)
+            height = np.interp(points[:, 2], self._standard_m, self.heights_m)
             moved = np.column_stack([factor * points[:, :2], height])
         return moved * mirror
 
     def _arm(self, points: NDArray[np.float64], clothed: NDArray[np.bool_]) -> NDArray[np.float64]:
         shoulder = self._joints["left_upper_arm"]
         axis = self._axis(points[:, 2], ("hand", "forearm", "upper_arm"))
-        growth = 1 + np.interp(points[:, 2], *_ARM_GROWTH) * (self._width[2] - 1)
+        growth = 1 + np.interp(points[:, 2], *self._growths["arm"]) * (self._width[2] - 1)
         flesh = self._flesh(points[:, :2] - axis, growth, clothed)
         across = self._scale * (axis - shoulder[:2]) + flesh
         down = self._scale * self._person.arms * (points[:, 2] - shoulder[2])
@@ -171,10 +161,10 @@ class _Shape:
 
     def _leg(self, points: NDArray[np.float64], clothed: NDArray[np.bool_]) -> NDArray[np.float64]:
         axis = self._axis(points[:, 2], ("foot", "shin", "thigh"))
-        growth = 1 + np.interp(points[:, 2], *_LEG_GROWTH) * (self._width[0] - 1)
+        growth = 1 + np.interp(points[:, 2], *self._growths["leg"]) * (self._width[0] - 1)
         apart = np.array([1 + 0.2 * (self._width[0] - 1), 1.0])
         flat = self._scale * apart * axis + self._flesh(points[:, :2] - axis, growth, clothed)
-        return np.column_stack([flat, np.interp(points[:, 2], _HEIGHTS_M, self.heights_m)])
+        return np.column_stack([flat, np.interp(points[:, 2], self._standard_m, self.heights_m)])
 
     def _axis(self, z: NDArray[np.float64], bones: tuple[str, ...]) -> NDArray[np.float64]:
         """Axis (n, 2) of a left limb at heights (n,), from its joints, the lowest first."""
@@ -182,15 +172,12 @@ class _Shape:
         return np.column_stack([np.interp(z, joints[:, 2], joints[:, k]) for k in (0, 1)])
 
     def _flesh(
-        self,
-        offset: NDArray[np.float64],
-        growth: NDArray[np.float64],
-        clothed: NDArray[np.bool_],
+        self, offset: NDArray[np.float64], growth: NDArray[np.float64], clothed: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         """Offsets (n, 2) from a limb's axis, thickened, with this person's cloth over it."""
         radius = np.linalg.norm(offset, axis=1)
-        bare = np.where(clothed, np.maximum(radius - _CLOTH_M, 0.4 * radius), radius)
-        over = np.where(clothed, radius - bare, 0) * self._person.cloth_m / _CLOTH_M
+        bare = np.where(clothed, np.maximum(radius - self._cloth_m, 0.4 * radius), radius)
+        over = np.where(clothed, radius - bare, 0) * self._person.cloth_m / self._cloth_m
         target = self._scale * growth * bare + over
         return offset * (target / np.maximum(radius, 1e-9))[:, None]
 
@@ -202,6 +189,6 @@ def _growth(standard: Mannequin, bone: str, height_m: float, girth_m: float) -> 
     ring = rings[np.abs(rings[:, 0, 2] - height_m).argmin(), :, :2]
     perimeter = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum()
     growth, (a, b) = girth_m / float(perimeter), np.ptp(ring, axis=0)
-    depth = growth**_DEPTH_POWER
+    depth = growth**1.3  # trunks grow more in depth than in width
     # The girth of a flat ellipse goes as the root of the mean square of its half axes.
     return float(np.sqrt(growth**2 * (a**2 + b**2) - (depth * b) ** 2) / a), float(depth)

@@ -13,21 +13,19 @@ from voxelpose.demo.mannequin import COLOURS_BGR
 SIZE = (640, 480)
 _SUPERSAMPLING = 2  # outlines of a real picture are soft
 _SHADES = 50  # brightness steps per colour: with 5 colours the part image still fits 8 bits
-_LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])  # toward the window
 _MARGIN = (32, 24)  # what a barrel lens sees beyond the pinhole picture, px on every side
-_ROOM = np.array([5.0, 5.0])  # half length and half width of the floor
+_ROOM_M = 5  # half length and half width of the floor
 
-
-# Azimuth from the front, degrees, distance and height, metres, of every camera.
+# Azimuth from the front, degrees, distance and height, centimetres, of every camera.
 _POSITIONS = (
-    (-70, 3.3, 1.5),
-    (-15, 3.5, 2.3),
-    (40, 3.2, 1.2),
-    (95, 3.4, 2.0),
-    (150, 3.3, 1.3),
-    (-155, 3.4, 2.1),
-    (-110, 3.3, 1.1),
-    (180, 3.4, 2.5),
+    (-70, 330, 150),
+    (-15, 350, 230),
+    (40, 320, 120),
+    (95, 340, 200),
+    (150, 330, 130),
+    (-155, 340, 210),
+    (-110, 330, 110),
+    (180, 340, 250),
 )
 
 
@@ -41,14 +39,9 @@ def demo_rig(count: int = 4) -> Rig:
         The cameras, cam_1 and following.
     """
     cameras = []
-    for k, (azimuth, distance, height) in enumerate(_POSITIONS[:count]):
-        centre = np.array(
-            [
-                distance * np.sin(np.radians(azimuth)),
-                -distance * np.cos(np.radians(azimuth)),
-                height,
-            ]
-        )
+    for k, (azimuth, distance_cm, height_cm) in enumerate(_POSITIONS[:count]):
+        turn, distance = np.radians(azimuth), distance_cm / 100
+        centre = np.array([distance * np.sin(turn), -distance * np.cos(turn), height_cm / 100])
         forward = np.array([0, 0, 0.92]) - centre
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, (0, 0, 1))
@@ -86,6 +79,8 @@ class FilmCamera:
         self._room, self._floor = _paint_room(self._wide, np.random.default_rng(11))
         self._rng = rng
         self._colours_bgr, self._shadow = colours_bgr, shadow
+        toward_window = np.array([0.35, -0.45, 0.82])
+        self._light = toward_window / np.linalg.norm(toward_window)
         self._noise = rng.normal(0, 2.2, (SIZE[1] + 64, SIZE[0] + 64, 3)).astype(np.float32)
 
     def empty(self) -> NDArray[np.uint8]:
@@ -111,13 +106,13 @@ class FilmCamera:
         corners = vertices_m[faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        light = 0.45 + 0.55 * np.maximum(normals @ _LIGHT, 0) + 0.10 * normals[:, 2]
+        light = 0.45 + 0.55 * np.maximum(normals @ self._light, 0) + 0.10 * normals[:, 2]
         shade = np.clip(np.rint((light - 0.3) * (_SHADES - 1)), 0, _SHADES - 1).astype(np.int32)
         palette = (
             self._colours_bgr[:, None] * (0.3 + np.arange(_SHADES) / (_SHADES - 1))[:, None]
         ).reshape(-1, 3)
         palette = np.vstack([np.zeros(3), palette]).clip(0, 255).astype(np.float32)
-        flat = vertices_m - vertices_m[:, 2:] / _LIGHT[2] * _LIGHT
+        flat = vertices_m - vertices_m[:, 2:] / self._light[2] * self._light
         window = self._window(np.vstack([vertices_m, flat]))
         labels = self._draw(vertices_m, faces, face_colour * _SHADES + shade, window)
         shadow = self._draw(flat, faces, np.zeros(len(faces), np.int32), window)
@@ -199,7 +194,7 @@ def _paint_room(
     centre, direction = camera.rays(np.column_stack([x.ravel(), y.ravel()]))
     with np.errstate(divide="ignore"):
         to_floor = np.where(direction[:, 2] < 0, -centre[2] / direction[:, 2], np.inf)
-        to_wall = (np.sign(direction[:, :2]) * _ROOM - centre[:2]) / direction[:, :2]
+        to_wall = (np.sign(direction[:, :2]) * _ROOM_M - centre[:2]) / direction[:, :2]
     distance = np.minimum(to_floor, to_wall.min(1))
     on_floor = to_floor <= to_wall.min(1)
     point = centre + distance[:, None] * direction

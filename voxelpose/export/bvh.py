@@ -19,7 +19,7 @@ from voxelpose.export.skeleton import (
     part_ends,
 )
 
-CM_PER_M = 100.0
+CM_PER_M = 100
 _ORDER = "ZXY"
 
 

@@ -13,7 +13,7 @@ from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import every_frame, named_points
 
-_MM_PER_M = 1000.0
+_MM_PER_M = 1000
 _MAX_FRAMES = 65535  # the format's frame numbers have 16 bits
 _MOST_LISTED = 255  # values along a parameter's dimension
 _POINT_BYTES = 16  # one point in one frame: x, y, z and residual, as float32

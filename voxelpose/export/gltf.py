@@ -23,7 +23,6 @@ _COMPONENTS = {
     "uint32": gltf.UNSIGNED_INT,
 }
 _LARGEST_SHORT = 65535  # as an index it restarts a strip
-_SKIN_COLOUR = [0.75, 0.72, 0.68, 1.0]
 _BODY = 0  # node of the mesh; the node of part p is p + 1
 
 
@@ -138,7 +137,7 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
     primitive = gltf.Primitive(attributes=gltf.Attributes(**shape), indices=corners, material=0)
     document.meshes = [gltf.Mesh(name="body", primitives=[primitive])]
     surface = gltf.PbrMetallicRoughness(
-        baseColorFactor=_SKIN_COLOUR, metallicFactor=0.0, roughnessFactor=0.8
+        baseColorFactor=[0.75, 0.72, 0.68, 1.0], metallicFactor=0.0, roughnessFactor=0.8
     )
     document.materials = [
         gltf.Material(name="body", pbrMetallicRoughness=surface, alphaCutoff=None)

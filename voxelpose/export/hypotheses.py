@@ -14,11 +14,11 @@ from calib.documents import csv_rows
 from calib.errors import InputError
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import KinematicTree
+from voxelpose.export.joints import FARTHEST_M
 
 HYPOTHESES = "hypotheses.csv"
 _COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
 _LARGEST_BYTES = 1_000_000_000
-_FARTHEST_M = 1e5
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,7 @@ class Hypothesis:
 
 
 def write_hypotheses(
-    hypotheses: Iterable[tuple[int, NDArray, NDArray]],
-    path: Path,
-    tree: KinematicTree = HUMAN,
+    hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: Path, tree: KinematicTree = HUMAN
 ) -> None:
     """Writes one row per frame, hypothesis and joint: frame,rank,probability,joint,x_m,y_m,z_m.
 
@@ -88,7 +86,7 @@ def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[
             position = np.array([float(row[axis]) for axis in ("x_m", "y_m", "z_m")])
             probability[key] = float(row["probability"])
             joints[key][names.index(row["joint"])] = position
-            if not (0 <= probability[key] <= 1 and (np.abs(position) <= _FARTHEST_M).all()):
+            if not (0 <= probability[key] <= 1 and (np.abs(position) <= FARTHEST_M).all()):
                 raise ValueError("no probability or position")
         except (KeyError, ValueError) as error:
             raise InputError(

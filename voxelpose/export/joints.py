@@ -16,9 +16,9 @@ from silhouette_core.motion.motion import Motion
 JOINTS = "joints.csv"
 _COLUMNS = ("frame", "joint", "x_m", "y_m", "z_m")
 _LARGEST_BYTES = 3_000_000_000  # half a day; read row by row
-_FARTHEST_M = 1e5
+FARTHEST_M = 100_000
+"""Distance from the world's origin beyond which a position in a file is a mistake, m."""
 _MOST_JOINTS = 1000
-_GAP_FRAMES, _GAP_RATE = 100_000, 10
 _HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
 
 
@@ -72,7 +72,7 @@ def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
         rows += 1
         if len(names) > _MOST_JOINTS:
             raise InputError(f"{path} names more than {_MOST_JOINTS} joints: it is no joints.csv")
-    if last > _GAP_FRAMES + _GAP_RATE * rows:
+    if beyond_rows(last, rows):
         raise InputError(f"{path} has {rows} rows, the last frame being {last - 1}: correct it")
     return tuple(names), last
 
@@ -105,11 +105,18 @@ def read_joints(
                 joints_m[frame, number[row["joint"]]] = position
         except (ValueError, KeyError) as error:
             raise _unreadable(path, line, error) from error
-    if (np.abs(joints_m) > _FARTHEST_M).any():
+    if (np.abs(joints_m) > FARTHEST_M).any():
         raise InputError(
-            f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: are they in metres?"
+            f"{path} holds positions beyond {FARTHEST_M / 1000:g} km: are they in metres?"
         )
     return joints_m
+
+
+def beyond_rows(last: float, rows: int) -> bool:
+    """Whether a file's last frame is numbered so far beyond its rows that the number is a mistake:
+    frames that are left out are filled in, in memory.
+    """
+    return last > 100_000 + 10 * rows
 
 
 def _unreadable(path: Path, line: int, error: Exception) -> InputError:

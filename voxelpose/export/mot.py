@@ -17,10 +17,6 @@ from silhouette_core.motion.anatomical import LAB_FROM_WORLD, euler_degrees, joi
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.motion import Motion
 
-# Midpoint of the hips in the pelvis frame of Rajagopal's model, of a person 1.70 m tall.
-_HIPS_IN_PELVIS_M = np.array([-0.056276, -0.07849, 0.0])
-_MODEL_STATURE_M = 1.70
-
 _HIPS = [LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")]
 
 # Coordinates of every joint in Rajagopal et al.'s model: rotations about z, x and y, {} being r or
@@ -79,7 +75,9 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
     names = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
     columns = dict(zip(names, _rotation_angles(rotations["pelvis"]), strict=True))
     hips = motion.landmarks()[:, _HIPS].mean(axis=1) @ LAB_FROM_WORLD.T
-    offset = _HIPS_IN_PELVIS_M * stature_m / _MODEL_STATURE_M
+    # Midpoint of the hips in the pelvis frame of Rajagopal's model, of a person 1.70 m tall.
+    hips_in_pelvis_m = np.array([-0.056276, -0.07849, 0.0])
+    offset = hips_in_pelvis_m * stature_m / 1.70
     pelvis = hips - rotations["pelvis"] @ offset
     columns |= {f"pelvis_t{axis}": values for axis, values in zip("xyz", pelvis.T, strict=True)}
     for side in ("right", "left"):

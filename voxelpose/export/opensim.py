@@ -9,7 +9,7 @@ its bodies and coordinates. Axes and names are those of `voxelpose.export.trc`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -26,7 +26,6 @@ STATIC_FILE, SCALED_MODEL_FILE = "opensim_static.trc", "opensim_scaled.osim"
 _MOTION_FILE, _COORDINATES_FILE = "opensim_motion.trc", "motion.mot"
 _IK_RESULT, _PLACED_MARKERS = "opensim_ik.mot", "opensim_placed.xml"
 _STATIC_FRAMES = 3
-_TURNING_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -48,31 +47,6 @@ class OpenSimMarker:
     weight: float
     fixed: bool
 
-
-_CENTRE = (0.0, 0.0, 0.0)
-_MIDDLE_MARKERS = (
-    OpenSimMarker("pelvis", "pelvis", (-0.046, -0.072, 0.0), 20.0, False),
-    OpenSimMarker("lumbar", "pelvis", (-0.070, 0.007, 0.0), 20.0, False),
-    OpenSimMarker("upper_thorax", "torso", (-0.051, 0.277, 0.0), 3.0, False),
-    OpenSimMarker("neck", "torso", (-0.002, 0.474, 0.0), 3.0, False),
-)
-# Of the right side; the left is its mirror image.
-_SIDE_MARKERS = (
-    OpenSimMarker("clavicle", "torso", (0.010, 0.391, 0.024), 3.0, False),
-    OpenSimMarker("hip", "femur", _CENTRE, 5.0, True),
-    OpenSimMarker("knee", "tibia", _CENTRE, 5.0, True),
-    OpenSimMarker("ankle", "talus", _CENTRE, 5.0, True),
-    OpenSimMarker("heel", "calcn", (-0.006, 0.006, -0.016), 3.0, False),
-    OpenSimMarker("toes", "calcn", (0.185, -0.007, 0.002), 3.0, False),
-    OpenSimMarker("toe_tip", "toes", (0.070, -0.008, -0.011), 1.0, False),
-    # The model's shoulder does not move against its torso, the fitted body's does.
-    OpenSimMarker("shoulder", "humerus", _CENTRE, 1.0, True),
-    OpenSimMarker("elbow", "ulna", _CENTRE, 3.0, True),
-    OpenSimMarker("wrist", "hand", _CENTRE, 3.0, True),
-    OpenSimMarker("fingers", "hand", (0.0, -0.092, 0.0), 1.0, False),
-    OpenSimMarker("finger_tip", "hand", (0.0, -0.176, 0.0), 1.0, False),
-    OpenSimMarker("thumb", "hand", (0.007, -0.024, 0.020), 0.5, False),
-)
 
 # Bodies, {} being r or l, with the axes that a distance of two markers scales; of those in the
 # middle, the mean of both sides.
@@ -104,18 +78,41 @@ _HELD = (
 
 def opensim_markers() -> tuple[OpenSimMarker, ...]:
     """The markers of both sides, with the names that `write_trc` gives them."""
+    centre = (0.0, 0.0, 0.0)
+    middle = (
+        OpenSimMarker("pelvis", "pelvis", (-0.046, -0.072, 0.0), 20.0, False),
+        OpenSimMarker("lumbar", "pelvis", (-0.070, 0.007, 0.0), 20.0, False),
+        OpenSimMarker("upper_thorax", "torso", (-0.051, 0.277, 0.0), 3.0, False),
+        OpenSimMarker("neck", "torso", (-0.002, 0.474, 0.0), 3.0, False),
+    )
+    right = (
+        OpenSimMarker("clavicle", "torso", (0.010, 0.391, 0.024), 3.0, False),
+        OpenSimMarker("hip", "femur", centre, 5.0, True),
+        OpenSimMarker("knee", "tibia", centre, 5.0, True),
+        OpenSimMarker("ankle", "talus", centre, 5.0, True),
+        OpenSimMarker("heel", "calcn", (-0.006, 0.006, -0.016), 3.0, False),
+        OpenSimMarker("toes", "calcn", (0.185, -0.007, 0.002), 3.0, False),
+        OpenSimMarker("toe_tip", "toes", (0.070, -0.008, -0.011), 1.0, False),
+        # The model's shoulder does not move against its torso, the fitted body's does.
+        OpenSimMarker("shoulder", "humerus", centre, 1.0, True),
+        OpenSimMarker("elbow", "ulna", centre, 3.0, True),
+        OpenSimMarker("wrist", "hand", centre, 3.0, True),
+        OpenSimMarker("fingers", "hand", (0.0, -0.092, 0.0), 1.0, False),
+        OpenSimMarker("finger_tip", "hand", (0.0, -0.176, 0.0), 1.0, False),
+        OpenSimMarker("thumb", "hand", (0.007, -0.024, 0.020), 0.5, False),
+    )
     sided = [
-        OpenSimMarker(
-            f"{side}_{marker.name}",
-            marker.body if marker.body == "torso" else f"{marker.body}_{letter}",
-            (*marker.place_m[:2], marker.place_m[2] * (1.0 if letter == "r" else -1.0) + 0.0),
-            marker.weight,
-            marker.fixed,
+        replace(
+            marker,
+            name=f"{side}_{marker.name}",
+            body=marker.body if marker.body == "torso" else f"{marker.body}_{letter}",
+            # The left side is the right one's mirror image.
+            place_m=(*marker.place_m[:2], marker.place_m[2] * (1 if side == "right" else -1) + 0.0),
         )
         for side, letter in _SIDES.items()
-        for marker in _SIDE_MARKERS
+        for marker in right
     ]
-    return (*_MIDDLE_MARKERS, *sided)
+    return (*middle, *sided)
 
 
 def write_marker_set(motion: Motion, path: Path) -> None:
@@ -237,7 +234,7 @@ def write_ik_setup(motion: Motion, path: Path) -> None:
         _add_coordinate_task(tasks, f"pro_sup_{side}")
     # The model begins facing +x, from where it would not find a person who faces the other way; so
     # little weight turns it, and leaves the markers to decide.
-    _add_coordinate_task(tasks, "pelvis_rotation", "from_file", _TURNING_WEIGHT)
+    _add_coordinate_task(tasks, "pelvis_rotation", "from_file", 1e-4)
     _write_document(tool, path)
 
 

@@ -11,7 +11,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 
-Y_UP_FROM_WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+Y_UP_FROM_WORLD = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 """Axes of BVH and glTF: (x, y, z) becomes (x, z, -y). A body that faces -y in the world then faces
 +z, its left hand toward +x in both.
 """

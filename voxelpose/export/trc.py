@@ -19,17 +19,15 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.joints import FARTHEST_M, beyond_rows
 from voxelpose.export.skeleton import ascii_names, every_frame, named_points
 
 POSE2SIM_AXES = "yzx"
 """World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""
 
 _NAMED = "motion.trc"
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "meters": 1.0, "millimeters": 0.001}
 _LARGEST_BYTES = 300_000_000
 _MOST_MARKERS = 1000
-_FARTHEST_M = 1e5
-_GAP_FRAMES, _GAP_RATE = 100_000, 10
 _CENTRE = {"pelvis": ("midhip", "hip", "chip"), "neck": (), "head_top": ("head", "vertex")}
 
 
@@ -143,22 +141,22 @@ def _read_points(path: Path) -> tuple[list[str], NDArray[np.int64], NDArray[np.f
     except (ValueError, IndexError, KeyError, StopIteration) as error:
         reason = " ".join(str(error).split())[:200] or "no line begins with Frame#"
         raise InputError(f"{path} cannot be read as TRC: {reason}; export it again") from error
-    if unit not in _METRES:
+    metres = {"m": 1.0, "cm": 0.01, "mm": 0.001, "meters": 1.0, "millimeters": 0.001}.get(unit)
+    if metres is None:
         raise InputError(f"{path} says the unit {unit[:20]!r}: make it m, cm or mm")
     if not len(rows) or not names:
         raise InputError(f"{path} holds no frames or no markers: export it again")
     numbers = cells[:, 0]
     if not (numbers >= 1).all() or (np.diff(numbers, prepend=0) < 1).any():
         raise InputError(f"{path} must number its frames upward from 1")
-    # The frames that it leaves out are filled in: a wrong number would fill memory.
-    if numbers[-1] > _GAP_FRAMES + _GAP_RATE * len(rows):
+    if beyond_rows(numbers[-1], len(rows)):
         raise InputError(
             f"{path} has {len(rows)} frames, the last with the number {numbers[-1]:g}: correct it"
         )
-    points = _METRES[unit] * cells[:, 2:].reshape(len(cells), len(names), 3)
-    if (np.abs(points) > _FARTHEST_M).any():
+    points = metres * cells[:, 2:].reshape(len(cells), len(names), 3)
+    if (np.abs(points) > FARTHEST_M).any():
         raise InputError(
-            f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: correct them or the unit"
+            f"{path} holds positions beyond {FARTHEST_M / 1000:g} km: correct them or the unit"
         )
     return names, numbers.astype(np.int64) - 1, points
 

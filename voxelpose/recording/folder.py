@@ -21,26 +21,22 @@ from voxelpose.recording.frame_reader import (
     size_text,
 )
 from voxelpose.recording.subject import Subject, read_subject
-from voxelpose.recording.timestamps import TIMESTAMPS, match_frames, read_timestamps
+from voxelpose.recording.timestamps import (
+    TIMESTAMPS,
+    matched_by_time,
+    read_timestamps,
+    times_by_rate,
+)
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
     paint_unknown,
+    read_painting,
     read_unknown_polygons,
 )
 
-_CALIBRATIONS = (
-    "calibration.toml",
-    "calibration.yml",
-    "calibration.yaml",
-    "calibration.json",
-    "calibration.xml",
-    "calibration",
-)
+_CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
-# Focal length over the longer image side: 53 degrees, between a telephone and a webcam.
-_DEFAULT_FOCAL = 1.0
-_RATE_TOLERANCE = 0.01  # cameras triggered together write average rates that differ a little
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +127,11 @@ class Recording:
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
         if fps is None and (folder / TIMESTAMPS).exists():
-            readers, rate, times_s = _by_timestamps(folder / TIMESTAMPS, readers)
+            readers, rate, times_s = matched_by_time(folder / TIMESTAMPS, readers)
             start, stop = _frame_range(readers, frames)
         else:
             start, stop = _frame_range(readers, frames)
-            rate, times_s = _by_rate(folder, readers, fps)
+            rate, times_s = times_by_rate(folder, readers, fps)
         subject = read_subject(folder / "subject.toml")
         return cls(
             folder,
@@ -262,13 +258,7 @@ class Recording:
         regions: dict[str, NDArray[np.bool_]] = {}
         for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
             if name in self.rig:
-                image = next(iter(FrameReader.open(path)))
-                if image.shape[1::-1] != self.rig[name].size:
-                    raise InputError(
-                        f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
-                        f" {size_text(self.rig[name].size)}: draw it on a frame"
-                    )
-                regions[name] = image.max(axis=2) > 127
+                regions[name] = read_painting(path, self.rig[name], "draw it on a frame") > 127
         return regions
 
     def unknown(self) -> UnknownMasks:
@@ -378,19 +368,11 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
         name: camera name.
         size: image (width, height), px.
     """
-    focal = _DEFAULT_FOCAL * max(size)
-    matrix = np.array(
-        [[focal, 0.0, (size[0] - 1) / 2], [0.0, focal, (size[1] - 1) / 2], [0.0, 0.0, 1.0]]
-    )
-    camera_from_world = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    return Camera(
-        name,
-        size,
-        matrix,
-        np.zeros(0),
-        camera_from_world,
-        camera_from_world @ np.array([0.0, 0.0, -1.0]),
-    )
+    focal = max(size)  # 53 degrees are between a telephone and a webcam
+    matrix = np.array([[focal, 0.0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]])
+    camera_from_world = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    centre_m = np.array([0.0, 0, 1])
+    return Camera(name, size, matrix, np.zeros(0), camera_from_world, -camera_from_world @ centre_m)
 
 
 def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
@@ -457,43 +439,3 @@ def _frame_range(
             f" frames (0:{shortest})"
         )
     return first, last
-
-
-def _by_rate(
-    folder: Path, readers: Mapping[str, FrameReader], fps: float | None
-) -> tuple[float, NDArray[np.float64]]:
-    """Returns frames per second, and the time of every frame since the first, s."""
-    count = min(reader.frame_count for reader in readers.values())
-    if fps is not None:
-        if not (np.isfinite(fps) and fps > 0):
-            raise InputError(
-                f"{fps} frames per second are impossible: give --fps as a positive number"
-            )
-        return fps, np.arange(count) / fps
-    rates = {name: reader.fps for name, reader in readers.items() if reader.fps is not None}
-    if not rates:
-        if count > 1:
-            raise InputError(
-                f"{folder}: folders of frames do not tell how fast they were taken: give --fps, or"
-                " add timestamps.csv"
-            )
-        return 1.0, np.zeros(count)
-    if max(rates.values()) > min(rates.values()) * (1 + _RATE_TOLERANCE):
-        listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
-        raise InputError(
-            f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out"
-            f" {folder / TIMESTAMPS}` aligns them; or use the cameras of one rate with --cameras,"
-            " or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
-        )
-    rate = float(np.median(list(rates.values())))
-    return rate, np.arange(count) / rate
-
-
-def _by_timestamps(
-    path: Path, readers: Mapping[str, FrameReader]
-) -> tuple[dict[str, FrameReader], float, NDArray[np.float64]]:
-    """Returns readers of matching frames, frames per second, and times since the first, s."""
-    times_s, numbers = match_frames(read_timestamps(path, readers), path)
-    matched = {name: reader.select(numbers[name].tolist()) for name, reader in readers.items()}
-    rate = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
-    return matched, rate, times_s - times_s[0]

@@ -1,11 +1,12 @@
 """Frames of one camera, read in order from a video, a folder of images or a single image."""
 
-import queue
 import re
 import struct
-import threading
 import warnings
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -18,26 +19,9 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 
 Frame = NDArray[np.uint8]
-STILLS = frozenset(
-    {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pbm", ".pgm", ".ppm", ".webp"}
-)
+STILLS = frozenset(".png .jpg .jpeg .bmp .tif .tiff .pbm .pgm .ppm .webp".split())
 VIDEOS = frozenset(
-    {
-        ".mp4",
-        ".avi",
-        ".mov",
-        ".mkv",
-        ".m4v",
-        ".webm",
-        ".mpg",
-        ".mpeg",
-        ".wmv",
-        ".mts",
-        ".m2ts",
-        ".ts",
-        ".3gp",
-        ".ogv",
-    }
+    ".mp4 .avi .mov .mkv .m4v .webm .mpg .mpeg .wmv .mts .m2ts .ts .3gp .ogv".split()
 )
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -80,11 +64,8 @@ class FrameReader:
             raise InputError(f"{path} is missing")
         stills = ()
         if path.is_dir():
-            stills = tuple(
-                sorted(
-                    (file for file in path.iterdir() if file.suffix.lower() in STILLS), key=_natural
-                )
-            )
+            images = (file for file in path.iterdir() if file.suffix.lower() in STILLS)
+            stills = tuple(sorted(images, key=natural_order))
             if not stills:
                 raise InputError(
                     f"{path} holds no frames: put images there ({', '.join(sorted(STILLS))}) or"
@@ -169,61 +150,18 @@ def read_together(
     Raises:
         InputError: a camera's frames cannot be read.
     """
-    done = threading.Event()
-    queues: dict[str, queue.Queue[Frame | Exception]] = {
-        name: queue.Queue(_AHEAD) for name in readers
-    }
-    threads = [
-        threading.Thread(
-            target=_feed,
-            args=(readers[name], start, stop, queues[name], done),
-            name=f"read {name}",
-            daemon=True,
-        )
-        for name in readers
-    ]
-    for thread in threads:
-        thread.start()
-    try:
+    with ExitStack() as pools:
+        ahead = {}
+        for name, reader in readers.items():
+            pool, frames = ThreadPoolExecutor(1, f"read {name}"), reader.frames(start, stop)
+            pools.callback(pool.shutdown, cancel_futures=True)
+            ahead[name] = pool, frames, deque(pool.submit(next, frames) for _ in range(_AHEAD))
         for _ in range(start, stop):
             step: dict[str, Frame] = {}
-            for name, waiting in queues.items():
-                frame = waiting.get()
-                if isinstance(frame, Exception):
-                    raise frame
-                step[name] = frame
+            for name, (pool, frames, waiting) in ahead.items():
+                step[name] = waiting.popleft().result()
+                waiting.append(pool.submit(next, frames))
             yield step
-    finally:
-        done.set()
-        for thread in threads:
-            thread.join()
-
-
-def _feed(
-    reader: FrameReader,
-    start: int,
-    stop: int,
-    waiting: "queue.Queue[Frame | Exception]",
-    done: threading.Event,
-) -> None:
-    try:
-        for frame in reader.frames(start, stop):
-            if not _put(waiting, frame, done):
-                return
-    except Exception as error:  # passed to the consumer, which raises it
-        _put(waiting, error, done)
-
-
-def _put(
-    waiting: "queue.Queue[Frame | Exception]", item: Frame | Exception, done: threading.Event
-) -> bool:
-    while not done.is_set():
-        try:
-            waiting.put(item, timeout=0.1)
-            return True
-        except queue.Full:
-            continue
-    return False
 
 
 def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
@@ -236,10 +174,8 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
                 f"{path} cannot be read as a video: convert it, for example with ffmpeg to .mp4"
                 " (H.264)"
             )
-        count, fps = (
-            int(capture.get(cv2.CAP_PROP_FRAME_COUNT)),
-            float(capture.get(cv2.CAP_PROP_FPS)),
-        )
+        count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        fps = float(capture.get(cv2.CAP_PROP_FPS))
         # Some containers announce more frames than they hold; only then all frames are counted.
         if count > 1:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
@@ -330,7 +266,7 @@ def _three_channels(image: np.ndarray) -> Frame:
     return np.ascontiguousarray(image, np.uint8)
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural_order(path: Path) -> list[tuple[int, str]]:
     """Returns a sort key that puts frame_2 before frame_10."""
     return [
         (int(word), "") if word.isdigit() else (-1, word)

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 from platformdirs import user_config_path
 
-from calib.documents import load_text, parse_toml
-
 SETTINGS_FILE = "voxelpose.toml"
-_LARGEST_BYTES = 1_000_000
 
 
 def settings_files(folder: Path) -> list[Path]:
@@ -27,12 +23,3 @@ def settings_files(folder: Path) -> list[Path]:
     files = dict.fromkeys(folder / SETTINGS_FILE for folder in folders)
     # os.path takes a folder that must not be read for one without the file.
     return [file for file in files if os.path.isfile(file)]  # noqa: PTH113
-
-
-def read_settings_file(path: Path) -> dict[str, Any]:
-    """Contents of a voxelpose.toml, whose sections are named after commands.
-
-    Raises:
-        InputError: it cannot be read, is too large or is no TOML.
-    """
-    return parse_toml(load_text(path, _LARGEST_BYTES), path)

@@ -12,16 +12,14 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from calib.correlation import Signal
 from calib.errors import InputError
+from voxelpose.tuning import SYNCHRONISATION
 
-STEP_S = 0.001
+STEP_S = 1 / 1000
 """Time between values of the loudness, s."""
 _RATE_HZ = 16000
 _PER_STEP = round(_RATE_HZ * STEP_S)
 _CHUNK = 4 * _PER_STEP * 1000  # bytes
 _LOWEST_HZ = 300  # hum, wind and steps are below
-_AROUND_S, _FLOOR_S = 0.02, 1.0
-_SUDDEN = 1.5  # of the natural logarithm of the energy, over the quietest moment around
-_QUIET = 1e-10  # energy of nothing, of full scale
 
 
 def has_sound(path: Path) -> bool:
@@ -49,11 +47,12 @@ def onsets(path: Path, camera: str, seconds: float) -> Signal:
             f"{path} has no sound that can be read: record with sound, or choose another way with"
             " --by"
         )
-    around = uniform_filter1d(energy, round(_AROUND_S / STEP_S / 4))
-    level = np.log(around + _QUIET)
-    smooth = np.log(uniform_filter1d(energy, round(_AROUND_S / STEP_S)) + _QUIET)
-    floor = minimum_filter1d(smooth, round(_FLOOR_S / STEP_S))
-    above = np.maximum(level - floor - _SUDDEN, 0)
+    quiet = 1e-10  # energy of nothing, of full scale
+    around = round(SYNCHRONISATION.around_s / STEP_S)
+    level = np.log(uniform_filter1d(energy, round(around / 4)) + quiet)
+    smooth = np.log(uniform_filter1d(energy, around) + quiet)
+    floor = minimum_filter1d(smooth, round(1 / STEP_S))
+    above = np.maximum(level - floor - SYNCHRONISATION.sudden, 0)
     rise = np.maximum(np.diff(above, prepend=above[0]), 0)
     time_s = np.asarray(
         (np.arange(len(rise)) + 0.5) * STEP_S - _first_picture_s(path), dtype=np.float64

@@ -2,7 +2,7 @@
 
 import csv
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from voxelpose.recording.frame_reader import FrameReader
 
 TIMESTAMPS = "timestamps.csv"
 _LARGEST_BYTES = 500_000_000
-_LATEST_S = 1e11  # of any clock that counts seconds
+_LATEST_S = 10**11  # of any clock that counts seconds
 Times = NDArray[np.float64]
 """(frames,) float64, s."""
 
@@ -128,6 +128,67 @@ def match_frames(
         )
         raise InputError(f"{path}: at no moment all cameras filmed ({spans}): correct or remove it")
     return best[1:]
+
+
+def times_by_rate(
+    folder: Path, readers: Mapping[str, FrameReader], fps: float | None
+) -> tuple[float, Times]:
+    """Frames per second and the time of every frame since the first, s, of readers in step.
+
+    Args:
+        folder: the recording folder, for messages.
+        readers: frame readers by camera name.
+        fps: frames per second, before what the files state; None: as they state.
+
+    Raises:
+        InputError: the rate is not known, impossible, or not the same in all files.
+    """
+    count = min(reader.frame_count for reader in readers.values())
+    if fps is not None:
+        if not (np.isfinite(fps) and fps > 0):
+            raise InputError(
+                f"{fps} frames per second are impossible: give --fps as a positive number"
+            )
+        return fps, np.arange(count) / fps
+    rates = {name: reader.fps for name, reader in readers.items() if reader.fps is not None}
+    if not rates:
+        if count > 1:
+            raise InputError(
+                f"{folder}: folders of frames do not tell how fast they were taken: give --fps, or"
+                " add timestamps.csv"
+            )
+        return 1.0, np.zeros(count)
+    if rates_differ(rates.values()):
+        listed = ", ".join(f"{name} {rate:g}" for name, rate in rates.items())
+        raise InputError(
+            f"videos differ in rate ({listed} frames per second): `voxelpose calibrate sync --out"
+            f" {folder / TIMESTAMPS}` aligns them; or use the cameras of one rate with --cameras,"
+            " or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
+        )
+    rate = float(np.median(list(rates.values())))
+    return rate, np.arange(count) / rate
+
+
+def rates_differ(rates: Iterable[float]) -> bool:
+    """Whether videos' rates differ by over a percent: cameras that are triggered together write
+    average rates that differ a little.
+    """
+    rates = list(rates)
+    return bool(rates) and max(rates) > 1.01 * min(rates)
+
+
+def matched_by_time(
+    path: Path, readers: Mapping[str, FrameReader]
+) -> tuple[dict[str, FrameReader], float, Times]:
+    """Readers of the frames that match in time, frames per second, and times since the first, s.
+
+    Raises:
+        InputError: as of `read_timestamps` and `match_frames`.
+    """
+    times_s, numbers = match_frames(read_timestamps(path, readers), path)
+    matched = {name: reader.select(numbers[name].tolist()) for name, reader in readers.items()}
+    rate = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
+    return matched, rate, times_s - times_s[0]
 
 
 def _nearest(times: Times, instants: Times) -> NDArray[np.int64]:

@@ -15,15 +15,12 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion
-from voxelpose.export.joints import column_names, list_joints, read_joints
+from voxelpose.export.joints import FARTHEST_M, column_names, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES, read_trc
 
 TRUTH = "truth.json"
 TRUE_MOTION = "truth.safetensors"
-TRUTH_SUFFIXES = (".json", ".trc", ".safetensors", ".csv")
-"""Suffixes of files that `load_truth` reads."""
 _LARGEST_BYTES = 300_000_000  # some hours
-_FARTHEST_M = 1e5
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +112,9 @@ def read_truth(
         raise InputError(
             f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints: give another file"
         )
-    if (np.abs(truth) > _FARTHEST_M).any():
+    if (np.abs(truth) > FARTHEST_M).any():
         raise InputError(
-            f"{path} holds positions beyond {_FARTHEST_M / 1000:g} km: correct them or the unit"
+            f"{path} holds positions beyond {FARTHEST_M / 1000:g} km: correct them or the unit"
         )
     return truth
 

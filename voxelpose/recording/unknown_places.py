@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import FrameReader, size_text
@@ -43,14 +43,28 @@ def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> 
         _check_camera(name, str(path), names)
         if name not in rig:
             continue
-        image = next(iter(FrameReader.open(path)))
-        if image.shape[1::-1] != rig[name].size:
-            raise InputError(
-                f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
-                f" {size_text(rig[name].size)}: paint it on a frame of the video"
-            )
-        masks[name] = image.max(axis=2) > 0
+        masks[name] = read_painting(path, rig[name], "paint it on a frame of the video") > 0
     return masks
+
+
+def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.uint8]:
+    """Brightest channel (H, W) of a picture that marks places in a camera's pictures.
+
+    Args:
+        path: the picture.
+        camera: the camera.
+        remedy: what to do about a picture of another size, for messages.
+
+    Raises:
+        InputError: it cannot be read or differs in size from the camera.
+    """
+    image = next(iter(FrameReader.open(path)))
+    if image.shape[1::-1] != camera.size:
+        raise InputError(
+            f"{path} is {size_text(image.shape[1::-1])} px, camera {camera.name}"
+            f" {size_text(camera.size)}: {remedy}"
+        )
+    return image.max(axis=2)
 
 
 def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> UnknownMasks:

@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
+from examples.bodies.example_bodies import desk_lamp, robot_arm
+from examples.bodies.example_motions import example_motion
 from silhouette_core.monocular.body_library import (
     SomeSilhouettes,
     _from_one_side,
@@ -32,8 +34,6 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
 from silhouette_core.scoring.cpu import CPU
 from tests.silhouette_core.monocular.filming import camera_at, poses_of, silhouette
-from voxelpose.demo.example_bodies import desk_lamp, robot_arm
-from voxelpose.demo.example_motions import example_motion
 
 CAMERA = camera_at((1.0, -1.6, 1.1), (0.0, -0.1, 0.3))
 PITCH_DEG = 23.0

@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 
+from examples.bodies.example_motions import example_motion
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import waving
 from tests.other_bodies import TURNED_DEG, write_example_result
-from tests.sources import ring, write_recording, write_staged
+from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.demo.example_motions import example_motion
 from voxelpose.export.joints import write_joints
 from voxelpose.export.trc import write_trc
 
@@ -69,24 +69,7 @@ def test_table_of_several(results, capsys):
     assert [line[1] for line in lines[2:]] == ["8", "8", "16"]
 
 
-def test_truth_of_the_recording_that_was_fitted(desk, capsys):
-    write_recording(desk / "walk", ring(2))
-    assert (
-        run(
-            [
-                "fit",
-                "walk",
-                "--out",
-                "fitted",
-                "--estimator",
-                "standing",
-                "--stature",
-                "1.8",
-                "--no-pictures",
-            ]
-        )
-        == 0
-    )
+def test_truth_of_the_recording_that_was_fitted(fitted, desk, capsys):
     assert run(["evaluate", "fitted"]) == 2
     assert "walk: give --truth" in capsys.readouterr().err
     rows = [

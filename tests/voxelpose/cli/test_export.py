@@ -8,31 +8,7 @@ import pytest
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import waving
-from tests.sources import ring, write_recording
 from voxelpose.cli import run
-
-
-@pytest.fixture
-def fitted(desk, capsys):
-    write_recording(desk / "walk", ring(2))
-    assert (
-        run(
-            [
-                "fit",
-                "walk",
-                "--out",
-                "fitted",
-                "--estimator",
-                "standing",
-                "--stature",
-                "1.8",
-                "--no-pictures",
-            ]
-        )
-        == 0
-    )
-    capsys.readouterr()
-    return desk / "fitted"
 
 
 def test_beside_the_result_and_again(fitted, capsys):

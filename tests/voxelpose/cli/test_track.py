@@ -144,20 +144,8 @@ def test_results_are_not_overwritten_unasked(room, capsys):
 def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
     (desk / "lib.vplib").write_bytes(library_bytes)
     write_staged(desk / "take", waving(3), ring(2, (320, 240)))
-    words = [
-        "track",
-        "take",
-        "--out",
-        "x",
-        "--camera",
-        "cam_2",
-        "--library",
-        "lib.vplib",
-        "--start",
-        "any",
-        "--no-pictures",
-    ]
-    assert run([*words, "--stature", "1.70"]) == 0
+    words = "track take --out x --camera cam_2 --library lib.vplib --start any".split()
+    assert run([*words, "--no-pictures", "--stature", "1.70"]) == 0
     assert "3 of 3 frames have a pose" in capsys.readouterr().out
     summary = json.loads((desk / "x" / "summary.json").read_text())
     assert summary["cameras"] == ["cam_2"] and summary["estimator"] == "monocular"

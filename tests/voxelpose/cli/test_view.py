@@ -36,22 +36,7 @@ def fitted(desk, monkeypatch):
     write_rig(rig, desk / "walk" / "calibration.toml")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert (
-        run(
-            [
-                "fit",
-                "walk",
-                "--out",
-                "out",
-                "--estimator",
-                "standing",
-                "--fps",
-                "25",
-                "--no-pictures",
-            ]
-        )
-        == 0
-    )
+    assert run("fit walk --out out --estimator standing --fps 25 --no-pictures".split()) == 0
     return desk
 
 

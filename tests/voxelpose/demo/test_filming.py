@@ -9,7 +9,7 @@ import trimesh
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from voxelpose.demo.choreography import PERFORMANCES
+from voxelpose.demo.choreography import performances
 from voxelpose.demo.filming import make_recording
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
 from voxelpose.recording.folder import Recording
@@ -50,7 +50,7 @@ def test_actor_is_closed_rigid_and_on_the_floor():
     assert min(piece.volume for piece in mesh.split()) > 0
     lengths = []
     for time in np.linspace(0, 3, 13):
-        vertices, joints = actor.pose(*PERFORMANCES["three_seconds"].pose_at(time))
+        vertices, joints = actor.pose(*performances()["three_seconds"].pose_at(time))
         assert abs(vertices[:, 2].min()) < 1e-9
         lengths.append(
             [
@@ -85,7 +85,7 @@ def test_mistakes_are_named(tmp_path, monkeypatch):
 
 def directions(performance: str, near: str, far: str, count: int = 120) -> np.ndarray:
     """Unit vectors from joint to joint over one round."""
-    played, actor = PERFORMANCES[performance], Mannequin.build()
+    played, actor = performances()[performance], Mannequin.build()
     joints = [
         actor.pose(*played.pose_at(time))[1]
         for time in np.linspace(0, played.keys[-1, 0] - 1e-6, count)
@@ -95,8 +95,8 @@ def directions(performance: str, near: str, far: str, count: int = 120) -> np.nd
 
 
 def test_arm_swings_24_times_in_profile_at_constant_speed(tmp_path):
-    played = PERFORMANCES["arm_swing"]
-    assert (played.frames, played.fps, played.cameras) == (576, 15, ("cam_3",))
+    played = performances()["arm_swing"]
+    assert (played.frames, played.fps, played.cameras) == (576, 15, ["cam_3"])
     folder = make_recording(tmp_path / "swing", frames=2, performance="arm_swing")
     recording = Recording.open(folder)
     assert recording.rig.names == ("cam_3",) and recording.fps == 15
@@ -142,7 +142,7 @@ def test_golf_and_pointing_face_their_camera():
 
 
 def test_there_and_back_ends_where_it_began():
-    played = PERFORMANCES["there_and_back"]
+    played = performances()["there_and_back"]
     end_s = played.keys[-1, 0]
     (first, first_bones), (last, last_bones) = played.pose_at(0.0), played.pose_at(end_s - 1e-9)
     np.testing.assert_allclose(last, first, atol=1e-6)

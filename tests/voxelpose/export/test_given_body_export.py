@@ -11,6 +11,7 @@ import pytest
 from trimesh import creation
 
 from calib.errors import InputError
+from examples.bodies.example_motions import example_motion
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.rigid_parts import Box, Capsule, ClosedMesh, body_of_parts, with_part
 from silhouette_core.body.rigs.bvh_rig import read_bvh_rig
@@ -21,7 +22,6 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.sources import ring
 from tests.voxelpose.export.glb_reader import Glb
-from voxelpose.demo.example_motions import example_motion
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.formats import export_motion
 from voxelpose.export.gltf import write_glb

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from examples.bodies.example_motions import example_motion
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from tests.clips import waving
-from voxelpose.demo.example_motions import example_motion
 from voxelpose.export.formats import export_motion
 from voxelpose.export.opensim import OpenSimMarker, opensim_markers
 from voxelpose.export.trc import read_trc

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from examples.bodies.example_bodies import desk_lamp, quadruped, robot_arm
 from silhouette_core.monocular.making.base_poses import base_poses
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.making.from_motion import make_library, read_clips
@@ -16,7 +17,6 @@ from silhouette_core.monocular.tree.store import read_library, write_library
 from silhouette_core.monocular.tree.summary import summary
 from silhouette_core.monocular.tree.tree_sheet import write_sheet
 from silhouette_core.motion.motion_file import write_motion
-from voxelpose.demo.example_bodies import desk_lamp, quadruped, robot_arm
 
 SETTINGS = LibrarySettings(60, yaw_step_deg=60, mirror=False, thresholds=(0.05, 0.03, 0.02))
 

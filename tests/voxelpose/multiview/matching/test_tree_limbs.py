@@ -5,13 +5,13 @@ from functools import partial
 import numpy as np
 import pytest
 
+from examples.bodies.example_bodies import person_with_stick, quadruped, robot_arm, spider
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Box, Capsule, body_of_parts
 from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, joint_errors_m, views
-from voxelpose.demo.example_bodies import person_with_stick, quadruped, robot_arm, spider
 from voxelpose.multiview.matching import joint_search, matcher
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limbs import CHAINS, LIMBS, sample_angles, within_limits

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from examples.bodies.example_motions import example_motion
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Box, Capsule, body_of_parts
@@ -22,7 +23,6 @@ from silhouette_core.refinement.refine import (
 from silhouette_core.refinement.still_root import still_root
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import hull, joint_errors_m, photograph, views
-from voxelpose.demo.example_motions import example_motion
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (

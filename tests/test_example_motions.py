@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from silhouette_core.motion.motion_file import body_of_motion, read_motion
-from voxelpose.demo.example_motions import (
+from examples.bodies.example_motions import (
     BODY,
     EXAMPLES,
     TRUE_MOTION,
     example_motion,
     film_example,
 )
+from silhouette_core.motion.motion_file import body_of_motion, read_motion
 from voxelpose.demo.room import demo_rig
 from voxelpose.recording.folder import Recording
 

@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.recipes import Recipe, read_recipes
 from calib.errors import InputError
 from silhouette_core.image.raster import render_parts
-from voxelpose.demo.choreography import PERFORMANCES
+from voxelpose.demo.choreography import performances
 from voxelpose.demo.mannequin import BONE_NAMES, Mannequin
 from voxelpose.demo.measurements import Measurements, tailor
-from voxelpose.demo.recipes import Recipe, read_recipes
 from voxelpose.evaluation import score_motion
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 
-RECIPES = Path(__file__).resolve().parents[3] / "datasets" / "made" / "recipes.toml"
+RECIPES = Path(__file__).resolve().parents[1] / "datasets" / "made" / "recipes.toml"
 SHORT_HEAVY = Recipe(Measurements(1.50, 1.14, 1.10, 1.18), 1, "arm_swing", [2, 3, 5], 3)
 
 
 def test_the_standard_actor_stays_as_it_is():
-    vertices, _ = Mannequin.build().pose(*PERFORMANCES["golf"].pose_at(1.3))
+    vertices, _ = Mannequin.build().pose(*performances()["golf"].pose_at(1.3))
     digest = hashlib.sha256(np.round(1e6 * vertices).astype("<i4").tobytes()).hexdigest()
     assert digest.startswith("a5178a651fecf118")
 
@@ -75,7 +75,7 @@ def test_legs_of_another_length_walk_as_far_as_they_reach():
 def test_all_recipes_are_known_and_unlike_each_other():
     recipes = read_recipes(RECIPES)
     assert 6 <= len(recipes) <= 8
-    assert {recipe.performance for recipe in recipes.values()} <= set(PERFORMANCES)
+    assert {recipe.performance for recipe in recipes.values()} <= set(performances())
     assert {len(recipe.cameras) for recipe in recipes.values()} == {1, 3, 4, 8}
     statures = [recipe.person.stature_m for recipe in recipes.values()]
     assert min(statures) <= 1.5 and max(statures) >= 1.9

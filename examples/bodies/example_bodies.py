@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,8 @@ from silhouette_core.body.rigs.rig_formats import read_rig_body
 from silhouette_core.body.sizes import BodySizes
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-ROBOT_ARM = Path(str(resources.files("voxelpose.demo") / "robot_arm.urdf"))
+ROBOT_ARM = Path(__file__).with_name("robot_arm.urdf")
 """The robot arm's file."""
-QUADRUPED_LENGTH_M = 0.88
-"""Length of the quadruped's trunk from chest to rump: its body length."""
 _Part = tuple[str, str, tuple[float, float, float], tuple[Dof, ...], list[RigidShape]]
 
 

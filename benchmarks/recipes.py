@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ class Recipe:
     Attributes:
         person: measurements of the actor.
         seed: of limb proportions, clothing and sensor noise.
-        performance: a name of `choreography.PERFORMANCES`.
+        performance: a name of `choreography.performances`.
         cameras: numbers of the cameras that film, 1 to 8.
         frames: number of frames.
     """
@@ -42,7 +42,7 @@ class Recipe:
         """Recipe of a TOML table; its lengths in metres are those of the person."""
         person = Measurements(**{key: table[key] for key in table if key.endswith("_m")})
         others = {key: table[key] for key in table if not key.endswith("_m")}
-        return cls(person.with_variation(np.random.default_rng(table["seed"])), **others)
+        return cls(_varied(person, np.random.default_rng(table["seed"])), **others)
 
     def render(self, folder: Path) -> Path:
         """Renders the recording, unless the folder already holds that of this very recipe.
@@ -66,6 +66,22 @@ class Recipe:
                 )
                 (partial / _STAMP).write_text(str(self), encoding="utf-8")
         return folder
+
+
+def _varied(person: Measurements, rng: np.random.Generator) -> Measurements:
+    """Draws limb proportions, clothing and soles within the usual range of adults."""
+    # Mean and standard deviation; the standard actor has long legs.
+    usual = {"legs": (0.95, 0.015), "arms": (1, 0.02), "shoulders": (1, 0.03), "head": (1, 0.025)}
+    drawn = {
+        name: mean + sigma * float(np.clip(rng.normal(), -2, 2))
+        for name, (mean, sigma) in usual.items()
+    }
+    return replace(
+        person,
+        cloth_m=float(rng.uniform(0.004, 0.018)),
+        sole_m=float(rng.uniform(0.005, 0.010)),
+        **drawn,
+    )
 
 
 def read_recipes(path: Path) -> dict[str, Recipe]:

@@ -1,0 +1,1 @@
+"""Example bodies other than a person's, and recordings of their movements."""
