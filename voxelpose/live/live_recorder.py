@@ -21,9 +21,9 @@ from calib.files import write_rig
 from voxelpose.live.shots import Shot
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
+from voxelpose.view.images.canvas import encoded
 
 _WAITING = 45  # moments that wait for the disk at most
-_QUALITY = 95  # of JPEG
 _LEAST_FREE = 200 << 20  # bytes on the disk, below which recording ends
 _CHECKED_EVERY = 30  # frames
 _BACKGROUND_PICTURES = 30
@@ -168,8 +168,4 @@ def _image(picture: NDArray, size: tuple[int, int]) -> Picture:
 
 
 def _write(path: Path, picture: Picture) -> None:
-    settings = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if path.suffix == ".jpg" else []
-    good, data = cv2.imencode(path.suffix, picture, settings)
-    if not good:
-        raise OSError(f"{path.name} cannot be encoded")
-    path.write_bytes(data.tobytes())
+    path.write_bytes(encoded(picture, path.suffix, 95 if path.suffix == ".jpg" else None))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Literal
 
 import cv2
@@ -16,11 +15,11 @@ from calib.errors import InputError
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.recording.folder import Recording
-from voxelpose.setup_page.drawn_places import DrawnSource
+from voxelpose.setup_page.drawn_places import DrawnRecording
+from voxelpose.view.images.canvas import png
 
 Method = Literal["refined", "paper"]
 _KEPT_BYTES = 400_000_000
-_QUALITY = 93
 
 
 class MomentFrames:
@@ -80,7 +79,7 @@ class SilhouettePreview:
         self._lock = threading.Lock()
 
     def masks(
-        self, method: Method, frames: Mapping[str, Frame], source: DrawnSource
+        self, method: Method, frames: Mapping[str, Frame], source: DrawnRecording
     ) -> dict[str, NDArray[np.bool_]] | None:
         """Silhouettes (H, W) bool by camera name; None while the backgrounds are learned.
 
@@ -113,7 +112,7 @@ class SilhouettePreview:
     def _learn(self, method: Method) -> None:
         model: Silhouettes | str = "the backgrounds could not be learned: see the terminal"
         try:
-            model = Silhouettes(DrawnSource(self._recording, {}, {}), method)
+            model = Silhouettes(DrawnRecording(**vars(self._recording)), method)
         except InputError as error:
             model = str(error)
         finally:
@@ -121,33 +120,17 @@ class SilhouettePreview:
                 self._models[method] = model
 
 
-def jpeg(frame: Frame) -> bytes:
-    """A frame (H, W, 3) uint8, BGR, as JPEG, of its own size."""
-    good, data = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not good:
-        raise InputError("a picture cannot be encoded: its sides are longer than 65500 px")
-    return data.tobytes()
-
-
-def overlay_png(
-    mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int, outline: bool
-) -> bytes:
+def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int) -> bytes:
     """A mask as a picture to be laid over another: PNG, transparent where it is False.
 
     Args:
-        mask: (H, W) bool.
+        mask: (H, W) bool, whose edge is drawn opaque.
         colour: red, green, blue.
         alpha: opacity of the inside, 0 to 255.
-        outline: whether its edge is drawn opaque.
     """
     image = np.zeros((*mask.shape, 4), np.uint8)
     image[mask] = (*colour[::-1], alpha)
-    if outline:
-        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-        thickness = max(1, round(max(mask.shape) / 640))
-        cv2.drawContours(image, contours, -1, (*colour[::-1], 255), thickness)
-    with suppress(cv2.error):
-        good, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-        if good:
-            return data.tobytes()
-    raise InputError("an overlay cannot be encoded")
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    thickness = max(1, round(max(mask.shape) / 640))
+    cv2.drawContours(image, contours, -1, (*colour[::-1], 255), thickness)
+    return png(image)

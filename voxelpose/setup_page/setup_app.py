@@ -61,7 +61,7 @@ def setup_app(session: SetupSession, peers: Container[tuple[str, int]]) -> ASGIA
             Route("/api/points", _post(PointsRequest, session.errors), methods=_POST),
             Route("/api/ground", _post(GroundRequest, session.ground), methods=_POST),
             Route("/api/save", _post(SaveRequest, session.save), methods=_POST),
-            Route("/api/check", _get(session.check_status), methods=["GET"]),
+            Route("/api/check", _get(session.check_status)),
             Route("/api/check/start", _post(dict, lambda _: session.start_check()), methods=_POST),
             Route("/api/check/picture", _picture(lambda _: session.check_picture(), "image/png")),
             Route("/picture/{camera}", _picture(functools.partial(_frame, session), "image/jpeg")),
@@ -127,7 +127,7 @@ async def _answered(work: Callable[[], Response]) -> Response:
     """The answer of work in another thread; what the user can correct as a line, a bug as 500."""
     try:
         return await run_in_threadpool(work)
-    except InputError as error:
+    except (InputError, OSError) as error:
         return _error(str(error), 400)
     except Exception:
         traceback.print_exc()

@@ -12,9 +12,7 @@ from calib.errors import InputError
 from voxelpose.setup_page.page_requests import LARGEST_BODY
 from voxelpose.setup_page.setup_app import setup_app
 from voxelpose.setup_page.setup_session import SetupSession
-from voxelpose.view.serving.gate import Gate, check_access
-
-_HOST = "127.0.0.1"
+from voxelpose.view.serving.gate import Address, Gate
 
 
 class SetupServer:
@@ -25,25 +23,20 @@ class SetupServer:
         port: of the gate.
     """
 
-    def __init__(self, session: SetupSession, host: str, port: int, token: str | None) -> None:
+    def __init__(self, session: SetupSession, address: Address) -> None:
         """Starts, in threads of its own.
 
         Args:
             session: what is shown; closed with the server.
-            host: where the gate listens.
-            port: the first free one from this number on is used; 0: any.
-            token: see `Gate`.
+            address: of the gate.
 
         Raises:
-            InputError: other machines could see the page without a token, or the address cannot be
-                used.
+            InputError: the address cannot be used.
         """
-        check_access(host, token)
         self._session = session
-        self._socket = socket.create_server((_HOST, 0))
+        self._socket = socket.create_server(("127.0.0.1", 0))
         try:
-            inner_port = self._socket.getsockname()[1]
-            self._gate = Gate(host, port, token, inner_port, LARGEST_BODY)
+            self._gate = Gate(address, self._socket.getsockname()[1], LARGEST_BODY)
         except BaseException:
             self._socket.close()
             raise

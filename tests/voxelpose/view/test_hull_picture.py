@@ -52,7 +52,7 @@ def test_a_window_without_a_screen_is_refused(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(InputError, match=r"no screen .*--png FILE"):
-        show_hull(GRID, body())
+        show_hull(GRID, body(), None, "title")
 
 
 def test_a_missing_open3d_is_said_with_the_remedy(monkeypatch):

@@ -17,9 +17,6 @@ from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene import CarvedHull, Scene
 
-_MARGIN_M = 0.12  # around the joints: flesh, and the excess of the hull
-_AZIMUTHS_DEG = (-90.0, -30.0, 30.0)
-
 
 def skeleton_of(scene: Scene) -> Skeleton | None:
     """The fitted skeleton of a scene; None where there is no pose."""
@@ -61,7 +58,8 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
             " frame's hull"
         )
     reach = motion.landmarks() - motion.root_m[:, None]
-    low, high = reach.min((0, 1)) - _MARGIN_M, reach.max((0, 1)) + _MARGIN_M
+    margin_m = 0.12  # around the joints: flesh, and the excess of the hull
+    low, high = reach.min((0, 1)) - margin_m, reach.max((0, 1)) + margin_m
     if path.suffix != ".webm":
         raise InputError(f"{path} must end in .webm: that is the format of the video")
     reporter.stage("film", len(scenes.frames))
@@ -103,9 +101,8 @@ def _write_pages(
 def _page(
     scene: Scene, hull: CarvedHull, box_m: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> NDArray[np.uint8]:
-    picture = hull_picture(
-        hull.grid, hull.occupancy, skeleton_of(scene), _AZIMUTHS_DEG, box_m=box_m
-    )
+    sides = (-90, -30, 30)
+    picture = hull_picture(hull.grid, hull.occupancy, skeleton_of(scene), sides, box_m=box_m)
     caption = f"frame {scene.frame} · {scene.time_s:.2f} s"
     write_text(picture, caption, 16, picture.shape[0] - 16, 18, FAINT)
     return picture

@@ -4,25 +4,11 @@ from __future__ import annotations
 
 import io
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 
 import viser
 
-from voxelpose.view.serving.gate import Gate, check_access
+from voxelpose.view.serving.gate import Address, Gate
 from voxelpose.view.serving.viser_internals import guard_connections
-
-
-@dataclass(frozen=True)
-class Address:
-    """Network address of a page.
-
-    Attributes:
-        host: "localhost" for this machine only.
-        port: the first free one from this number on is used.
-    """
-
-    host: str = "localhost"
-    port: int = 8080
 
 
 class PageServer:
@@ -36,21 +22,19 @@ class PageServer:
         gate: before it.
     """
 
-    def __init__(self, address: Address, token: str | None) -> None:
+    def __init__(self, address: Address) -> None:
         """Starts both.
 
         Args:
             address: of the gate.
-            token: see `Gate`.
 
         Raises:
             InputError: see `Gate` and `guard_connections`.
         """
-        check_access(address.host, token)
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
         try:
-            self.gate = Gate(address.host, address.port, token, self.viser.get_port())
+            self.gate = Gate(address, self.viser.get_port())
         except BaseException:
             self._stop_viser()
             raise
@@ -59,6 +43,9 @@ class PageServer:
         except BaseException:
             self.close()
             raise
+        gui = self.viser.gui
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
 
     @property
     def url(self) -> str:

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.view.images.canvas import hatched, reduced
+from voxelpose.tuning import VIEWER
+from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (
     AREA,
     DISPUTED,
     HULL,
-    HYPOTHESIS,
-    OUTLYING_M,
-    PAPER,
     SILHOUETTE,
     UNEXPLAINED,
-    Colour,
+    faded,
     overlap_colours,
 )
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, Scene
@@ -102,18 +101,7 @@ class SceneRenderer:
         camera = camera_frame.camera
         handle = self._frusta.get(camera.name)
         if handle is None:
-            width, height = camera.size
-            handle = self._api.add_camera_frustum(
-                f"/cameras/{camera.name}",
-                fov=2 * float(np.arctan(height / (2 * camera.matrix[1, 1]))),
-                aspect=width / height,
-                scale=0.35,
-                thickness=0.006,
-                cast_shadow=False,
-                wxyz=quaternions(camera.rotation.T[None])[0],
-                position=camera.center_m,
-            )
-            self._api.add_label(f"/cameras/{camera.name}/name", camera.name)
+            handle, _ = add_camera(self._api, camera, scale=0.35, thickness=0.006)
             self._frusta[camera.name] = handle
         handle.visible = choice.cameras
         picture = camera_picture(camera_frame, choice.pictures) if choice.cameras else None
@@ -130,7 +118,7 @@ class SceneRenderer:
         if hull is not None and choice.hull and scene.body is not None:
             dots = hull.vertices_m
         if hull is not None and choice.unexplained:
-            outlying = hull.unexplained_m[hull.distance_m > OUTLYING_M]
+            outlying = hull.unexplained_m[hull.distance_m > VIEWER.outlying_m]
         self._points("hull/dots", dots, HULL, 0.003)
         self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
 
@@ -165,10 +153,7 @@ class SceneRenderer:
         for k, hypothesis in enumerate(hypotheses):
             ends = hypothesis.joints_m[hypothesis.bones]
             ends = ends[np.isfinite(ends).all((1, 2))]
-            # Lines have no opacity: the less likely fade into the background instead.
-            opacity = 0.15 + 0.85 * hypothesis.probability / max(likeliest, 1e-9)
-            mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
-            colour = np.round(mixed).astype(np.uint8)
+            colour = faded(hypothesis.probability / max(likeliest, 1e-9))
             self._api.add_line_segments(f"/hypothesis_{k}", ends, colour, thickness=0.006)
         for k in range(len(hypotheses), self._hypotheses):
             self._api.remove_by_name(f"/hypothesis_{k}")
@@ -186,6 +171,29 @@ class SceneRenderer:
             )
         else:
             self._api.remove_by_name(f"/{name}")
+
+
+def add_camera(
+    scene: viser.SceneApi, camera: Camera, **look: Any
+) -> tuple[viser.CameraFrustumHandle, viser.LabelHandle]:
+    """Draws a camera where it stands, with its name.
+
+    Args:
+        scene: viser's scene.
+        camera: of the rig.
+        look: further arguments of viser's frustum.
+    """
+    width, height = camera.size
+    frustum = scene.add_camera_frustum(
+        f"/cameras/{camera.name}",
+        fov=2 * float(np.arctan(height / (2 * camera.matrix[1, 1]))),
+        aspect=width / height,
+        cast_shadow=False,
+        wxyz=quaternions(camera.rotation.T[None])[0],
+        position=camera.center_m,
+        **look,
+    )
+    return frustum, scene.add_label(f"/cameras/{camera.name}/name", camera.name)
 
 
 def camera_picture(camera_frame: CameraFrame, pictures: Pictures) -> NDArray[np.uint8] | None:
