@@ -75,14 +75,6 @@ def test_foreign_and_odd_requests_write_nothing(local, folder, headers, status):
     assert not (folder / "recording.toml").exists()
 
 
-def test_the_server_behind_the_gate_answers_nobody_else(local):
-    inner = local._socket.getsockname()[1]
-    link = socket.create_connection(("127.0.0.1", inner))
-    link.sendall(b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\n")
-    assert link.recv(4096).startswith(b"HTTP/1.1 403")
-    link.close()
-
-
 def test_a_connection_carries_one_request(local):
     link = socket.create_connection(("127.0.0.1", local.port), timeout=5)
     head = f"GET /api/check HTTP/1.1\r\nHost: 127.0.0.1:{local.port}\r\n\r\n".encode()

@@ -1,8 +1,7 @@
-"""The page's gate: it stands before viser's server, which has no access control of its own.
+"""The gate before every page: it listens, and checks each request before it answers anything.
 
-It listens at the outer address, checks every request before it answers anything, and relays those
-that may pass, byte by byte. A connection carries one request: a page's file, JSON that a page sends
-where it may, or the upgrade to a WebSocket and all that follows.
+A connection carries one request: a page's file, JSON that a page sends where it may, or the upgrade
+to a WebSocket and all that follows. Those that may pass go to who answers them.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import secrets
 import socket
 import threading
 from asyncio import StreamReader, StreamWriter
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,11 +22,13 @@ from voxelpose.view.serving.gate_request import GateKeys, GateRequest, Reply, is
 
 _HEAD_BYTES = 16384
 _HEAD_S = 10
-_BODY_S = 60
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
 _LAST_PORT = 65_535
+
+Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
+"""Answers a request that may pass: reads what follows its head, and writes."""
 
 
 @dataclass(frozen=True)
@@ -63,27 +65,25 @@ class Address:
 
 
 class Gate:
-    """Relays the requests that may pass to a server of this machine.
+    """Lets requests pass that may.
 
     Attributes:
         port: where it listens.
-        peers: addresses of its own connections to the server behind it: all others are strangers.
     """
 
-    def __init__(self, address: Address, inner_port: int, largest_body: int = 0) -> None:
+    def __init__(self, address: Address, handle: Handler, largest_body: int = 0) -> None:
         """Listens, from a thread of its own.
 
         Args:
             address: where, and who may pass.
-            inner_port: of the server behind it, at 127.0.0.1.
+            handle: answers what may pass, in that thread.
             largest_body: bytes of JSON that a page may send with one request; 0: none.
 
         Raises:
             InputError: the address cannot be used.
         """
-        self._address = address
-        self.peers: set[tuple[str, int]] = set()
-        self._inner_port, self._largest_body = inner_port, largest_body
+        self._address, self._handle, self._largest_body = address, handle, largest_body
+        self._passed = 0
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
         self._stopped = asyncio.Event()
@@ -174,61 +174,16 @@ class Gate:
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
-            if reply is None and len(self.peers) >= _MOST_LINKS:
+            if reply is None and self._passed >= _MOST_LINKS:
                 reply = Reply("503 Service Unavailable", "Too many pages are open: close some.")
             if reply is None:
-                await self._relay(head, request, reader, writer)
+                self._passed += 1
+                try:
+                    await self._handle(request, reader, writer)
+                finally:
+                    self._passed -= 1
                 return
         if reply.status.startswith("401"):
             await asyncio.sleep(0.2)  # slows down who tries many
         writer.write(reply.encoded())
-        await writer.drain()
-
-    async def _relay(
-        self, head: bytes, request: GateRequest, reader: StreamReader, writer: StreamWriter
-    ) -> None:
-        """Passes a request on, then the answer, and for a WebSocket whatever follows either way."""
-        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", self._inner_port)
-        own = inner_writer.get_extra_info("sockname")[:2]
-        self.peers.add(own)
-        try:
-            inner_writer.write(head)
-            if request.body_bytes:
-                await _copy_body(reader, inner_writer, request.body_bytes)
-            ways = [asyncio.create_task(_copy(inner_reader, writer))]
-            if request.upgrade:
-                ways.append(asyncio.create_task(_copy(reader, inner_writer)))
-            try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
-        finally:
-            inner_writer.close()
-            self.peers.discard(own)
-
-
-async def _copy_body(reader: StreamReader, writer: StreamWriter, count: int) -> None:
-    """Passes so many bytes on.
-
-    Raises:
-        ConnectionError: fewer came, or not in time.
-    """
-    try:
-        async with asyncio.timeout(_BODY_S):
-            while count:
-                data = await reader.read(min(count, 65536))
-                if not data:
-                    raise ConnectionError("the body ended early")
-                count -= len(data)
-                writer.write(data)
-                await writer.drain()
-    except TimeoutError:
-        raise ConnectionError("the body came too slowly") from None
-
-
-async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
-    while data := await reader.read(65536):
-        writer.write(data)
         await writer.drain()
