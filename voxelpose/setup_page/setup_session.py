@@ -33,7 +33,7 @@ from voxelpose.setup_page.page_requests import (
     SilhouetteRequest,
     check_camera_names,
 )
-from voxelpose.setup_page.previews import MomentFrames, SilhouettePreview, overlay_png
+from voxelpose.setup_page.previews import BackgroundModels, MomentFrames, overlay_png
 from voxelpose.view.images.canvas import encoded
 
 SettingValues = Mapping[str, tuple[Any, str]]
@@ -66,7 +66,7 @@ class SetupSession:
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
         self._moments = MomentFrames(self._recording)
-        self._previews = SilhouettePreview(self._recording)
+        self._backgrounds = BackgroundModels(self._recording)
         self._check = CheckJob(self._recording)
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
@@ -150,17 +150,18 @@ class SetupSession:
         """
         self._check_places(asked.places)
         frames = self._moments.frames(asked.moment)
+        model = self._backgrounds.get(asked.background)
+        if model is None:
+            return {"ready": False}
         source = DrawnRecording(
             **vars(self._recording),
             drawn_regions=self._places.region_masks(asked.places),
             drawn_unknown=self._places.unknown_masks(asked.places),
         )
-        masks = self._previews.masks(asked.background, frames, source)
-        if masks is None:
-            return {"ready": False}
+        masks = model.with_places(source).of(frames)
         return {
             "ready": True,
-            "guessed": list(self._previews.guessed(asked.background)),
+            "guessed": list(model.without_background),
             "cameras": {
                 name: {
                     "png": base64.b64encode(overlay_png(mask, _SILHOUETTE, 120)).decode(),
