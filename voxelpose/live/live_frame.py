@@ -56,7 +56,6 @@ class LiveFrame:
         pictures: (H, W, 3) uint8 BGR by camera name, as captured.
         silhouettes: (h, w) bool by camera name, of the pictures or of these scaled down.
         body: the person; None where none was found.
-        stage_s: seconds that each stage took, by its name.
         note: one line about this frame for the user, such as a second person; empty: nothing.
         captured_unix_s: time of capture, Unix time, for receivers on other clocks; nan: unknown.
     """
@@ -66,7 +65,6 @@ class LiveFrame:
     pictures: Mapping[str, NDArray[np.uint8]]
     silhouettes: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     body: PosedBody | None = None
-    stage_s: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
     captured_unix_s: float = float("nan")
 

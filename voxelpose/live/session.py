@@ -344,7 +344,7 @@ class LiveSession:
                 "waiting": begun_s - shot.time_s - sum(observed.stage_s.values()),
                 "estimation": done_s - begun_s,
             }
-            self._show(shot, observed.silhouettes.masks(), body, stage_s, observed.note)
+            self._show(shot, observed.silhouettes.masks(), body, observed.note)
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
 

@@ -91,12 +91,16 @@ def test_a_recording_alone_is_served_and_plays(desk, capsys):
 
 def test_a_choice_is_drawn_once(served):
     """Without any browser: the panel's choice reaches the scene."""
-    served._choose(row=1, hull=False)
+    served._choose(row=1, shown=served.choice.shown - {"hull"})
     for _ in range(200):
         if served._drawn == served.choice:
             break
         threading.Event().wait(0.05)
-    assert served._drawn == served.choice and served.choice.row == 1 and not served.choice.hull
+    assert (
+        served._drawn == served.choice
+        and served.choice.row == 1
+        and "hull" not in served.choice.shown
+    )
     assert "<b>Frame 1," in served._status.content
 
 

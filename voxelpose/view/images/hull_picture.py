@@ -11,6 +11,8 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
 from voxelpose.view.open3d_import import import_open3d
 
+SIZE = 480, 720
+"""Width and height of a hull's picture from one side, px."""
 _BACKGROUND = (247, 244, 240)  # BGR
 _SKIN = np.array([168, 190, 208])
 _BONE = (40, 60, 200)
@@ -34,7 +36,6 @@ def hull_picture(
     occupancy: NDArray[np.bool_],
     skeleton: Skeleton | None = None,
     azimuths_deg: tuple[float, ...] = (-90, -30, 30, 90),
-    size: tuple[int, int] = (480, 720),
     box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
     """Pictures of the hull's surface from several sides, side by side; needs no screen.
@@ -45,16 +46,15 @@ def hull_picture(
         skeleton: drawn over the surface.
         azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
             before a person that faces -y.
-        size: width and height of each, pixels.
         box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.
 
     Returns:
-        (height, width * number of sides, 3) uint8, BGR.
+        (720, 480 * number of sides, 3) uint8, BGR.
     """
     vertices, faces = surface(*grid.cropped(occupancy))
     box = box_m or (vertices.min(axis=0), vertices.max(axis=0))
     return np.concatenate(
-        [shaded_view((vertices, faces), box, skeleton, azimuth, size) for azimuth in azimuths_deg],
+        [shaded_view((vertices, faces), box, skeleton, azimuth, SIZE) for azimuth in azimuths_deg],
         axis=1,
     )
 

@@ -16,17 +16,9 @@ from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
 from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene_renderer import PICTURES, Choice, SceneRenderer
+from voxelpose.view.viewer.scene_renderer import LAYERS, PICTURES, Choice, SceneRenderer
 
 _NO_PART = "none"
-_LAYERS = {
-    "cameras": "Cameras",
-    "hull": "Voxels",
-    "unexplained": "Unexplained voxels",
-    "body": "Body",
-    "skeleton": "Skeleton",
-    "hypotheses": "Other likely poses",
-}
 
 
 class Browser:
@@ -145,7 +137,7 @@ class Browser:
         with gui.add_folder("Show"):
             pictures = gui.add_dropdown("Cameras show", PICTURES)
             pictures.on_update(lambda _: self._choose(pictures=pictures.value))
-            for name, label in _LAYERS.items():
+            for name, label in LAYERS.items():
                 available = fitted or name in ("cameras", "hull")
                 if name == "hypotheses":
                     available = self.scenes.has_hypotheses
@@ -159,8 +151,13 @@ class Browser:
             gui.add_html(legend_html(self.scenes.has_hypotheses))
 
     def _add_layer(self, name: str, label: str, available: bool) -> None:
-        box = self.server.gui.add_checkbox(label, getattr(self.choice, name), visible=available)
-        box.on_update(lambda _: self._choose(**{name: box.value}))
+        box = self.server.gui.add_checkbox(label, True, visible=available)
+
+        def choose(_: object) -> None:
+            shown = self.choice.shown
+            self._choose(shown=shown | {name} if box.value else shown - {name})
+
+        box.on_update(choose)
 
     def _set_up_view(self) -> None:
         """Adds lights and a floor, and puts the viewpoint beside the first camera."""

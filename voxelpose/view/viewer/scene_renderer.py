@@ -30,6 +30,15 @@ from voxelpose.view.viewer.scene import BodyState, CameraFrame, Scene
 
 Pictures = Literal["both", "picture", "silhouette"]
 PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
+LAYERS = {
+    "cameras": "Cameras",
+    "hull": "Voxels",
+    "unexplained": "Unexplained voxels",
+    "body": "Body",
+    "skeleton": "Skeleton",
+    "hypotheses": "Other likely poses",
+}
+"""What can be shown, and how the page calls it; unexplained are voxels that no part explains."""
 _PICTURE_PX = 480  # longest side of a picture sent to the browser
 _NOTHING = np.zeros((0, 3))
 
@@ -41,23 +50,13 @@ class Choice:
     Attributes:
         row: of `ResultScenes.frames`.
         pictures: what the cameras show.
-        cameras: whether the cameras are shown.
-        hull: whether the hull is shown.
-        unexplained: whether voxels that no part explains are shown.
-        body: whether the body is shown.
-        skeleton: whether the skeleton is shown.
-        hypotheses: whether other likely poses are shown.
+        shown: names of `LAYERS`.
         part: name of the limb whose movable area is shown; None: none.
     """
 
     row: int = 0
     pictures: Pictures = "both"
-    cameras: bool = True
-    hull: bool = True
-    unexplained: bool = True
-    body: bool = True
-    skeleton: bool = True
-    hypotheses: bool = True
+    shown: frozenset[str] = frozenset(LAYERS)
     part: str | None = None
 
 
@@ -86,10 +85,10 @@ class SceneRenderer:
         """Shows what is chosen of a scene."""
         for camera_frame in scene.camera_frames:
             self._camera(camera_frame, choice)
-        self._hull(scene, choice)
-        self._body(scene.body, choice)
-        self._skeleton(scene.body if choice.skeleton else None)
-        self._other_poses(scene.hypotheses if choice.hypotheses else ())
+        self._hull(scene, choice.shown)
+        self._body(scene.body, choice.shown)
+        self._skeleton(scene.body if "skeleton" in choice.shown else None)
+        self._other_poses(scene.hypotheses if "hypotheses" in choice.shown else ())
         area, size = areas.get(choice.part or ""), self._voxel_size_m
         reach = disputed = _NOTHING
         if area is not None and scene.hull is not None:
@@ -103,27 +102,27 @@ class SceneRenderer:
         if handle is None:
             handle, _ = add_camera(self._api, camera, scale=0.35, thickness=0.006)
             self._frusta[camera.name] = handle
-        handle.visible = choice.cameras
-        picture = camera_picture(camera_frame, choice.pictures) if choice.cameras else None
+        handle.visible = "cameras" in choice.shown
+        picture = camera_picture(camera_frame, choice.pictures) if handle.visible else None
         if picture is not None:
             handle.image = picture
 
-    def _hull(self, scene: Scene, choice: Choice) -> None:
+    def _hull(self, scene: Scene, shown: frozenset[str]) -> None:
         hull, dots, outlying = scene.hull, _NOTHING, _NOTHING
-        if hull is not None and choice.hull and scene.body is None:
+        if hull is not None and "hull" in shown and scene.body is None:
             self._api.add_mesh_simple("/hull/surface", hull.vertices_m, hull.faces, color=HULL)
         else:
             self._api.remove_by_name("/hull/surface")
         # Dots where there is a body inside: a surface, even a transparent one, would hide it.
-        if hull is not None and choice.hull and scene.body is not None:
+        if hull is not None and "hull" in shown and scene.body is not None:
             dots = hull.vertices_m
-        if hull is not None and choice.unexplained:
+        if hull is not None and "unexplained" in shown:
             outlying = hull.unexplained_m[hull.distance_m > VIEWER.outlying_m]
         self._points("hull/dots", dots, HULL, 0.003)
         self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
 
-    def _body(self, body: BodyState | None, choice: Choice) -> None:
-        if body is None or not choice.body:
+    def _body(self, body: BodyState | None, shown: frozenset[str]) -> None:
+        if body is None or "body" not in shown:
             for mesh in self._meshes:
                 mesh.visible = False
             return
@@ -137,7 +136,7 @@ class SceneRenderer:
         ):
             mesh.vertices = body.vertices_m[inside].astype(np.float32)
             mesh.color = tuple(colour.tolist())
-            mesh.opacity = 0.7 if choice.skeleton else None
+            mesh.opacity = 0.7 if "skeleton" in shown else None
             mesh.visible = True
 
     def _skeleton(self, body: BodyState | None) -> None:
