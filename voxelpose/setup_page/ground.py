@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.points import triangulate
 from calib.upright import AXES, UprightFrame, axis_name, cameras_worth, up_candidates
 
 
@@ -55,13 +56,7 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
 
 def _middle(rig: Rig) -> tuple[float, float]:
     """Point of the floor, to whole metres, below what all cameras look at."""
-    normal, target = 1e-6 * np.eye(3), np.zeros(3)
-    for camera in rig:
-        forward = camera.rotation[2]
-        across = np.eye(3) - np.outer(forward, forward)
-        normal = normal + across
-        target = target + across @ camera.center_m
-    place = np.linalg.solve(normal, target)
+    place = triangulate(list(rig), np.array([camera.matrix[:2, 2] for camera in rig]))
     if len(rig) == 1:  # where its optical axis meets the floor, if near
         camera = rig.cameras[0]
         down = -camera.rotation[2][2]
