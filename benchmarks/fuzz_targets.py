@@ -252,9 +252,11 @@ def _make_region(folder: Path) -> None:
 
 
 def _use_region(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.frame_reader import read_still
     from voxelpose.setup_page.region_files import read_regions
 
-    read_regions(folder, {"cam_0": (64, 48)})
+    image = read_still(folder / "regions" / "cam_0.png")
+    read_regions(folder, {"cam_0": image.max(axis=2) > 127})
 
 
 def _make_folder_settings(folder: Path) -> None:

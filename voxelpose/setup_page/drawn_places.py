@@ -57,7 +57,7 @@ class PlaceFiles:
         listed = unknown_polygons(recording.folder / RECORDING_FILE, recording.camera_names)
         return cls(
             sizes,
-            read_regions(recording.folder, sizes),
+            read_regions(recording.folder, recording.regions()),
             paint_unknown(paths, recording.rig, recording.camera_names),
             {
                 name: [[(float(x), float(y)) for x, y in polygon] for polygon in polygons]
@@ -92,9 +92,10 @@ class PlaceFiles:
         """
         written, removed = [], []
         for name, drawing in drawn.regions.items():
-            pair = write_region(folder, name, drawing, self.regions.get(name), self.sizes[name])
-            written += [path for path in pair[:1] if path is not None]
-            removed += [path for path in pair[1:] if path is not None]
+            file, size = self.regions.get(name), self.sizes[name]
+            new, old = write_region(folder, name, drawing, file, size)
+            written += new
+            removed += old
         corners = {
             name: [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed] or None
             for name, listed in drawn.unknown.items()

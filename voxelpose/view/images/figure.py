@@ -123,14 +123,7 @@ class FigurePainter:
         scale: float = 1.0,
         unknown: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Prepares for a body and a camera.
-
-        Args:
-            model: the body.
-            camera: as calibrated, at the recorded size.
-            scale: size of the working picture over that of the recorded one.
-            unknown: (H, W) bool, where nothing is known, which is hatched; None: nowhere.
-        """
+        """Prepares for a body and a camera; `unknown`, (H, W) bool, is hatched."""
         self.model, self.camera, self.scale = model, camera, scale
         self._unknown = unknown
         self.ideal = camera.pinhole(scale)
