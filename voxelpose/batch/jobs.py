@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -20,19 +20,19 @@ from voxelpose.recording.folder import Recording, frame_range, is_recording
 
 Command = Literal["fit", "track"]
 
-# Setting of a job: the type that it has in TOML, and the field of Settings where it is one.
 _LARGEST_LIST = 10_000_000  # bytes
+# Setting of a job: the type that it has in TOML, and the field of Settings that it sets, if any.
 _SETTINGS = {
     "stature": (float, "stature_m"),
     "chest": (float, "chest_m"),
     "sex": (str, "sex"),
     "background": (str, "background"),
     "smooth": (bool, "smooth"),
-    "filter": (str, ""),
-    "cutoff": (float, ""),
-    "filter_order": (int, ""),
-    "gap_limit": (int | str, ""),
-    "gap_method": (str, ""),
+    "filter": (str, "conditioning.filter"),
+    "cutoff": (float, "conditioning.cutoff_hz"),
+    "filter_order": (int, "conditioning.filter_order"),
+    "gap_limit": (int | str, "conditioning.gap_limit"),
+    "gap_method": (str, "conditioning.gap_method"),
     "up": (str, ""),
     "frames": (str, ""),
     "unit": (str, ""),
@@ -43,27 +43,19 @@ _OPTIONS = {
     "fit": {
         "cameras": (str, ""),
         "estimator": (str, ""),
-        "interference": (bool, "interference"),
-        "voxel": (float, "voxel_size_m"),
-        "tolerance": (int, "tolerance"),
-        "repair": (str, "repair"),
-        "body": (str, "body"),
+        "interference": (bool, "options.interference"),
+        "voxel": (float, "options.voxel_size_m"),
+        "tolerance": (int, "options.tolerance"),
+        "repair": (str, "options.repair"),
+        "body": (str, "options.body"),
     },
     "track": {
         "camera": (str, ""),
-        "library": (str, "library"),
-        "start": (str, "start"),
-        "outline_only": (bool, "outline_only"),
-        "body": (str, "body"),
+        "library": (str, "options.library"),
+        "start": (str, "options.start"),
+        "outline_only": (bool, "options.outline_only"),
+        "body": (str, "options.body"),
     },
-}
-# Setting of a job by the field of Conditioning.
-_CONDITIONING = {
-    "filter": "filter",
-    "cutoff_hz": "cutoff",
-    "filter_order": "filter_order",
-    "gap_limit": "gap_limit",
-    "gap_method": "gap_method",
 }
 _WORDS = {
     float: "a number",
@@ -138,20 +130,14 @@ class Job:
         Raises:
             InputError: a value cannot be used.
         """
-        fields: dict[str, Any] = {
-            field: self.settings[name]
-            for name, (_, field) in _SETTINGS.items()
-            if field and name in self.settings
-        }
+        fields = _fields(self.settings, self.command, "")
         if "up" in self.settings:
             fields["up"] = _up(str(self.settings["up"]))
-        options = {
-            field: self.settings[name]
-            for name, (_, field) in _OPTIONS[self.command].items()
-            if field and name in self.settings
-        }
         return Settings(
-            **fields, threads=threads, conditioning=_conditioning(self.settings), options=options
+            **fields,
+            threads=threads,
+            conditioning=Conditioning(**_fields(self.settings, self.command, "conditioning")),
+            options=_fields(self.settings, self.command, "options"),
         )
 
     @property
@@ -176,14 +162,14 @@ def jobs_of(
     Raises:
         InputError: something is not there or not understood, or nothing is to be done.
     """
-    found: list[tuple[Path, str | None, Command, Mapping[str, Any]]] = []
+    found: list[Job] = []
     for path in paths:
         if path.suffix.lower() == ".toml" and path.is_file():
             found += _listed(path, command, common)
         elif not path.is_dir():
             raise InputError(f"there is no recording {path}: give folders, or a TOML list of them")
         elif is_recording(path):
-            found.append((path, None, command, common))
+            found.append(Job("", str(path), command, common))
         else:
             inside = sorted(folder for folder in path.iterdir() if is_recording(folder))
             if not inside:
@@ -191,12 +177,13 @@ def jobs_of(
                     f"{path} is no recording and holds none: give folders with a video per camera"
                     " and calibration.toml"
                 )
-            found.extend((folder, None, command, common) for folder in inside)
-    names = _names([(folder, name) for folder, name, _, _ in found])
-    jobs = []
-    for name, (folder, _, what, settings) in zip(names, found, strict=True):
-        _check(settings, what, str(folder))
-        jobs.append(Job(name, str(folder.resolve()), what, dict(settings)))
+            found.extend(Job("", str(folder), command, common) for folder in inside)
+    jobs: list[Job] = []
+    for job in found:
+        _check(job.settings, job.command, job.recording)
+        folder = Path(job.recording).resolve()
+        name = _free_name(job.name or folder.name, {other.name.lower() for other in jobs})
+        jobs.append(replace(job, name=name, recording=str(folder), settings=dict(job.settings)))
     return jobs
 
 
@@ -218,9 +205,8 @@ def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
     return settings
 
 
-def _listed(
-    path: Path, command: Command, common: Mapping[str, Any]
-) -> list[tuple[Path, str | None, Command, Mapping[str, Any]]]:
+def _listed(path: Path, command: Command, common: Mapping[str, Any]) -> list[Job]:
+    """The jobs of a list, without the names of those that it names not."""
     document = parse_toml(load_text(path, _LARGEST_LIST), path)
     tables, unknown = document.get("recording"), sorted(set(document) - {"recording", "settings"})
     shared = document.get("settings", {})
@@ -237,15 +223,15 @@ def _listed(
             raise InputError(f"{path}: recording {number}: folder is no folder's name: correct it")
         own = {**common, **shared, **table}
         folder = path.parent / own.pop("folder")
-        name, what = own.pop("name", None), own.pop("command", command)
-        if not isinstance(name, str | None) or what not in ("fit", "track"):
+        name, what = own.pop("name", ""), own.pop("command", command)
+        if not isinstance(name, str) or what not in ("fit", "track"):
             raise InputError(
                 f'{path}: recording {number}: name must be text, and command "fit" or "track"'
             )
         if not is_recording(folder):
             raise InputError(f"{path}: recording {number}: {folder} is no recording")
         _check(own, what, f"{path}: recording {number}")
-        listed.append((folder, name, what, own))
+        listed.append(Job(name, str(folder), what, own))
     return listed
 
 
@@ -266,22 +252,19 @@ def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
             _frames(str(settings["frames"]))
         if "up" in settings:
             _up(str(settings["up"]))
-        _conditioning(settings)
+        Conditioning(**_fields(settings, command, "conditioning"))
     except InputError as error:
         raise InputError(f"{where}: {str(error)[:300]}") from None
 
 
-def _names(found: Sequence[tuple[Path, str | None]]) -> list[str]:
-    """A name for each, plain enough for a folder; those of the same name are numbered."""
-    names: list[str] = []
-    for folder, given in found:
-        plain = _PLAIN_NAME.sub("_", given or folder.resolve().name).strip("._") or "recording"
-        name, count = plain, 1
-        while name.lower() in (other.lower() for other in names):
-            count += 1
-            name = f"{plain}_{count}"
-        names.append(name)
-    return names
+def _free_name(wanted: str, taken: Container[str]) -> str:
+    """A name plain enough for a folder, and numbered where it is taken, in small letters."""
+    plain = _PLAIN_NAME.sub("_", wanted).strip("._") or "recording"
+    name, count = plain, 1
+    while name.lower() in taken:
+        count += 1
+        name = f"{plain}_{count}"
+    return name
 
 
 def _text(settings: Mapping[str, object], name: str) -> str | None:
@@ -299,9 +282,15 @@ def _frames(text: str | None) -> tuple[int | None, int | None] | None:
         ) from None
 
 
-def _conditioning(settings: Mapping[str, Any]) -> Conditioning:
-    given = {field: settings[name] for field, name in _CONDITIONING.items() if name in settings}
-    return Conditioning(**given)
+def _fields(settings: Mapping[str, Any], command: Command, group: str) -> dict[str, Any]:
+    """Values of the settings that set fields of a group, by field."""
+    known = _SETTINGS | _OPTIONS[command]
+    fields = {}
+    for name, value in settings.items():
+        place, _, field = known[name][1].rpartition(".")
+        if field and place == group:
+            fields[field] = value
+    return fields
 
 
 def _up(text: str) -> tuple[float, float, float]:

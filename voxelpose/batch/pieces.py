@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,11 +16,10 @@ from silhouette_core.motion.motion import Motion
 from voxelpose.batch.jobs import Job
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.results import Result
+from voxelpose.tuning import LONG_RECORDING
 
 PIECES = "pieces"
 """Folder beside the results in which those of the pieces are until they are joined."""
-_OVERLAP_S = 1.0
-_LONGER = 1.5  # times a piece, from which a recording is divided
 
 
 def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
@@ -40,10 +39,10 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
         return []
     recording = job.open()
     total, length = recording.frame_count, max(round(piece_s * recording.fps), 1)
-    if total <= _LONGER * length:
+    if total <= LONG_RECORDING.longer * length:
         return []
     bounds = np.linspace(0, total, round(total / length) + 1).round().astype(int)
-    overlap = max(round(0.5 * _OVERLAP_S * recording.fps), 1)
+    overlap = max(round(0.5 * LONG_RECORDING.overlap_s * recording.fps), 1)
     pieces = []
     for number, (start, stop) in enumerate(pairwise(bounds.tolist())):
         first, end = (
@@ -71,10 +70,10 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
     results = [Result.open(folder) for folder in folders]
     motion, seams_mm = joined([result.motion for result in results])
     summaries: list[Any] = [result.summary for result in results]
-    stages = {name for summary in summaries for name in summary["seconds"]["stages"]}
+    spent = [summary["seconds"]["stages"] for summary in summaries]
     seconds = {
-        name: np.array([_seconds(summary, name) for summary in summaries])
-        for name in sorted(stages)
+        name: np.array([float(stages.get(name, {}).get("sum", 0.0)) for stages in spent])
+        for name in sorted(set().union(*spent))
     }
     facts = dict(summaries[0].get("facts", {})) | {
         "pieces": [summary["frames"]["last"] + 1 for summary in summaries],
@@ -87,10 +86,6 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
     settings = job.estimator_settings(None)
     spent_s = sum(float(summary["seconds"]["total"]) for summary in summaries)
     return write_estimate(job.open(), output, estimate, settings, job.estimator, spent_s)
-
-
-def _seconds(summary: Mapping[str, Any], stage: str) -> float:
-    return float(summary["seconds"]["stages"].get(stage, {}).get("sum", 0.0))
 
 
 def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
@@ -164,24 +159,16 @@ def _turned(old: np.ndarray, new: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 def _chained(motions: Sequence[Motion]) -> Motion:
     """Motions of different frames as one, in the order of the frames."""
-    names = set.intersection(*(set(motion.quality) for motion in motions))
-
     # Frames that one piece has lost lie between those of another.
     order = np.argsort(np.concatenate([motion.frames for motion in motions]))
 
-    def chained(name: str) -> np.ndarray:
-        return np.concatenate([getattr(motion, name) for motion in motions])[order]
+    def chained(arrays: Iterable[np.ndarray]) -> np.ndarray:
+        return np.concatenate(list(arrays))[order]
 
+    each = ("root_m", "root_quaternion", "angles_rad", "frames", "time_s", "filled")
+    quality = set.intersection(*(set(motion.quality) for motion in motions))
     return replace(
         motions[0],
-        root_m=chained("root_m"),
-        root_quaternion=chained("root_quaternion"),
-        angles_rad=chained("angles_rad"),
-        frames=chained("frames"),
-        time_s=chained("time_s"),
-        filled=chained("filled"),
-        quality={
-            name: np.concatenate([motion.quality[name] for motion in motions])[order]
-            for name in names
-        },
+        **{name: chained(getattr(motion, name) for motion in motions) for name in each},
+        quality={name: chained(motion.quality[name] for motion in motions) for name in quality},
     )

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from calib.atomic import replacing
+from calib.atomic import write_whole
 from calib.atomic_folder import claimed
 from calib.errors import InputError
 from silhouette_core.workers import WorkerEndedError, open_workers
@@ -20,13 +20,13 @@ from voxelpose.batch.pieces import PIECES, join_pieces, pieces_of
 from voxelpose.evaluation import evaluate
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.truth import truth_of
+from voxelpose.reliability import Verdict, verdict_of
 from voxelpose.report.page import write_report
 from voxelpose.results import Result, as_json, is_result
 from voxelpose.version import __version__
 
 Key = TypeVar("Key")
-JOB = "job.json"
-"""File in a result's folder that says for which job of a batch it was made."""
+_JOB = "job.json"  # in a result's folder: the job of a batch that it was made for
 
 
 @dataclass(frozen=True)
@@ -70,19 +70,51 @@ class Outcome:
     summary: Mapping[str, Any] = field(default_factory=dict)
     score: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def verdict(self) -> Verdict:
+        """How far the result can be relied on."""
+        if self.status == "failed":
+            return Verdict("failed", self.message)
+        return verdict_of(self.summary)
+
 
 @dataclass(frozen=True)
 class _Task:
-    """A job and where its result goes, as given to a worker; of a long recording, with the results
-    of its pieces, which are to be joined.
+    """A job as given to a worker; of a long recording, with the results of its pieces, which are to
+    be joined.
     """
 
     job: Job
-    out: Path
-    pictures: bool
-    report: bool
-    threads: int | None
+    settings: BatchSettings
     pieces: tuple[Path, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        return self.settings.out / self.job.name
+
+    @property
+    def identity(self) -> Any:
+        """What a result must have been made from to be kept."""
+        job = replace(self.job, sources={})  # wherever they come from
+        return json.loads(as_json({"voxelpose": __version__, **asdict(job)}))
+
+    @property
+    def is_done(self) -> bool:
+        try:
+            made = json.loads((self.folder / _JOB).read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return False
+        return is_result(self.folder) and made == self.identity
+
+    def outcome(self, status: Literal["done", "kept"], seconds: float | None = None) -> Outcome:
+        summary: Any = Result.open(self.folder).summary
+        score: Mapping[str, Any] = {}
+        if (truth := truth_of(Path(self.job.recording))) is not None:
+            # A truth that does not fit is no reason to fail.
+            with suppress(InputError, ValueError):
+                score = asdict(evaluate(self.folder, truth))
+        total = float(summary["seconds"]["total"]) if seconds is None else seconds
+        return Outcome(self.job, status, "", total, summary, score)
 
 
 def run_batch(
@@ -124,16 +156,15 @@ def _run_jobs(
         told(outcome, len(outcomes))
 
     for number, job in enumerate(jobs):
-        if _is_done(job, settings.out / job.name):
-            keep(number, _outcome(job, settings.out / job.name, "kept"))
+        task = _Task(job, settings)
+        if task.is_done:
+            keep(number, task.outcome("kept"))
     todo = [number for number in range(len(jobs)) if number not in outcomes]
     divided = {number: _pieces(jobs[number], settings) for number in todo}
-    whole = [number for number in todo if not divided[number]]
     long = [number for number in todo if divided[number]]
-    found: dict[tuple[int, int], Outcome] = {}
+    of_piece = replace(settings, out=settings.out / PIECES, pictures=False, report=False)
 
     def keep_piece(key: tuple[int, int], outcome: Outcome) -> None:
-        found[key] = outcome
         told(outcome, None)
         number, place = key
         if outcome.status == "failed":
@@ -141,16 +172,13 @@ def _run_jobs(
             keep(number, Outcome(jobs[number], "failed", words))
 
     def run_pieces(keys: list[tuple[int, int]]) -> None:
-        pieces = {key: divided[key[0]][key[1]] for key in keys if key[0] not in outcomes}
-        folders = {key: settings.out / PIECES / piece.name for key, piece in pieces.items()}
-        done = [key for key, piece in pieces.items() if _is_done(piece, folders[key])]
-        for key in done:
-            keep_piece(key, _outcome(pieces[key], folders[key], "kept"))
-        tasks = {
-            key: _Task(piece, folders[key], False, False, _threads(settings))
-            for key, piece in pieces.items()
-            if key not in done
-        }
+        tasks: dict[tuple[int, int], _Task] = {}
+        for number, place in keys:
+            task = _Task(divided[number][place], of_piece)
+            if number not in outcomes and task.is_done:
+                keep_piece((number, place), task.outcome("kept"))
+            elif number not in outcomes:
+                tasks[number, place] = task
         _carry_out(tasks, settings, keep_piece)
 
     # The others take the first piece's body.
@@ -158,18 +186,14 @@ def _run_jobs(
     run_pieces([(number, k) for number in long for k in range(1, len(divided[number]))])
     tasks = {
         number: _Task(
-            jobs[number],
-            settings.out / jobs[number].name,
-            settings.pictures,
-            settings.report,
-            _threads(settings),
-            tuple(settings.out / PIECES / piece.name for piece in divided[number]),
+            jobs[number], settings, tuple(of_piece.out / piece.name for piece in divided[number])
         )
-        for number in [*whole, *(number for number in long if number not in outcomes)]
+        for number in sorted(todo, key=lambda number: number in long)
+        if number not in outcomes
     }
     _carry_out(tasks, settings, keep)
     with suppress(OSError):  # pieces of a recording that failed are kept
-        (settings.out / PIECES).rmdir()
+        of_piece.out.rmdir()
     return [outcomes[number] for number in range(len(jobs))]
 
 
@@ -180,11 +204,6 @@ def _pieces(job: Job, settings: BatchSettings) -> list[Job]:
         return pieces_of(job, settings.piece_s, settings.out)
     except InputError:  # told by the job itself
         return []
-
-
-def _threads(settings: BatchSettings) -> int | None:
-    """Alone, a job has all threads; several share the cores, one each."""
-    return None if settings.processes == 1 and settings.cluster is None else 1
 
 
 def _carry_out(
@@ -202,7 +221,7 @@ def _carry_out(
         done: list[Key] = []
         try:
             with open_workers(processes, settings.cluster, 1, apart=True) as workers:
-                for number, outcome in workers.run(run_job, [left[key] for key in group]):
+                for number, outcome in workers.run(_run_task, [left[key] for key in group]):
                     keep(group[number], outcome)
                     done.append(group[number])
         except WorkerEndedError as error:
@@ -215,50 +234,23 @@ def _carry_out(
         left = {key: task for key, task in left.items() if key not in done}
 
 
-def run_job(task: _Task) -> Outcome:
+def _run_task(task: _Task) -> Outcome:
     """Carries out one job; what the user can correct is an outcome, a bug is raised."""
-    job, started = task.job, time.perf_counter()
+    job, settings, started = task.job, task.settings, time.perf_counter()
+    # Alone, a job has all threads; several share the cores, one each.
+    threads = None if settings.processes == 1 and settings.cluster is None else 1
     try:
-        output = Output(task.out, is_result(task.out), task.pictures, job.sources)
+        output = Output(task.folder, is_result(task.folder), settings.pictures, job.sources)
         if task.pieces:
             join_pieces(job, task.pieces, output)
         else:
-            fit(job.open(), output, job.estimator_settings(task.threads), job.estimator)
-        if task.report:
-            write_report(task.out)
-        with replacing(task.out / JOB) as partial:
-            partial.write_text(as_json(_identity(job)), encoding="utf-8")
+            fit(job.open(), output, job.estimator_settings(threads), job.estimator)
+        if settings.report:
+            write_report(task.folder)
+        write_whole(task.folder / _JOB, as_json(task.identity))
         for folder in task.pieces:
             shutil.rmtree(folder, ignore_errors=True)
     except InputError as error:
         seconds = time.perf_counter() - started
         return Outcome(job, "failed", " ".join(str(error).split()), seconds)
-    return _outcome(job, task.out, "done", time.perf_counter() - started)
-
-
-def _identity(job: Job) -> dict[str, object]:
-    """What a result must have been made from to be kept."""
-    job = replace(job, sources={})  # wherever they come from
-    return {"voxelpose": __version__, **asdict(job)}
-
-
-def _is_done(job: Job, folder: Path) -> bool:
-    try:
-        made = json.loads((folder / JOB).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return is_result(folder) and made == json.loads(as_json(_identity(job)))
-
-
-def _outcome(
-    job: Job, folder: Path, status: Literal["done", "kept"], seconds: float | None = None
-) -> Outcome:
-    summary: Any = Result.open(folder).summary
-    score: Mapping[str, Any] = {}
-    if (truth := truth_of(Path(job.recording))) is not None:
-        try:
-            score = asdict(evaluate(folder, truth))
-        except (InputError, ValueError):  # a truth that does not fit is no reason to fail
-            score = {}
-    total = float(summary["seconds"]["total"]) if seconds is None else seconds
-    return Outcome(job, status, "", total, summary, score)
+    return task.outcome("done", time.perf_counter() - started)

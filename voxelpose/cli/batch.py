@@ -126,11 +126,7 @@ def _usual_jobs() -> int:
 
 def _tell(outcome: Outcome, place: str) -> None:
     """Prints one line about a job."""
-    from voxelpose.reliability import verdict_of
-
-    if outcome.status == "failed":
-        words = f"failed: {outcome.message}"
-    else:
-        words = str(verdict_of(outcome.summary))
+    words = str(outcome.verdict)
+    if outcome.status != "failed":
         words += " (kept)" if outcome.status == "kept" else f" ({outcome.seconds:.0f} s)"
     print(f"{place} {outcome.job.name}: {words}", flush=True)

@@ -166,7 +166,7 @@ Ctrl-C ends the session.
             InputError: an argument is wrong, or two exclude each other.
         """
         from voxelpose.live.receiver_address import parse_receiver
-        from voxelpose.view.serving.gate import check_access
+        from voxelpose.view.serving.gate import Address
 
         if self.camera is not None and self.cameras is not None:
             raise InputError("--camera and --cameras exclude each other: give one of them")
@@ -179,17 +179,17 @@ Ctrl-C ends the session.
         if not 0 <= self.countdown <= 3600:
             raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
         if self.page:
-            check_access(self.host, self.token)
+            Address(self.host, self.port, self.token)
         for address in self.send:
             parse_receiver(address)
 
     def _page(self, session: LiveSession, senders: Senders) -> Page:
         """Serves the page, and opens it."""
-        from voxelpose.live.live_page import Page, PageAccess
-        from voxelpose.view.serving.page_server import Address
+        from voxelpose.live.live_page import Page
+        from voxelpose.view.serving.gate import Address
 
-        access = PageAccess(Address(self.host, self.port), self.token)
-        page = Page(session, session.settings.rig.cameras, access, lambda: senders.states)
+        address = Address(self.host, self.port, self.token)
+        page = Page(session, session.settings.rig.cameras, address, lambda: senders.states)
         print(f"page: {page.url} (Ctrl-C ends the session)", file=sys.stderr, flush=True)
         if self.browser:
             import webbrowser

@@ -39,9 +39,8 @@ is replaced.
 
         with Progress() as progress:
             progress.stage("opening")
-            from voxelpose.report.page import ReportSettings, write_report
+            from voxelpose.report.page import write_report
 
-            settings = ReportSettings(self.out, self.recording, self.overwrite)
-            path = write_report(self.folder, settings, progress)
+            path = write_report(self.folder, self.out, self.recording, self.overwrite, progress)
         print(f"{path}: {path.stat().st_size / 2**20:.1f} MiB; open it in a browser")
         return 0

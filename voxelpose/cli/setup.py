@@ -42,18 +42,19 @@ given; Ctrl-C ends it.
         """Serves the page until it is interrupted; returns the exit code."""
         import webbrowser
 
-        from voxelpose.view.serving.gate import check_access
+        from voxelpose.view.serving.gate import Address
 
-        check_access(self.host, self.token)
+        address = Address(self.host, self.port, self.token)
         from voxelpose.cli.terminal import message
+        from voxelpose.setup_page.opened_folder import OpenedFolder
         from voxelpose.setup_page.setup_server import SetupServer
-        from voxelpose.setup_page.setup_session import open_session
+        from voxelpose.setup_page.setup_session import SetupSession
 
         known = self._fit_settings()
         unit = self.unit or known.get("unit", (None, ""))[0]
         fps = self.fps or known.get("fps", (None, ""))[0]
-        session = open_session(self.recording, self._fit_settings, unit, fps)
-        server = SetupServer(session, self.host, self.port, self.token)
+        session = SetupSession(OpenedFolder.open(self.recording, unit, fps), self._fit_settings)
+        server = SetupServer(session, address)
         try:
             print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)
             if self.browser:

@@ -66,9 +66,9 @@ cameras and hull are shown.
         refuse_existing([self.png], self.overwrite, "--png")
         refuse_existing([self.video], self.overwrite, "--video")
         if not (self.open3d or self.png or self.video):
-            from voxelpose.view.serving.gate import check_access
+            from voxelpose.view.serving.gate import Address
 
-            check_access(self.host, self.token)
+            Address(self.host, self.port, self.token)  # refused before the work, not after
         if self.open3d:
             from voxelpose.view.open3d_import import import_open3d
 
@@ -139,10 +139,10 @@ cameras and hull are shown.
     def _serve(self, scenes: ResultScenes, frame: int) -> None:
         import webbrowser
 
-        from voxelpose.view.serving.page_server import Address
+        from voxelpose.view.serving.gate import Address
         from voxelpose.view.viewer.browser import Browser
 
-        browser = Browser(scenes, Address(self.host, self.port), frame, self.token)
+        browser = Browser(scenes, Address(self.host, self.port, self.token), frame)
         print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
         if scenes.missing:
             print(f"note: {scenes.missing}")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import FrameReader, size_text
+from voxelpose.tuning import LIVE
 
 Frame = NDArray[np.uint8]
 Deliver = Callable[[str, float, Frame], None]
@@ -21,7 +22,6 @@ Deliver = Callable[[str, float, Frame], None]
 
 _SCHEMES = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "rtp://")
 _TIMEOUT_MS = 4000  # for a stream to open, and for its next picture
-_FIRST_WAIT_S, _LONGEST_WAIT_S = 0.5, 8.0
 _DARK, _GRID = 14, 16  # brightest value of a black picture, and px between the pixels looked at
 
 
@@ -120,7 +120,7 @@ class CameraReader:
         return self.state == "ended"
 
     def _run(self) -> None:
-        wait_s = _FIRST_WAIT_S
+        wait_s = LIVE.first_wait_s
         while not self._stop.is_set():
             before = self.pictures
             try:
@@ -131,7 +131,9 @@ class CameraReader:
                 self._capture()
             except InputError as error:
                 self.state = str(error)
-            wait_s = _FIRST_WAIT_S if self.pictures > before else min(2 * wait_s, _LONGEST_WAIT_S)
+            wait_s = min(2 * wait_s, LIVE.longest_wait_s)
+            if self.pictures > before:
+                wait_s = LIVE.first_wait_s
             if not self._stop.is_set():
                 self.state = f"no picture: trying again every {wait_s:g} s"
             self._stop.wait(wait_s)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.image.silhouettes import UndistortedView
-from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.view.viewer.legend import SILHOUETTE
+from voxelpose.view.viewer.scene_renderer import add_camera
 
 _LONG_SIDE_PX = 320
-_JPEG_QUALITY = 70
 
 
 class CameraViews:
@@ -33,10 +32,12 @@ class CameraViews:
         """
         self._cameras = tuple(rig)
         self._views = [UndistortedView.from_camera(camera, _LONG_SIDE_PX) for camera in rig]
-        self._handles = [_add_frustum(scene, camera) for camera in rig]
-        self._labels = [
-            scene.add_label(f"/cameras/{camera.name}/name", camera.name) for camera in rig
+        look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
+        drawn = [
+            add_camera(scene, camera, format="jpeg", jpeg_quality=70, **look) for camera in rig
         ]
+        self._handles = [frustum for frustum, _ in drawn]
+        self._labels = [label for _, label in drawn]
         self._next = 0
 
     def show(self, visible: bool) -> None:
@@ -89,21 +90,3 @@ def small_picture(
     if view.maps is not None:
         small = cv2.remap(small, *view.maps, cv2.INTER_LINEAR)
     return np.asarray(small, np.uint8)
-
-
-def _add_frustum(scene: viser.SceneApi, camera: Camera) -> viser.CameraFrustumHandle:
-    width, height = camera.size
-    return scene.add_camera_frustum(
-        f"/cameras/{camera.name}",
-        fov=2 * float(np.arctan(height / (2 * camera.matrix[1, 1]))),
-        aspect=width / height,
-        scale=0.4,
-        thickness=0.008,
-        color=(60, 66, 74),
-        format="jpeg",
-        jpeg_quality=_JPEG_QUALITY,
-        cast_shadow=False,
-        receive_shadow=False,
-        wxyz=quaternions(camera.rotation.T[None])[0],
-        position=camera.center_m,
-    )

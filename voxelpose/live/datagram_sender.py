@@ -28,8 +28,7 @@ class DatagramSender(Sender):
                 if any(refused):
                     self.note_state("nobody listens there, sending all the same", False)
                 else:
-                    self.note_sent(frame, offered_s)
-                    self.note_state("sending", True)
+                    self.note_sent(offered_s)
                 await asyncio.sleep(0)
 
 

@@ -17,7 +17,7 @@ from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import PosedBody
 
-UNITY_FROM_WORLD = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+UNITY_FROM_WORLD = np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]])
 """Axes of Unity: (x, y, z) becomes (-x, z, -y). A body that faces -y in the world then faces +z,
 its left hand toward -x. The determinant is -1: the handedness changes.
 """

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterable
+from typing import Any
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import LiveFrame, PosedBody
 
 SCHEMA_VERSION = 1
-_DIGITS = 5  # a hundredth of a millimetre
 
 
 def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
@@ -31,39 +29,31 @@ def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
         "format": "voxelpose live",
         "version": SCHEMA_VERSION,
         "number": frame.number,
-        "time_s": _number(frame.time_s),
-        "captured_unix_s": _number(frame.captured_unix_s),
-        "sent_unix_s": _number(sent_unix_s),
+        "time_s": _rounded(frame.time_s),
+        "captured_unix_s": _rounded(frame.captured_unix_s),
+        "sent_unix_s": _rounded(sent_unix_s),
         "note": frame.note,
         "body": None if frame.body is None else _body(frame.body),
     }
-    return json.dumps(message, allow_nan=False, separators=(",", ":"), ensure_ascii=False) + "\n"
+    return msgspec.json.encode(message).decode() + "\n"
 
 
 def _body(body: PosedBody) -> dict[str, object]:
-    model = body.model
-    joints = zip(
-        LANDMARK_NAMES, body.joints_m.tolist(), body.joint_confidence.tolist(), strict=True
-    )
+    model, pose = body.model, body.pose
+    joints = zip(_rounded(body.joints_m), _rounded(body.joint_confidence), strict=True)
+    turns = _rounded(quaternions(_local(body)))
     return {
-        "confidence": _number(body.confidence),
+        "confidence": _rounded(body.confidence),
         "root": {
-            "position_m": _numbers(body.pose.root_m.tolist()),
-            "rotation_wxyz": _numbers(quaternions(body.pose.root_rotation).tolist()),
+            "position_m": _rounded(pose.root_m),
+            "rotation_wxyz": _rounded(quaternions(pose.root_rotation)),
         },
         "joints": {
-            name: {"position_m": _numbers(position), "confidence": _number(confidence)}
-            for name, position, confidence in joints
+            name: {"position_m": position, "confidence": confidence}
+            for name, (position, confidence) in zip(LANDMARK_NAMES, joints, strict=True)
         },
-        "local_rotations_wxyz": {
-            name: _numbers(quaternion)
-            for name, quaternion in zip(
-                model.names, quaternions(_local(body)).tolist(), strict=True
-            )
-        },
-        "angles_rad": dict(
-            zip(model.dof_names, _numbers(body.pose.angles_rad.tolist()), strict=True)
-        ),
+        "local_rotations_wxyz": dict(zip(model.names, turns, strict=True)),
+        "angles_rad": dict(zip(model.dof_names, _rounded(pose.angles_rad), strict=True)),
     }
 
 
@@ -76,9 +66,6 @@ def _local(body: PosedBody) -> NDArray[np.float64]:
     return local
 
 
-def _numbers(values: Iterable[float]) -> list[float | None]:
-    return [_number(value) for value in values]
-
-
-def _number(value: float) -> float | None:
-    return round(float(value), _DIGITS) if math.isfinite(value) else None
+def _rounded(values: ArrayLike) -> Any:
+    """Numbers as lists, to a hundredth of a millimetre; JSON has those not finite as null."""
+    return np.round(np.asarray(values, float), 5).tolist()

@@ -1,10 +1,10 @@
-"""What the stages of live estimation hand to each other, and what the page may ask of them."""
+"""What the stages of live estimation hand to each other and show."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,6 @@ class LiveFrame:
         pictures: (H, W, 3) uint8 BGR by camera name, as captured.
         silhouettes: (h, w) bool by camera name, of the pictures or of these scaled down.
         body: the person; None where none was found.
-        stage_s: seconds that each stage took, by its name.
         note: one line about this frame for the user, such as a second person; empty: nothing.
         captured_unix_s: time of capture, Unix time, for receivers on other clocks; nan: unknown.
     """
@@ -66,7 +65,6 @@ class LiveFrame:
     pictures: Mapping[str, NDArray[np.uint8]]
     silhouettes: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     body: PosedBody | None = None
-    stage_s: Mapping[str, float] = field(default_factory=dict)
     note: str = ""
     captured_unix_s: float = float("nan")
 
@@ -96,32 +94,3 @@ class SessionState:
     latency_s: float = float("nan")
     stage_s: Mapping[str, float] = field(default_factory=dict)
     cameras: Mapping[str, str] = field(default_factory=dict)
-
-
-class Controls(Protocol):
-    """What a user can ask of a running session; every call returns at once."""
-
-    @property
-    def state(self) -> SessionState:
-        """The session's state."""
-        ...
-
-    def learn_background(self) -> None:
-        """Counts down, then learns the background from the empty view."""
-        ...
-
-    def start(self) -> None:
-        """Looks for a person and follows it."""
-        ...
-
-    def stop(self) -> None:
-        """Stops the estimation; the cameras go on."""
-        ...
-
-    def record(self) -> None:
-        """Begins to record; says in the state why where it cannot."""
-        ...
-
-    def end_recording(self) -> None:
-        """Ends and completes the recording."""
-        ...

@@ -29,7 +29,7 @@ from voxelpose.recording.subject import Subject
 
 _BACKGROUND_FRAMES = 60
 _USUAL_SIZE = (640, 480)  # of a webcam without a calibration
-_USUAL_FPS = 30.0
+_USUAL_FPS = 30
 
 
 @dataclass(frozen=True)

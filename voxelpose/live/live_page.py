@@ -5,30 +5,20 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from calib.camera import Camera
-from voxelpose.live.live_frame import Controls, LiveFrame
-from voxelpose.live.live_scene import LiveScene, ShownLayers
+from voxelpose.live.live_frame import LiveFrame
+from voxelpose.live.live_scene import LiveScene
 from voxelpose.live.page_panel import PagePanel
 from voxelpose.live.sender import ReceiverState
-from voxelpose.view.serving.page_server import Address, PageServer
+from voxelpose.view.serving.gate import Address
+from voxelpose.view.serving.page_server import PageServer
 
-_MOST_PER_S = 15.0
-_TEXTS_S = 0.4
+if TYPE_CHECKING:
+    from voxelpose.live.session import LiveSession
 
-
-@dataclass(frozen=True)
-class PageAccess:
-    """Where the page is served, and to whom.
-
-    Attributes:
-        address: by default this machine only.
-        token: what viewers must know; necessary where other machines can reach the address.
-    """
-
-    address: Address = field(default_factory=lambda: Address("127.0.0.1"))
-    token: str | None = None
+_MOST_PER_S = 15
 
 
 class Page:
@@ -36,26 +26,25 @@ class Page:
 
     def __init__(
         self,
-        controls: Controls,
+        session: LiveSession,
         rig: Sequence[Camera],
-        access: PageAccess | None = None,
-        receivers: Callable[[], Sequence[ReceiverState]] = tuple,
+        address: Address,
+        receivers: Callable[[], Sequence[ReceiverState]],
     ) -> None:
         """Starts the server.
 
         Args:
-            controls: of the session; called from threads of the page.
+            session: whose controls are called from threads of the page.
             rig: the cameras, at least one.
-            access: where and to whom; None: to this machine only.
+            address: where and to whom.
             receivers: returns the receivers' states.
 
         Raises:
             InputError: see `Gate`.
         """
-        access = access or PageAccess()
-        self._served = PageServer(access.address, access.token)
+        self._served = PageServer(address)
         try:
-            self._panel = PagePanel(self._served.viser.gui, controls, receivers)
+            self._panel = PagePanel(self._served.viser.gui, session, receivers)
             self._scene = LiveScene(self._served.viser, rig)
         except BaseException:
             self._served.close()
@@ -88,24 +77,24 @@ class Page:
         self._served.close()
 
     def _run(self) -> None:
-        drawn: tuple[LiveFrame | None, ShownLayers] | None = None
-        texts_due_s = 0.0
+        drawn: tuple[LiveFrame | None, frozenset[str]] | None = None
+        texts_s, texts_due_s = 0.4, 0.0
         while True:
             with self._changed:
                 if self._frame is None or (drawn is not None and self._frame is drawn[0]):
-                    self._changed.wait(_TEXTS_S / 2)
+                    self._changed.wait(texts_s / 2)
                 if self._closing:
                     return
                 frame = self._frame
             begun_s = time.monotonic()
             if self._served.watched:
-                chosen = frame, self._panel.layers
+                chosen = frame, self._panel.shown
                 with self._served.viser.atomic():
                     if frame is not None and chosen != drawn:
                         self._scene.draw(frame, chosen[1])
                     if begun_s >= texts_due_s:
                         self._panel.update(frame)
-                        texts_due_s = begun_s + _TEXTS_S
+                        texts_due_s = begun_s + texts_s
                 drawn = chosen
             else:
                 drawn = None

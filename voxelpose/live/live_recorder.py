@@ -6,6 +6,7 @@ import errno
 import shutil
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from queue import Full, Queue
 
@@ -21,9 +22,9 @@ from calib.files import write_rig
 from voxelpose.live.shots import Shot
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
+from voxelpose.view.images.canvas import encoded
 
 _WAITING = 45  # moments that wait for the disk at most
-_QUALITY = 95  # of JPEG
 _LEAST_FREE = 200 << 20  # bytes on the disk, below which recording ends
 _CHECKED_EVERY = 30  # frames
 _BACKGROUND_PICTURES = 30
@@ -47,7 +48,6 @@ class LiveRecorder:
 
     Attributes:
         written: number of moments written.
-        dropped: number of moments that the disk was too slow for.
         failure: why recording ended by itself; empty: it did not.
 
     Raises:
@@ -64,7 +64,7 @@ class LiveRecorder:
     ):
         """Makes the folder with all that does not change."""
         self.folder, self.private = folder, private
-        self.written, self.dropped, self.failure = 0, 0, ""
+        self.written, self.failure = 0, ""
         self._sizes = {camera.name: camera.size for camera in rig}
         if folder.exists():
             raise InputError(f"{folder} exists: give --record another name")
@@ -82,20 +82,16 @@ class LiveRecorder:
     def put(self, shot: Shot, masks: Masks | None = None) -> None:
         """Hands over a moment of which every camera has a picture; returns at once.
 
+        It is left out where the disk is too slow.
+
         Args:
             shot: the pictures.
             masks: the silhouettes, which a private recording keeps instead.
         """
-        if self.failure or set(shot.pictures) != set(self._sizes):
-            self.dropped += 1
-            return
         kept = masks if self.private else shot.pictures
-        if kept is None:
-            return
-        try:
-            self._queue.put_nowait((shot.time_s, kept))
-        except Full:
-            self.dropped += 1
+        if kept is not None and not self.failure and set(shot.pictures) == set(self._sizes):
+            with suppress(Full):
+                self._queue.put_nowait((shot.time_s, kept))
 
     def close(self) -> None:
         """Writes what still waits, and completes the recording."""
@@ -168,8 +164,4 @@ def _image(picture: NDArray, size: tuple[int, int]) -> Picture:
 
 
 def _write(path: Path, picture: Picture) -> None:
-    settings = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY] if path.suffix == ".jpg" else []
-    good, data = cv2.imencode(path.suffix, picture, settings)
-    if not good:
-        raise OSError(f"{path.name} cannot be encoded")
-    path.write_bytes(data.tobytes())
+    path.write_bytes(encoded(picture, path.suffix, 95 if path.suffix == ".jpg" else None))

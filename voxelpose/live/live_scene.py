@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import viser
@@ -14,34 +13,23 @@ from silhouette_core.body.joints import LANDMARK_BONES
 from voxelpose.live.camera_views import CameraViews
 from voxelpose.live.live_frame import LiveFrame, PosedBody
 from voxelpose.live.skinned_figure import SkinnedFigure
-from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, PAPER
+from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, faded
 
+LAYERS = {
+    "figure": "Person",
+    "cameras": "Cameras",
+    "pictures": "Pictures",
+    "outlines": "Outlines",
+    "hull": "Voxels",
+    "hypotheses": "Other poses",
+}
+"""What can be shown, and how the page calls it: `pictures` of the cameras with silhouettes as
+`outlines`, `hypotheses` of one camera.
+"""
 _MOST_HYPOTHESES = 3
 _MOST_POINTS = 4000
-_POINT_M = 0.012
 _SKY = (205, 214, 224), (247, 248, 249)  # from top to bottom
 _NO_POINTS = np.zeros((0, 3), np.float32)
-
-
-@dataclass(frozen=True)
-class ShownLayers:
-    """Selection of what is shown.
-
-    Attributes:
-        figure: whether the person is shown.
-        cameras: whether the cameras are shown.
-        pictures: whether they show their pictures.
-        outlines: whether silhouettes are outlined in these.
-        hull: whether the hull's voxels are shown.
-        hypotheses: whether other likely poses are shown.
-    """
-
-    figure: bool = True
-    cameras: bool = True
-    pictures: bool = True
-    outlines: bool = True
-    hull: bool = True
-    hypotheses: bool = True
 
 
 class LiveScene:
@@ -78,7 +66,7 @@ class LiveScene:
         self._figure = SkinnedFigure(scene)
         self._cameras = CameraViews(scene, rig)
         self._hull = scene.add_point_cloud(
-            "/hull", _NO_POINTS, HULL, point_size=_POINT_M, point_shape="circle"
+            "/hull", _NO_POINTS, HULL, point_size=0.012, point_shape="circle"
         )
         self._hypotheses = scene.add_line_segments(
             "/hypotheses",
@@ -87,24 +75,25 @@ class LiveScene:
             thickness=0.008,
             visible=False,
         )
-        self._drawn: ShownLayers | None = None
+        self._drawn: frozenset[str] | None = None
         self._count = 0
         _place_viewpoint(server, centers, middle)
 
-    def draw(self, frame: LiveFrame, layers: ShownLayers) -> None:
-        """Shows one moment."""
-        if layers != self._drawn:
-            self._cameras.show(layers.cameras)
-            if not (layers.cameras and layers.pictures):
+    def draw(self, frame: LiveFrame, shown: frozenset[str]) -> None:
+        """Shows the chosen `LAYERS` of one moment."""
+        pictures = {"cameras", "pictures"} <= shown
+        if shown != self._drawn:
+            self._cameras.show("cameras" in shown)
+            if not pictures:
                 self._cameras.clear()
-            self._drawn = layers
-        self._figure.draw(frame.body if layers.figure else None)
-        self._draw_hypotheses(frame.body if layers.hypotheses else None)
+            self._drawn = shown
+        self._figure.draw(frame.body if "figure" in shown else None)
+        self._draw_hypotheses(frame.body if "hypotheses" in shown else None)
         self._count += 1
         if self._count % 2:  # hull and pictures cost the most, and may lag a little
-            self._draw_hull(frame.body if layers.hull else None)
-        elif layers.cameras and layers.pictures:
-            self._cameras.draw(frame, layers.outlines)
+            self._draw_hull(frame.body if "hull" in shown else None)
+        elif pictures:
+            self._cameras.draw(frame, "outlines" in shown)
 
     def _draw_hull(self, body: PosedBody | None) -> None:
         points = _NO_POINTS if body is None or body.hull_m is None else body.hull_m
@@ -119,17 +108,11 @@ class LiveScene:
         if not likeliest:
             return
         ends = np.concatenate([joints[LANDMARK_BONES] for _, joints in likeliest])
-        shades = [_faded(probability / max(likeliest[0][0], 1e-9)) for probability, _ in likeliest]
+        shades = [faded(probability / max(likeliest[0][0], 1e-9)) for probability, _ in likeliest]
         colours = np.repeat(np.repeat(shades, len(LANDMARK_BONES), 0)[:, None], 2, 1)
         seen = np.isfinite(ends).all((1, 2))
         self._hypotheses.points = ends[seen].astype(np.float32)
         self._hypotheses.colors = colours[seen]
-
-
-def _faded(opacity: float) -> NDArray[np.uint8]:
-    """Colour (3,) of a line: lines have no opacity, the less likely fade into the background."""
-    kept = 0.25 + 0.75 * min(opacity, 1.0)
-    return np.round(kept * np.array(HYPOTHESIS) + (1 - kept) * np.array(PAPER)).astype(np.uint8)
 
 
 def _looked_at(rig: Sequence[Camera]) -> NDArray[np.float64]:

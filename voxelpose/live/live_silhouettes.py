@@ -12,16 +12,14 @@ from calib.camera import Rig
 from calib.components import label_components
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX
+from voxelpose.tuning import LIVE
 
 Mask = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
 
 _FEW, _FEW_PX, _MANY_PX = 5, 480, 384  # up to so many cameras, and more
-_MARGIN = 0.15  # of a silhouette's size, about it, in which the next one is looked for
 _LEAST_MARGIN_PX = 32
 _WHOLE_EVERY = 10  # frames after which a camera's whole picture is looked at again
-_SECOND_PERSON = 0.3  # least area of somebody else, relative to the largest component
-_SECOND_PICTURE = 0.004  # the same relative to the picture
 
 
 def long_side_px(rig: Rig) -> int:
@@ -49,7 +47,7 @@ class EmptyView:
     pictures: Mapping[str, Sequence[Picture]]
     allowed: Mapping[str, Mask] = field(default_factory=dict)
     silhouettes_given: bool = False
-    fps: float = 30.0
+    fps: float = 30
     frame_count: int = 0
 
     def backgrounds(self) -> Mapping[str, Sequence[Picture]]:
@@ -112,7 +110,7 @@ def _around(mask: Mask) -> tuple[slice, slice] | None:
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return None
-    margin = max(_LEAST_MARGIN_PX, round(_MARGIN * max(np.ptp(rows), np.ptp(columns))))
+    margin = max(_LEAST_MARGIN_PX, round(LIVE.window_margin * max(np.ptp(rows), np.ptp(columns))))
     top, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
     return slice(top, int(rows[-1]) + margin + 1), slice(left, int(columns[-1]) + margin + 1)
 
@@ -122,4 +120,4 @@ def _shows_several(mask: Mask) -> bool:
     sizes = np.sort(label_components(mask).sizes[1:])
     if len(sizes) < 2:
         return False
-    return sizes[-2] > max(_SECOND_PERSON * sizes[-1], _SECOND_PICTURE * mask.size)
+    return sizes[-2] > max(LIVE.second_component * sizes[-1], LIVE.second_picture * mask.size)

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import viser
 
-from voxelpose.live.live_frame import Controls, LiveFrame
-from voxelpose.live.live_scene import ShownLayers
+from voxelpose.live.live_frame import LiveFrame
+from voxelpose.live.live_scene import LAYERS
 from voxelpose.live.page_texts import links_html, status_html, timings_html
 from voxelpose.live.sender import ReceiverState
 
-_LAYERS = {
-    "figure": "Person",
-    "cameras": "Cameras",
-    "pictures": "Pictures",
-    "outlines": "Outlines",
-    "hull": "Voxels",
-    "hypotheses": "Other poses",
-}
+if TYPE_CHECKING:
+    from voxelpose.live.session import LiveSession
+
 _RECORD, _END = "Record", "End recording"
 
 
@@ -27,32 +22,31 @@ class PagePanel:
     """Buttons that ask the session, and texts about it.
 
     Attributes:
-        layers: the user's choice of what is shown.
+        shown: names of the layers that the user has chosen to see.
     """
 
     def __init__(
         self,
         gui: viser.GuiApi,
-        controls: Controls,
+        session: LiveSession,
         receivers: Callable[[], Sequence[ReceiverState]],
     ) -> None:
         """Makes the panel.
 
         Args:
             gui: viser's.
-            controls: of the session.
+            session: asked from threads of the page.
             receivers: returns their states.
         """
-        self.layers = ShownLayers()
-        self._controls, self._receivers = controls, receivers
-        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-        gui.main_panel.dock_right()
+        self.shown = frozenset(LAYERS)
+        self._session, self._receivers = session, receivers
         self._status = gui.add_html("")
-        self._button(
-            gui, "Background", viser.Icon.PHOTO, "Learns the empty room", controls.learn_background
-        )
-        self._button(gui, "Start", viser.Icon.PLAYER_PLAY, "Looks for a person", controls.start)
-        self._button(gui, "Stop", viser.Icon.PLAYER_STOP, "The cameras go on", controls.stop)
+        for label, icon, hint, ask in (
+            ("Background", viser.Icon.PHOTO, "Learns the empty room", session.learn_background),
+            ("Start", viser.Icon.PLAYER_PLAY, "Looks for a person", session.start),
+            ("Stop", viser.Icon.PLAYER_STOP, "The cameras go on", session.stop),
+        ):
+            gui.add_button(label, icon=icon, hint=hint).on_click(lambda _, ask=ask: ask())
         self._record = gui.add_button(_RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
         self._record.on_click(lambda _: self._toggle_recording())
         with gui.add_folder("Now"):
@@ -60,12 +54,12 @@ class PagePanel:
         with gui.add_folder("Cameras and receivers"):
             self._links = gui.add_html("")
         with gui.add_folder("Show"):
-            for name, label in _LAYERS.items():
+            for name, label in LAYERS.items():
                 self._add_layer(gui, name, label)
 
     def update(self, frame: LiveFrame | None) -> None:
         """Shows the session's state; what has not changed is not sent again."""
-        state = self._controls.state
+        state = self._session.state
         texts = (
             (self._status, status_html(state, frame.note if frame is not None else "")),
             (self._timings, timings_html(state, frame)),
@@ -78,27 +72,16 @@ class PagePanel:
         if self._record.label != label:
             self._record.label = label
 
-    def _button(
-        self,
-        gui: viser.GuiApi,
-        label: str,
-        icon: viser.IconName,
-        hint: str,
-        ask: Callable[[], None],
-    ) -> None:
-        button = gui.add_button(label, icon=icon, hint=hint)
-        button.on_click(lambda _: ask())
-
     def _toggle_recording(self) -> None:
-        if self._controls.state.recording:
-            self._controls.end_recording()
+        if self._session.state.recording:
+            self._session.end_recording()
         else:
-            self._controls.record()
+            self._session.record()
 
     def _add_layer(self, gui: viser.GuiApi, name: str, label: str) -> None:
-        box = gui.add_checkbox(label, getattr(self.layers, name))
+        box = gui.add_checkbox(label, True)
 
         def choose(_: object) -> None:
-            self.layers = replace(self.layers, **{name: box.value})
+            self.shown = self.shown | {name} if box.value else self.shown - {name}
 
         box.on_update(choose)

@@ -15,7 +15,7 @@ from typing import Any
 from silhouette_core.jit import set_threads
 from silhouette_core.workers import interrupts_put_off
 
-_CLOSE_S = 10.0  # after which a process that does not end is killed
+_CLOSE_S = 10  # after which a process that does not end is killed
 
 
 class RemoteObject:

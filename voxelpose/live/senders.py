@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
+import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from voxelpose.live.datagram_sender import DatagramSender
@@ -13,14 +17,14 @@ from voxelpose.live.websocket_sender import WebSocketSender
 
 
 class Senders:
-    """Sends every frame to all receivers, each from a thread of its own.
+    """Sends every frame to all receivers, from a thread of its own.
 
     A receiver that is absent, slow, refuses or closes delays neither the caller nor the others: of
     the frames that it could not take, it is sent the newest.
     """
 
     def __init__(self, addresses: Sequence[str]) -> None:
-        """Starts a thread for each receiver.
+        """Starts the thread.
 
         Args:
             addresses: as `parse_receiver` takes them; none are allowed, too.
@@ -28,25 +32,22 @@ class Senders:
         Raises:
             InputError: an address is wrong, or its host is not known.
         """
+        kinds: dict[str, type[Sender]] = {"vmc": DatagramSender, "ws": WebSocketSender}
         parsed = [parse_receiver(text) for text in addresses]
-        self._senders: list[Sender] = []
-        try:
-            for address in parsed:
-                kind = DatagramSender if address.protocol == "vmc" else WebSocketSender
-                self._senders.append(kind(address))
-        except BaseException:
-            self.close()
-            raise
+        self._senders = [kinds[address.protocol](address) for address in parsed]
+        self._loop = asyncio.new_event_loop()
+        self._stopped = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="send to receivers", daemon=True)
+        self._thread.start()
 
     def send(self, frame: LiveFrame) -> None:
-        """Hands a frame to all receivers' threads; returns at once and never raises.
+        """Hands a frame to all receivers; returns at once and never raises.
 
         Pictures are not sent, and not kept.
         """
-        if self._senders:
-            slim = replace(frame, pictures={}, silhouettes={})
-            for sender in self._senders:
-                sender.offer(slim)
+        slim = replace(frame, pictures={}, silhouettes={})
+        with suppress(RuntimeError):  # closed
+            self._loop.call_soon_threadsafe(self._offer, slim, time.perf_counter())
 
     @property
     def states(self) -> tuple[ReceiverState, ...]:
@@ -54,8 +55,24 @@ class Senders:
         return tuple(sender.state for sender in self._senders)
 
     def close(self) -> None:
-        """Ends all connections and threads; frames that still wait are not sent."""
+        """Ends all connections and the thread; frames that still wait are not sent."""
+        with suppress(RuntimeError):  # closed already
+            self._loop.call_soon_threadsafe(self._stopped.set)
+        self._thread.join()
+
+    def _offer(self, frame: LiveFrame, offered_s: float) -> None:
         for sender in self._senders:
-            sender.stop()
-        for sender in self._senders:
-            sender.join()
+            sender.offer(frame, offered_s)
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._keep_sending())
+        finally:
+            self._loop.close()
+
+    async def _keep_sending(self) -> None:
+        tasks = [asyncio.create_task(sender.keep_trying()) for sender in self._senders]
+        await self._stopped.wait()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
-from voxelpose.live.live_frame import LiveFrame, Phase, PosedBody, SessionState
+from voxelpose.live.live_frame import LiveFrame, Phase, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
 from voxelpose.live.live_silhouettes import EmptyView, long_side_px
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
@@ -26,11 +27,11 @@ from voxelpose.live.silhouette_process import SilhouetteProcess
 from voxelpose.live.stage_times import StageTimes
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.recording.subject import Subject
+from voxelpose.tuning import LIVE
 
 Picture = NDArray[np.uint8]
 
 _LEARNED_FRAMES = 45  # of the empty view
-_SEARCHING_S = 0.09  # between frames while a person is searched: the search needs the processor
 _MESSAGES: dict[Phase, str] = {
     "no background": "the empty view is not known: press Background and step out of the picture",
     "countdown": "step out of the picture",
@@ -104,7 +105,7 @@ class LiveSession:
         self.receivers: list[Callable[[LiveFrame], None]] = []
         self._started_s, self._started_unix_s = time.monotonic(), time.time()
         names = settings.rig.names
-        self._matcher = ShotMatcher(names, self._now, min(2, len(names)), self._keep)
+        self._matcher = ShotMatcher(names, self._now, self._keep)
         self._observed: Newest[_Observed] = Newest()
         self._readers = [
             CameraReader(
@@ -118,11 +119,8 @@ class LiveSession:
             for camera in settings.rig
         ]
         self._threads = [
-            threading.Thread(target=self._guarded, args=(work,), name=name, daemon=True)
-            for name, work in (
-                ("silhouettes", self._observe),
-                ("estimation", self._estimate),
-            )
+            threading.Thread(target=self._guarded, args=(work,), daemon=True)
+            for work in (self._observe, self._estimate)
         ]
         self._failure: BaseException | None = None
         self._over = threading.Event()
@@ -183,7 +181,7 @@ class LiveSession:
 
     @property
     def state(self) -> SessionState:
-        """See `Controls.state`."""
+        """The session's state, for the page and the terminal."""
         with self._lock:
             phase, notice, recorder = self._phase, self._notice, self._recorder
             left_s = self._until_s - self._now()
@@ -193,9 +191,8 @@ class LiveSession:
         if recorder is not None and recorder.failure:
             notice = recorder.failure
         cameras = {reader.source.name: reader.state for reader in self._readers}
-        if phase in ("searching", "following") and sum(s == "ok" for s in cameras.values()) < min(
-            2, len(cameras)
-        ):
+        working, stage_s = list(cameras.values()).count("ok"), self.times.medians()
+        if phase in ("searching", "following") and working < min(2, len(cameras)):
             message = "waiting for cameras"
         return SessionState(
             phase,
@@ -204,20 +201,20 @@ class LiveSession:
             self.times.frames,
             self._matcher.shots.dropped + self._observed.dropped,
             self.times.fps,
-            self.times.recent("total"),
-            self.times.medians(),
+            stage_s.get("total", float("nan")),
+            stage_s,
             cameras,
         )
 
     def learn_background(self) -> None:
-        """See `Controls.learn_background`."""
+        """Counts down, then learns the background from the empty view; returns at once."""
         with self._lock:
             self._phase, self._notice = "countdown", ""
             self._until_s = self._now() + self.settings.countdown_s
             self._learned.clear()
 
     def start(self) -> None:
-        """See `Controls.start`."""
+        """Looks for a person and follows it."""
         with self._lock:
             if not self._subtracts:
                 self._notice = "the empty view must be learned first"
@@ -225,13 +222,13 @@ class LiveSession:
                 self._phase, self._notice = "searching", ""
 
     def stop(self) -> None:
-        """See `Controls.stop`."""
+        """Stops the estimation; the cameras go on."""
         with self._lock:
             if self._phase in ("searching", "following"):
                 self._phase = "stopped"
 
     def record(self) -> None:
-        """See `Controls.record`."""
+        """Begins to record; says in the state why where it cannot."""
         settings = self.settings
         with self._lock:
             if settings.record is None:
@@ -255,7 +252,7 @@ class LiveSession:
             self._recorder, self._notice = recorder, notice
 
     def end_recording(self) -> None:
-        """See `Controls.end_recording`."""
+        """Ends and completes the recording."""
         with self._lock:
             recorder, self._recorder = self._recorder, None
         if recorder is not None:
@@ -282,10 +279,10 @@ class LiveSession:
         while (shot := self._matcher.shots.take()) is not None:
             begun_s = self._now()
             phase = self._prepare(shot)
-            if phase == "searching" and shot.time_s - looked_s < _SEARCHING_S:
+            if phase == "searching" and shot.time_s - looked_s < LIVE.searching_s:
                 continue
             if phase not in ("searching", "following"):
-                self._show(self._frame(shot, {}, None, {}, ""))
+                self._show(shot)
                 continue
             looked_s = shot.time_s
             silhouettes, others = self._silhouettes.of(shot.time_s, shot.pictures)
@@ -347,25 +344,16 @@ class LiveSession:
                 "waiting": begun_s - shot.time_s - sum(observed.stage_s.values()),
                 "estimation": done_s - begun_s,
             }
-            frame = self._frame(shot, observed.silhouettes.masks(), body, stage_s, observed.note)
-            self._show(frame)
+            self._show(shot, observed.silhouettes.masks(), body, observed.note)
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
 
-    def _show(self, frame: LiveFrame) -> None:
+    def _show(self, shot: Shot, *found: Any) -> None:
+        """Hands a moment, with what was found in it, to all receivers."""
+        taken_s = self._started_unix_s + shot.time_s
+        frame = LiveFrame(shot.number, shot.time_s, shot.pictures, *found, captured_unix_s=taken_s)
         for receive in self.receivers:
             receive(frame)
-
-    def _frame(
-        self,
-        shot: Shot,
-        masks: Mapping[str, NDArray[np.bool_]],
-        body: PosedBody | None,
-        stage_s: Mapping[str, float],
-        note: str,
-    ) -> LiveFrame:
-        taken = self._started_unix_s + shot.time_s
-        return LiveFrame(shot.number, shot.time_s, shot.pictures, masks, body, stage_s, note, taken)
 
     def _keep(self, shot: Shot) -> None:
         """Records pictures, also those that the estimation has no time for."""

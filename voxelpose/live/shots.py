@@ -11,11 +11,9 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from voxelpose.tuning import LIVE
+
 _KEPT = 4  # pictures of each camera that wait for the others'
-_SILENT_S = 0.4  # without a picture, or three of its intervals, after which a camera is left out
-_BEGINNING_S = 2.0  # of a session, in which every camera's first picture is waited for
-_TOLERANCE = 0.6  # of the shortest interval, by which time stamps may differ
-_SMOOTHING = 0.1
 
 _Item = TypeVar("_Item")
 
@@ -63,13 +61,11 @@ class Shot:
         number: counted from 0, shots that nobody took included.
         time_s: of the moment, s since the session's start.
         pictures: (H, W, 3) uint8 BGR by camera name.
-        matched_s: when the last of them had come, s since the session's start.
     """
 
     number: int
     time_s: float
     pictures: Mapping[str, NDArray[np.uint8]]
-    matched_s: float
 
 
 @dataclass(eq=False)
@@ -90,7 +86,7 @@ class _Stream:
         step = time_s - self.newest_s
         if np.isfinite(step):
             old = self.interval_s
-            self.interval_s = step if not old else old + _SMOOTHING * (step - old)
+            self.interval_s = step if not old else old + LIVE.interval_smoothing * (step - old)
         self.pictures.append((time_s, picture))
 
     def nearest(self, time_s: float) -> tuple[float, NDArray[np.uint8]]:
@@ -100,12 +96,12 @@ class _Stream:
 class ShotMatcher:
     """Matches pictures by their time stamps, as soon as every camera that delivers has one.
 
-    A camera that has been silent for a while is left out until it delivers again.
+    A camera that has been silent for a while is left out until it delivers again, but of several
+    cameras two are needed.
 
     Args:
         names: of the cameras, in the calibration's order.
         now: seconds since the session's start.
-        least: fewest cameras that make a shot.
         each: called with every shot, also with those that nobody takes; returns at once.
 
     Attributes:
@@ -116,12 +112,11 @@ class ShotMatcher:
         self,
         names: Sequence[str],
         now: Callable[[], float],
-        least: int = 1,
         each: Callable[[Shot], None] | None = None,
     ):
         """Starts without pictures."""
         self.shots: Newest[Shot] = Newest()
-        self._now, self._least, self._each = now, least, each
+        self._now, self._each = now, each
         self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}
         self._lock = threading.Lock()
         self._count = 0
@@ -140,22 +135,23 @@ class ShotMatcher:
         delivering = {
             name: stream
             for name, stream in self._streams.items()
-            if now_s - stream.newest_s <= max(_SILENT_S, 3 * stream.interval_s)
+            if now_s - stream.newest_s <= max(LIVE.silent_s, 3 * stream.interval_s)
         }
-        if now_s < _BEGINNING_S and not all(one.pictures for one in self._streams.values()):
+        begins = now_s < LIVE.beginning_s
+        if begins and not all(one.pictures for one in self._streams.values()):
             return None
-        if len(delivering) < self._least:
+        if len(delivering) < min(2, len(self._streams)):
             return None
         moment = min(stream.newest_s for stream in delivering.values())
         shortest = min(stream.interval_s for stream in delivering.values())
         chosen = {name: stream.nearest(moment) for name, stream in delivering.items()}
         apart = max(abs(time_s - moment) for time_s, _ in chosen.values())
-        if shortest > 0 and apart > _TOLERANCE * shortest:
+        if shortest > 0 and apart > LIVE.apart * shortest:
             return None
         if any(time_s <= delivering[name].used_s for name, (time_s, _) in chosen.items()):
             return None
         for name, (time_s, _) in chosen.items():
             delivering[name].used_s = time_s
-        shot = Shot(self._count, moment, {name: p for name, (_, p) in chosen.items()}, now_s)
+        shot = Shot(self._count, moment, {name: p for name, (_, p) in chosen.items()})
         self._count += 1
         return shot

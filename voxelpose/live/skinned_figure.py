@@ -13,12 +13,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.view.serving.viser_internals import move_bones
-from voxelpose.view.viewer.legend import Colour
 
-_NAME = "/figure"
-_COLOUR: Colour = (84, 146, 214)
-_REBUILD_S = 1.0  # an estimation that adapts the body may give a new one with every frame
-_STILL = 2e-4  # metres and components of quaternions: what nobody sees is not sent
+_REBUILD_S = 1  # an estimation that adapts the body may give a new one with every frame
 
 
 def _bone_parts() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -63,7 +59,8 @@ class SkinnedFigure:
         if body is None:
             return
         places = np.hstack([quaternions(body.part_rotation[_BONES]), body.part_origin_m[_BONES]])
-        moved = np.flatnonzero(np.abs(places - self._places).max(1) > _STILL)
+        still = 2e-4  # metres and components of quaternions: what nobody sees is not sent
+        moved = np.flatnonzero(np.abs(places - self._places).max(1) > still)
         move_bones(self._handle, moved, places[moved])
         self._places[moved] = places[moved]
 
@@ -87,12 +84,12 @@ class SkinnedFigure:
         turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(_BONES), 1))
         self._places = np.hstack([turns, model.joints_m[_BONES]])
         self._handle = self._scene.add_mesh_skinned(
-            _NAME,
+            "/figure",
             model.vertices_m.astype(np.float32),
             model.faces.astype(np.uint32),
             bone_wxyzs=turns,
             bone_positions=model.joints_m[_BONES],
             skin_weights=weights,
-            color=_COLOUR,
+            color=(84, 146, 214),
         )
         self._model, self._built_s = model, time.monotonic()

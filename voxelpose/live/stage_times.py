@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _RECENT = 60  # frames
-_LONGEST_S = 10.0
-_BIN_S = 0.0002  # width of the bins from which quantiles are read
+_LONGEST_S = 10
+_BINS_PER_S = 5000  # from which quantiles are read
 
 
 @dataclass(frozen=True)
@@ -40,22 +40,21 @@ class _Stage:
     """Histogram, extremes and sum of one stage; its memory does not grow."""
 
     def __init__(self) -> None:
-        self.counts = np.zeros(round(_LONGEST_S / _BIN_S) + 1, np.int64)
+        self.counts = np.zeros(_LONGEST_S * _BINS_PER_S + 1, np.int64)
         self.least, self.most, self.sum = np.inf, -np.inf, 0.0
         self.recent: deque[float] = deque(maxlen=_RECENT)
 
     def add(self, seconds: float) -> None:
-        self.counts[int(np.clip(seconds / _BIN_S, 0, len(self.counts) - 1))] += 1
+        self.counts[int(np.clip(seconds * _BINS_PER_S, 0, len(self.counts) - 1))] += 1
         self.least, self.most = min(self.least, seconds), max(self.most, seconds)
         self.sum += seconds
         self.recent.append(seconds)
 
     def durations(self) -> Durations:
         total = np.cumsum(self.counts)
-        median, p95, p99 = (
-            float((np.searchsorted(total, q * total[-1]) + 0.5) * _BIN_S) for q in (0.5, 0.95, 0.99)
-        )
-        return Durations(self.least, self.most, self.sum / total[-1], median, p95, p99)
+        bins = np.searchsorted(total, np.array([0.5, 0.95, 0.99]) * total[-1])
+        quantiles = (bins + 0.5) / _BINS_PER_S
+        return Durations(self.least, self.most, self.sum / total[-1], *quantiles.tolist())
 
 
 class StageTimes:
@@ -82,10 +81,6 @@ class StageTimes:
         with self._lock:
             ends = list(self._ends)
         return (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 else 0.0
-
-    def recent(self, stage: str) -> float:
-        """Median seconds of a stage in the last frames; nan before the first."""
-        return self.medians().get(stage, float("nan"))
 
     def medians(self) -> dict[str, float]:
         """Median seconds of every stage in the last frames."""

@@ -16,7 +16,6 @@ from voxelpose.live.live_frame import LiveFrame
 
 _MOST_BYTES = 1400  # of a bundle: one network packet holds it, with its headers
 _BUNDLE_BYTES, _SIZE_BYTES = 16, 4  # head of a bundle, and the size before each message
-_ROOT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def vmc_datagrams(frame: LiveFrame) -> list[bytes]:
@@ -46,7 +45,8 @@ def _messages(frame: LiveFrame) -> Iterator[OscMessage]:
     body = frame.body
     if body is not None:
         pose = humanoid_pose(body)
-        yield _message("/VMC/Ext/Root/Pos", "root", *_ROOT)
+        root = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0  # position, quaternion
+        yield _message("/VMC/Ext/Root/Pos", "root", *root)
         for name, position, rotation in zip(
             BONE_NAMES, pose.position_m.tolist(), pose.rotation_xyzw.tolist(), strict=True
         ):

@@ -11,8 +11,8 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from voxelpose.live.json_message import json_message
 from voxelpose.live.sender import Sender
 
-_OPEN_S = 3.0
-_SILENT_S = 5.0
+_OPEN_S = 3
+_SILENT_S = 5
 
 
 class WebSocketSender(Sender):
@@ -73,8 +73,7 @@ class WebSocketSender(Sender):
         while True:
             frame, offered_s = await self.newest()
             await link.send(json_message(frame, time.time()))
-            self.note_sent(frame, offered_s)
-            self.note_state("sending", True)
+            self.note_sent(offered_s)
             async with asyncio.timeout(_SILENT_S):
                 await (await link.ping())
 

@@ -11,11 +11,11 @@ from calib.agreement import agreement
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.tangency import OutlineTrack
+from voxelpose.tuning import REPORT
 from voxelpose.view.images.figure import body_parts
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 _MOMENTS = 12
-_OUTLIER = 0.06  # below the overlap of the median camera
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class CameraCheck:
     summary: str = ""
 
 
-def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
+def check_cameras(scenes: ResultScenes) -> CameraCheck:
     """Compares body and silhouettes, and the outlines, at moments spread over the recording.
 
     Returns:
@@ -69,7 +69,8 @@ def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
     motion = scenes.motion
     if motion is None or scenes.recording is None:
         return CameraCheck()
-    rows = np.unique(np.linspace(0, len(motion) - 1, min(moments, len(motion))).round().astype(int))
+    count = min(_MOMENTS, len(motion))
+    rows = np.linspace(0, len(motion) - 1, count).round().astype(int)
     masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in scenes.rig.names}
     compared: dict[str, list[tuple[float, float, float]]] = {name: [] for name in masks}
     cameras: dict[str, tuple[Camera, NDArray[np.bool_] | None]] = {}
@@ -90,13 +91,22 @@ def check_cameras(scenes: ResultScenes, moments: int = _MOMENTS) -> CameraCheck:
     means = {name: np.mean(values, axis=0) for name, values in compared.items() if values}
     middle = float(np.median([mean[0] for mean in means.values()])) if means else 0.0
     lines = []
-    for name, (overlap, uncovered, beyond) in means.items():
-        apart = name in culprits or (len(means) > 2 and bool(overlap < middle - _OUTLIER))
-        fractions = float(overlap), float(uncovered), float(beyond)
-        moments = len(compared[name])
+    for name, mean in means.items():
+        overlap, uncovered, beyond = mean.tolist()
+        outlier = len(means) > 2 and overlap < middle - REPORT.camera_apart
         hidden = cameras[name][1]
-        share = 0.0 if hidden is None else float(hidden.mean())
-        lines.append(CameraLine(name, *fractions, moments, pixels.get(name), apart, share))
+        lines.append(
+            CameraLine(
+                name,
+                overlap,
+                uncovered,
+                beyond,
+                len(compared[name]),
+                pixels.get(name),
+                outlier or name in culprits,
+                0.0 if hidden is None else float(hidden.mean()),
+            )
+        )
     return CameraCheck(tuple(lines), words)
 
 

@@ -25,22 +25,13 @@ _STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.15,
-    "lines.linewidth": 1.6,
-    **dict.fromkeys(
-        (
-            "text.color",
-            "axes.edgecolor",
-            "axes.labelcolor",
-            "xtick.color",
-            "ytick.color",
-            "grid.color",
-        ),
-        _INK,
-    ),
+    "text.color": _INK,
+    "axes.edgecolor": _INK,
+    "axes.labelcolor": _INK,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+    "grid.color": _INK,
 }
-_GAP = 1.5  # frame periods without a pose that break a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +70,8 @@ def time_chart(
     Returns:
         An svg element.
     """
-    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
+    style = {**_STYLE, "axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6}
+    with matplotlib.rc_context({**style, "svg.hashsalt": name}):
         figure = Figure(figsize=size_in, layout="constrained")
         axes = figure.add_subplot()
         times, gaps = _with_gaps(time_s)
@@ -103,7 +95,7 @@ def time_chart(
 
 
 def part_chart(
-    overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64], name: str
+    overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64]
 ) -> str:
     """Chart of every part's fraction inside the hull, a row per part.
 
@@ -111,12 +103,11 @@ def part_chart(
         overlap: (T, P) fractions, drawn in the colours of the viewer.
         labels: of the P parts.
         time_s: (T,) seconds.
-        name: unique in the page.
 
     Returns:
         An svg element.
     """
-    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name, "axes.grid": False}):
+    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": "parts"}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")
         axes = figure.add_subplot()
         half = 0.5 * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
@@ -128,7 +119,7 @@ def part_chart(
         axes.set_yticks(range(len(labels)), labels, fontsize=7.5)
         _time_axis(axes, time_s)
         words = "share of every body part inside the carved hull over time; a table follows"
-        return _svg(figure, axes, time_s, name, words)
+        return _svg(figure, axes, time_s, "parts", words)
 
 
 def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
@@ -139,9 +130,9 @@ def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
 
 def _with_gaps(time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Times with one more in every gap, and the positions of those."""
-    steps, gaps = np.diff(time_s), np.zeros(0, np.int64)
-    if len(steps):
-        gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+    steps = np.diff(time_s)
+    # A frame without a pose breaks a line.
+    gaps = np.flatnonzero(steps > 1.5 * np.median(steps)) + 1 if len(steps) else steps.astype(int)
     return np.insert(time_s, gaps, time_s[gaps - 1]), gaps
 
 

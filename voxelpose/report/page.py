@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from calib.atomic import replacing
+from calib.atomic import write_whole
 from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.motion.conditioning import conditioning_words, filter_warning
@@ -23,15 +22,15 @@ from voxelpose.recording.frame_reader import read_still
 from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import COVERED, DOUBTFUL, findings, noun_of, overall
+from voxelpose.report.verdict import findings, noun_of, overall
 from voxelpose.results import Result
-from voxelpose.view.images.canvas import has_sides, reduced
+from voxelpose.tuning import REPORT as LIMITS
+from voxelpose.view.images.canvas import Image, has_sides
 from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 REPORT = "report.html"
 _GENERATOR = '<meta name="generator" content="voxelpose'
-_SHEET_PX = 1500
 
 # Title, meaning and name of each angle, with {} for both sides.
 _ANGLES = (
@@ -73,29 +72,20 @@ _FILES = {
 }
 
 
-@dataclass(frozen=True)
-class ReportSettings:
-    """Input and output of a report.
-
-    Attributes:
-        out: the file; None: report.html in the result.
-        recording: where the recording is now, if it was moved.
-        overwrite: whether a file that is not a report may be replaced.
-    """
-
-    out: Path | None = None
-    recording: Path | None = None
-    overwrite: bool = False
-
-
 def write_report(
-    folder: Path, settings: ReportSettings | None = None, reporter: Reporter | None = None
+    folder: Path,
+    out: Path | None = None,
+    recording: Path | None = None,
+    overwrite: bool = False,
+    reporter: Reporter | None = None,
 ) -> Path:
     """Writes report.html, one self-contained page.
 
     Args:
         folder: a result.
-        settings: input and output.
+        out: the file; None: report.html in the result.
+        recording: where the recording is now, if it was moved.
+        overwrite: whether a file that is not a report may be replaced.
         reporter: notified of every stage.
 
     Returns:
@@ -104,21 +94,42 @@ def write_report(
     Raises:
         InputError: it is no result, or the file cannot be written.
     """
-    settings, reporter = settings or ReportSettings(), reporter or SilentReporter()
     result = Result.open(folder)
-    out = settings.out or folder / REPORT
-    if out.exists() and not settings.overwrite and not _is_report(out):
+    out = out or folder / REPORT
+    if out.exists() and not overwrite and not _is_report(out):
         raise InputError(
             f"{out} exists and is not a report: give --out another name, or add --overwrite"
         )
-    scenes = ResultScenes(folder, settings.recording)
+    scenes = ResultScenes(folder, recording)
     try:
-        text = _render(_contents(result, scenes, reporter))
+        contents = _contents(result, scenes, reporter or SilentReporter())
     finally:
         scenes.close()
-    with replacing(out) as partial:
-        partial.write_text(text, encoding="utf-8")
+    write_whole(out, render_page("voxelpose.report", "page.html", contents))
     return out
+
+
+def render_page(package: str, template: str, contents: Mapping[str, object]) -> str:
+    """A page whose texts are escaped.
+
+    Args:
+        package: which has the template.
+        template: name of its file.
+        contents: the template's variables, all of them.
+    """
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    text = resources.files(package).joinpath(template).read_text("utf-8")
+    return environment.from_string(text).render(contents)
+
+
+def sheet_image(folder: Path) -> Image | None:
+    """The contact sheet of a result, BGR; None where there is none."""
+    try:
+        return read_still(folder / "contact_sheet.png")
+    except InputError:
+        return None
 
 
 def _is_report(path: Path) -> bool:
@@ -131,7 +142,7 @@ def _is_report(path: Path) -> bool:
 def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[str, object]:
     reporter.stage("pictures")
     preview = make_preview(result, scenes)
-    sheet = _sheet(result.folder)
+    sheet = sheet_image(result.folder)
     reporter.stage("cameras")
     cameras = check_cameras(scenes)
     reporter.stage("charts")
@@ -147,13 +158,13 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "sentence": sentence,
         "findings": assessed,
         "preview": preview,
-        "sheet": sheet,
+        "sheet": None if sheet is None else data_uri(sheet, 1500, ".jpg", 82),
         "angles": angles,
         "quality": quality,
         "parts": parts,
         "part_table": _part_table(result),
-        "covered": COVERED,
-        "doubtful": DOUBTFUL,
+        "covered": LIMITS.covered,
+        "doubtful": LIMITS.doubtful,
         "cameras": cameras.lines,
         "agreement": cameras.summary,
         "missing": scenes.missing,
@@ -188,20 +199,17 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
         angles.append((time_chart(chart, motion.time_s, f"angle{k}"), note))
     quality = []
     for name, title, below in (
-        ("outline_agreement", "Outlines: body and silhouettes in common", DOUBTFUL),
+        ("outline_agreement", "Outlines: body and silhouettes in common", LIMITS.doubtful),
         ("unexplained", "Unexplained share of the hull", None),
     ):
         if name in motion.quality:
             values = np.asarray(motion.quality[name], float)
             chart = TimeChart(title, "share", {"": (values, LEFT)}, (0.0, 1.0), below)
             quality.append(time_chart(chart, motion.time_s, name, (7.6, 2.0)))
-    overlap = motion.quality.get("part_overlap")
-    labels = [display_name(name) for name in motion.model.names]
-    parts = (
-        None
-        if overlap is None
-        else part_chart(np.asarray(overlap, float), labels, motion.time_s, "parts")
-    )
+    overlap, parts = motion.quality.get("part_overlap"), None
+    if overlap is not None:
+        labels = [display_name(name) for name in motion.model.names]
+        parts = part_chart(np.asarray(overlap, float), labels, motion.time_s)
     return angles, quality, parts
 
 
@@ -222,14 +230,12 @@ def _joint_charts(motion: Motion) -> list[tuple[str, str]]:
 
 
 def _part_table(result: Result) -> list[tuple[str, float, float]]:
-    """Name, mean fraction inside the hull and fraction of frames below COVERED, worst first."""
-    overlap = result.motion.quality.get("part_overlap")
-    if overlap is None:
-        return []
-    values = np.asarray(overlap, float)
+    """Name, mean fraction inside the hull and fraction of uncovered frames, worst first."""
+    names = result.motion.model.names
+    values = np.asarray(result.motion.quality.get("part_overlap", np.zeros((0, len(names)))), float)
     rows = [
-        (display_name(name), float(np.nanmean(column)), float(np.mean(column < COVERED)))
-        for name, column in zip(result.motion.model.names, values.T, strict=True)
+        (display_name(name), float(np.nanmean(column)), float(np.mean(column < LIMITS.covered)))
+        for name, column in zip(names, values.T, strict=True)
         if np.isfinite(column).any()
     ]
     return sorted(rows, key=lambda row: row[1])
@@ -259,30 +265,10 @@ def _settings_table(settings: Mapping[str, object]) -> list[tuple[str, str, str]
 
 def _camera(camera: Any) -> dict[str, object]:
     width, height = camera.size
-    wide = 2 * np.degrees(np.arctan(width / (2 * camera.matrix[0, 0])))
-    position = ", ".join(f"{value:.2f}" for value in camera.center_m)
     return {
         "name": camera.name,
         "size": f"{width} × {height}",
-        "wide": f"{wide:.0f}°",
-        "position": position,
+        "wide": f"{2 * np.degrees(np.arctan(width / (2 * camera.matrix[0, 0]))):.0f}°",
+        "position": ", ".join(f"{value:.2f}" for value in camera.center_m),
         "distorted": not camera.is_pinhole,
     }
-
-
-def _sheet(folder: Path) -> str | None:
-    """The contact sheet, reduced, as a data URI; None where there is none."""
-    path = folder / "contact_sheet.png"
-    try:
-        image = read_still(path)
-    except InputError:
-        return None
-    return data_uri(reduced(image, _SHEET_PX / image.shape[1]), ".jpg", 82)
-
-
-def _render(contents: Mapping[str, object]) -> str:
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    template = resources.files("voxelpose.report").joinpath("page.html").read_text("utf-8")
-    return environment.from_string(template).render(contents)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.results import Result
-from voxelpose.view.images.canvas import hatched
+from voxelpose.view.images.canvas import encoded, hatched, reduced
 from voxelpose.view.images.figure import FigurePainter
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
@@ -60,7 +60,7 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
     for frame, tiles in tiled:
         page = _mosaic(tiles)
         size = page.shape[1], page.shape[0]
-        pictures.append(data_uri(page, ".webp", _QUALITY))
+        pictures.append(data_uri(page, _WIDTH_PX, ".webp", _QUALITY))
         frames.append(frame)
     if not pictures:
         return None
@@ -72,14 +72,18 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
     return Preview(tuple(pictures), tuple(frames), times_s, tuple(names), size)
 
 
-def data_uri(image: NDArray[np.uint8], kind: str, quality: int) -> str:
-    """Image (h, w, 3) uint8 BGR as a data URI; kind is .webp or .jpg."""
-    flag = cv2.IMWRITE_WEBP_QUALITY if kind == ".webp" else cv2.IMWRITE_JPEG_QUALITY
-    good, data = cv2.imencode(kind, image, [flag, quality])
-    if not good:
-        raise ValueError(f"OpenCV cannot encode {kind}")
-    media = "webp" if kind == ".webp" else "jpeg"
-    return f"data:image/{media};base64,{base64.b64encode(data.tobytes()).decode()}"
+def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) -> str:
+    """Image (h, w, 3) uint8 BGR as a data URI.
+
+    Args:
+        image: the image.
+        width: largest width, px, to which it is reduced.
+        suffix: ".webp" or ".jpg".
+        quality: from 1 to 100.
+    """
+    data = encoded(reduced(image, width / image.shape[1]), suffix, quality)
+    media = "webp" if suffix == ".webp" else "jpeg"
+    return f"data:image/{media};base64,{base64.b64encode(data).decode()}"
 
 
 def _from_overlays(

@@ -12,15 +12,11 @@ from numpy.typing import NDArray
 from silhouette_core.motion.dynamics import is_person_tree
 from voxelpose.report.cameras import CameraCheck
 from voxelpose.results import Result
+from voxelpose.tuning import REPORT
 from voxelpose.view.viewer.legend import display_name
 
 Level = Literal["good", "look", "bad"]
 
-SURE = 0.85  # outline agreement from which a frame is reliable
-DOUBTFUL = 0.7  # outline agreement below which a frame is doubtful
-COVERED = 0.7  # fraction of a part's volume inside the hull
-_LOST = 0.05  # fraction of frames without a pose that is bad
-_MANY = 0.1  # fraction of frames in which a part is uncovered that is reported
 _RANGES = 6  # listed one by one
 _WORST = 3  # joints that are named
 _TRUNK = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "neck", "head")
@@ -44,20 +40,15 @@ class Finding:
     advice: str = ""
 
 
-def findings(result: Result, cameras: CameraCheck | None = None) -> list[Finding]:
-    """Assesses a result by its own numbers and the agreement of its cameras, worst first.
-
-    Args:
-        result: the result.
-        cameras: agreement of its cameras; None where it was not checked.
-    """
+def findings(result: Result, cameras: CameraCheck) -> list[Finding]:
+    """Assesses a result by its own numbers and the agreement of its cameras, worst first."""
     assessed = [
         *_verdict(result),
         _lost(result),
         *_outlines(result),
         *_parts(result),
         *_joints(result),
-        *_cameras(cameras or CameraCheck()),
+        *_cameras(cameras),
     ]
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
@@ -81,21 +72,12 @@ def noun_of(result: Result) -> str:
     return "person" if is_person_tree(result.motion.model.tree) else "object"
 
 
-def frame_ranges(frames: NDArray[np.int64], chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last number of every run of chosen frames."""
-    numbers = frames[chosen]
-    if not len(numbers):
-        return []
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    return [(int(run[0]), int(run[-1])) for run in runs]
-
-
-def ranges_text(ranges: Sequence[tuple[int, int]]) -> str:
-    """Ranges as text: "frames 3–5, 9 and 4 more ranges"."""
-    listed = [f"{first}–{last}" if last > first else f"{first}" for first, last in ranges[:_RANGES]]
-    more = f" and {len(ranges) - _RANGES} more ranges" if len(ranges) > _RANGES else ""
-    single = len(ranges) == 1 and ranges[0][0] == ranges[0][1]
-    return f"frame{'' if single else 's'} {', '.join(listed)}{more}"
+def ranges_text(frames: NDArray[np.int64]) -> str:
+    """Frame numbers (n,) in ascending order, as text: "frames 3–5, 9 and 4 more ranges"."""
+    runs = np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1)
+    listed = [f"{run[0]}–{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs[:_RANGES]]
+    more = f" and {len(runs) - _RANGES} more ranges" if len(runs) > _RANGES else ""
+    return f"frame{'' if len(frames) == 1 else 's'} {', '.join(listed)}{more}"
 
 
 def _verdict(result: Result) -> list[Finding]:
@@ -114,14 +96,13 @@ def _lost(result: Result) -> Finding:
     count = summary["frames"]["with_pose"] + len(lost)
     if not len(lost):
         return Finding("good", "Frames", f"All {count} frames have a pose.")
-    runs = ranges_text(frame_ranges(lost, np.ones(len(lost), bool)))
     noun = noun_of(result)
     count_filled = int(result.motion.filled.sum())
     filled = f" {count_filled} of them were filled by interpolation." if count_filled else ""
     return Finding(
-        "bad" if len(lost) > _LOST * count else "look",
+        "bad" if len(lost) > REPORT.lost * count else "look",
         "Frames",
-        f"{len(lost)} of {count} frames have no pose: {runs}.{filled}",
+        f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}",
         f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
         " silhouettes: voxelpose view shows them frame by frame.",
     )
@@ -132,14 +113,14 @@ def _outlines(result: Result) -> list[Finding]:
         return []
     agreement = np.asarray(result.motion.quality["outline_agreement"], float)
     median = float(np.nanmedian(agreement))
-    doubtful = agreement < DOUBTFUL
-    level: Level = (
-        "bad" if median < DOUBTFUL else "look" if median < SURE or doubtful.any() else "good"
-    )
+    doubtful = agreement < REPORT.doubtful
+    level: Level = "look" if median < REPORT.sure or doubtful.any() else "good"
+    if median < REPORT.doubtful:
+        level = "bad"
     words = f"The body's outline and the silhouettes agree to {100 * median:.0f} % (median)."
     if doubtful.any():
-        runs = ranges_text(frame_ranges(result.motion.frames, doubtful))
-        words += f" Below {100 * DOUBTFUL:.0f} %: {runs}."
+        runs = ranges_text(result.motion.frames[doubtful])
+        words += f" Below {100 * REPORT.doubtful:.0f} %: {runs}."
     noun = noun_of(result)
     advice = (
         f"Play the video at those frames. If the body misses the {noun}, check the silhouettes in"
@@ -154,21 +135,19 @@ def _parts(result: Result) -> list[Finding]:
     if overlap is None:
         return []
     model = result.motion.model
-    names = model.names
-    trunk = _TRUNK if is_person_tree(model.tree) else names[:1]
-    measured = [
-        k
-        for k, name in enumerate(names)
-        if not name.endswith(_SMALL) and np.isfinite(overlap[:, k]).any()
-    ]
-    weak = [k for k in measured if np.mean(np.asarray(overlap)[:, k] < COVERED) > _MANY]
+    trunk = _TRUNK if is_person_tree(model.tree) else model.names[:1]
+    # Parts too small to be measured are nan.
+    uncovered = np.mean(np.asarray(overlap) < REPORT.covered, axis=0)
+    weak = {
+        name: share
+        for name, share in zip(model.names, uncovered.tolist(), strict=True)
+        if share > REPORT.often_uncovered and not name.endswith(_SMALL)
+    }
     if not weak:
         return [Finding("good", "Body parts", "Every limb lies inside the carved hull.")]
-    level: Level = "bad" if any(names[k] in trunk for k in weak) else "look"
+    level: Level = "bad" if any(name in trunk for name in weak) else "look"
     listed = ", ".join(
-        f"{display_name(names[k])} ({100 * np.mean(np.asarray(overlap)[:, k] < COVERED):.0f} %"
-        " of frames)"
-        for k in weak
+        f"{display_name(name)} ({100 * share:.0f} % of frames)" for name, share in weak.items()
     )
     return [
         Finding(
@@ -182,10 +161,10 @@ def _parts(result: Result) -> list[Finding]:
 
 
 def _joints(result: Result) -> list[Finding]:
-    """Joints that are said to be uncertain."""
+    """Joints that are said to be uncertain, or the error to be expected from one camera."""
     verdict: Any = result.summary.get("verdict", {})
     if verdict.get("error_mm") is not None:
-        return _joints_of_one_camera(result, verdict["error_mm"])
+        return [_joints_of_one_camera(result, verdict["error_mm"])]
     listed = [display_name(name) for name in verdict.get("uncertain", ())]
     if not listed:
         return []
@@ -200,21 +179,18 @@ def _joints(result: Result) -> list[Finding]:
     ]
 
 
-def _joints_of_one_camera(result: Result, error_mm: float) -> list[Finding]:
-    """How far off the joints are to be expected."""
+def _joints_of_one_camera(result: Result, error_mm: float) -> Finding:
     summary: Any = result.summary
     each: dict[str, float] = summary["quality"].get("joint_error_mm", {})
     worst = sorted(each, key=lambda name: -each[name])[:_WORST]
     listed = ", ".join(f"{display_name(name)} ({each[name]:.0f} mm)" for name in worst)
-    return [
-        Finding(
-            "look",
-            "Joints",
-            f"To be expected from one camera: joints {error_mm:.0f} mm off relative to the pelvis"
-            + (f"; in the room, most for {listed}." if listed else "."),
-            "Most of it lies along the line of sight: a second camera from the side settles it.",
-        )
-    ]
+    return Finding(
+        "look",
+        "Joints",
+        f"To be expected from one camera: joints {error_mm:.0f} mm off relative to the pelvis"
+        + (f"; in the room, most for {listed}." if listed else "."),
+        "Most of it lies along the line of sight: a second camera from the side settles it.",
+    )
 
 
 def _cameras(check: CameraCheck) -> list[Finding]:

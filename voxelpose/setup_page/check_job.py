@@ -18,21 +18,18 @@ class _Ended(BaseException):
     """The session ends: nobody waits for the findings."""
 
 
-class CheckProgress(Reporter):
+class _Progress(Reporter):
     """Progress that can be asked for from another thread, and ends the work where it is told to."""
 
     def __init__(self) -> None:
-        """Begins before the first stage."""
         self.name, self.done, self.total = "beginning", 0, None
         self.ended = threading.Event()
 
     def stage(self, name: str, total: int | None = None) -> None:
-        """Begins a stage."""
         self._look()
         self.name, self.done, self.total = name, 0, total
 
     def advance(self, steps: int = 1) -> None:
-        """Counts finished steps."""
         self._look()
         self.done += steps
 
@@ -56,7 +53,7 @@ class CheckJob:
         self._recording = recording
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._progress = CheckProgress()
+        self._progress = _Progress()
         self._findings: dict[str, Any] = {"state": "idle"}
         self._picture: bytes | None = None
 
@@ -65,7 +62,7 @@ class CheckJob:
         with self._lock:
             if self._thread is not None and self._thread.is_alive():
                 return
-            self._progress = CheckProgress()
+            self._progress = _Progress()
             self._findings, self._picture = {"state": "running"}, None
             self._thread = threading.Thread(target=self._run, name="check", daemon=True)
             self._thread.start()
@@ -96,7 +93,7 @@ class CheckJob:
         try:
             check = check_recording(self._recording, None, self._progress)
             self._picture = png(draw_check(check))
-            self._findings = check_findings(check)
+            self._findings = _findings_of(check)
         except _Ended:
             self._findings = {"state": "idle"}
         except InputError as error:
@@ -109,7 +106,7 @@ class CheckJob:
             traceback.print_exc()
 
 
-def check_findings(check: Check) -> dict[str, Any]:
+def _findings_of(check: Check) -> dict[str, Any]:
     """What a check found, as `voxelpose calibrate check` prints it."""
     return {
         "state": "done",

@@ -67,9 +67,8 @@ def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
         Names of points that were not written since they are clicked nowhere.
 
     Raises:
-        InputError: two points have the same name, or the file cannot be written.
+        InputError: the file cannot be written.
     """
-    check_points(points)
     others, kept = _further_columns(path)
     text = io.StringIO()
     writer = csv.DictWriter(text, (*_COLUMNS, *others), restval="", lineterminator="\n")

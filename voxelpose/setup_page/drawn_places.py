@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomlkit
@@ -17,7 +17,7 @@ from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.recording.folder import Recording, pictures_by_camera
 from voxelpose.recording.unknown_places import RECORDING_FILE, paint_unknown, unknown_polygons
-from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon, check_camera_names
+from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon
 from voxelpose.setup_page.region_files import (
     RegionFile,
     drawn_region,
@@ -25,9 +25,6 @@ from voxelpose.setup_page.region_files import (
     read_regions,
     write_region,
 )
-
-if TYPE_CHECKING:
-    from silhouette_core.estimator import Frame
 
 _LARGEST_BYTES = 1_000_000
 
@@ -60,7 +57,7 @@ class PlaceFiles:
         listed = unknown_polygons(recording.folder / RECORDING_FILE, recording.camera_names)
         return cls(
             sizes,
-            read_regions(recording.folder, sizes),
+            read_regions(recording.folder, recording.regions()),
             paint_unknown(paths, recording.rig, recording.camera_names),
             {
                 name: [[(float(x), float(y)) for x, y in polygon] for polygon in polygons]
@@ -93,90 +90,58 @@ class PlaceFiles:
         Raises:
             InputError: a file cannot be written.
         """
-        check_camera_names((*drawn.regions, *drawn.unknown), self.sizes)
         written, removed = [], []
         for name, drawing in drawn.regions.items():
-            pair = write_region(folder, name, drawing, self.regions.get(name), self.sizes[name])
-            written += [path for path in pair[:1] if path is not None]
-            removed += [path for path in pair[1:] if path is not None]
-        if drawn.unknown:
-            path = folder / RECORDING_FILE
-            if save_unknown(path, drawn.unknown):
-                written.append(path)
+            file, size = self.regions.get(name), self.sizes[name]
+            new, old = write_region(folder, name, drawing, file, size)
+            written += new
+            removed += old
+        corners = {
+            name: [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed] or None
+            for name, listed in drawn.unknown.items()
+        }
+        if change_section(folder / RECORDING_FILE, "unknown", corners):
+            written.append(folder / RECORDING_FILE)
         return written, removed
 
 
-class DrawnSource:
-    """Frames of a recording, with regions and unknown places that need not be saved."""
+@dataclass(frozen=True, eq=False)
+class DrawnRecording(Recording):
+    """A recording with regions and unknown places that need not be saved.
 
-    def __init__(
-        self,
-        recording: Recording,
-        regions: Mapping[str, NDArray[np.bool_]],
-        unknown: Mapping[str, NDArray[np.bool_]],
-    ) -> None:
-        """Takes the places (H, W) bool by camera name."""
-        self._recording = recording
-        self._regions, self._unknown = regions, unknown
-        self.rig, self.fps = recording.rig, recording.fps
-        self.frame_count = recording.frame_count
-        self.silhouettes_given = recording.silhouettes_given
-
-    def backgrounds(self) -> Mapping[str, Any]:
-        """Frames of the empty view."""
-        return self._recording.backgrounds()
-
-    def regions(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Where the person may be, (H, W) bool, by camera name."""
-        return self._regions
-
-    def unknown(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Where nothing is known, (H, W) bool, by camera name."""
-        return self._unknown
-
-    def at(self, steps: Sequence[int]) -> Iterator[Mapping[str, Frame]]:
-        """Frames of selected time steps."""
-        return self._recording.at(steps)
-
-    def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:
-        """All frames."""
-        return iter(self._recording)
-
-
-def save_unknown(path: Path, polygons: Mapping[str, Sequence[Polygon]]) -> bool:
-    """Writes polygons into recording.toml, whose other contents and comments stay.
-
-    Args:
-        path: the file; made where there is none and something to write.
-        polygons: in px by camera name; a camera without any is taken out.
-
-    Returns:
-        Whether it was written.
-
-    Raises:
-        InputError: the file is no TOML, or cannot be written.
+    Attributes:
+        drawn_regions: where the person may be, (H, W) bool, by camera name.
+        drawn_unknown: where nothing is known, (H, W) bool, by camera name.
     """
-    if not path.exists() and not any(polygons.values()):
-        return False
-    corners = {
-        name: [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed] or None
-        for name, listed in polygons.items()
-    }
-    change_section(path, "unknown", corners)
-    return True
+
+    drawn_regions: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    drawn_unknown: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+
+    def regions(self) -> dict[str, NDArray[np.bool_]]:
+        """See `FrameSource.regions`."""
+        return self.drawn_regions
+
+    def unknown(self) -> dict[str, NDArray[np.bool_]]:
+        """See `FrameSource.unknown`."""
+        return self.drawn_unknown
 
 
-def change_section(path: Path, section: str, values: Mapping[str, Any]) -> None:
+def change_section(path: Path, section: str, values: Mapping[str, Any]) -> bool:
     """Changes a section of a TOML file; its comments, and all else in it, stay.
 
     Args:
-        path: the file; made where there is none.
+        path: the file; made where there is none and something to write.
         section: its name.
         values: by key; None takes one out.
+
+    Returns:
+        Whether there was anything to write.
 
     Raises:
         InputError: the file is no TOML, the section is none, or the file cannot be written.
     """
+    if not values or (not path.exists() and all(value is None for value in values.values())):
+        return False
     document = _open_toml(path)
     table = document.setdefault(section, tomlkit.table())
     if not isinstance(table, dict):
@@ -187,14 +152,11 @@ def change_section(path: Path, section: str, values: Mapping[str, Any]) -> None:
         else:
             table[name] = value
     write_whole(path, tomlkit.dumps(document) or "\n")
+    return True
 
 
 def _open_toml(path: Path) -> tomlkit.TOMLDocument:
-    """A TOML file with its comments and its order; an empty one where there is none.
-
-    Raises:
-        InputError: it is no TOML.
-    """
+    """A TOML file with its comments and its order; an empty one where there is none."""
     if not path.exists():
         return tomlkit.document()
     text = load_text(path, _LARGEST_BYTES)

@@ -49,25 +49,17 @@ def up_vector(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def save_choices(path: Path, chosen: FitChosen, names: Iterable[str]) -> bool:
-    """Writes settings into [fit] of a voxelpose.toml.
+def save_choices(path: Path, chosen: FitChosen) -> bool:
+    """Writes settings into [fit] of a voxelpose.toml; whether there was anything to write.
 
     Args:
         path: the file; made where there is none.
         chosen: the settings; None takes one out of the file, so that the usual value counts.
-        names: cameras of the recording.
-
-    Returns:
-        Whether there was anything to write.
 
     Raises:
-        InputError: a value makes no sense, the file is no TOML, or cannot be written.
+        InputError: the file is no TOML, or cannot be written.
     """
-    check_choices(chosen, names)
     values: dict[str, Any] = msgspec.to_builtins(chosen)  # without what is unset
     if isinstance(values.get("cameras"), list):
         values["cameras"] = ",".join(values["cameras"])
-    if not values or (not path.exists() and all(value is None for value in values.values())):
-        return False
-    change_section(path, "fit", values)
-    return True
+    return change_section(path, "fit", values)

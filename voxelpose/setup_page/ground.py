@@ -8,13 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.points import triangulate
 from calib.upright import AXES, UprightFrame, axis_name, cameras_worth, up_candidates
-
-_HALF_M = 3.0  # of the grid
-_STEP_M = 0.5
-_PIECE_M = 0.1  # lenses bend lines
-_PERSON_M = 1.8
-_SAME = 0.9999  # cosine of directions that are one
 
 
 def up_choices(rig: Rig) -> list[dict[str, Any]]:
@@ -25,7 +20,7 @@ def up_choices(rig: Rig) -> list[dict[str, Any]]:
     """
     choices = [{"name": name, "worth": cameras_worth(rig, up)} for name, up in AXES.items()]
     for up in up_candidates(rig):
-        if all(up @ axis < _SAME for axis in AXES.values()):
+        if all(up @ axis < 0.9999 for axis in AXES.values()):
             choices.append({"name": axis_name(up), "worth": cameras_worth(rig, up)})
     return choices
 
@@ -43,13 +38,12 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
     upright = frame.rig(rig)
     x, y = _middle(upright)
     lines: list[tuple[str, NDArray[np.float64]]] = []
-    offsets = np.arange(-_HALF_M, _HALF_M + _STEP_M / 2, _STEP_M)
-    for offset in offsets.tolist():
-        kind = "middle" if abs(offset) < 1e-9 else "grid"
-        across = np.array([[x - _HALF_M, y + offset, 0], [x + _HALF_M, y + offset, 0]])
-        along = np.array([[x + offset, y - _HALF_M, 0], [x + offset, y + _HALF_M, 0]])
+    for offset in np.linspace(-3, 3, 13).tolist():  # metres, a line every half
+        kind = "grid" if offset else "middle"
+        across = np.array([[x - 3, y + offset, 0], [x + 3, y + offset, 0]])
+        along = np.array([[x + offset, y - 3, 0], [x + offset, y + 3, 0]])
         lines += [(kind, across), (kind, along)]
-    lines.append(("pole", np.array([[x, y, 0.0], [x, y, _PERSON_M]])))
+    lines.append(("pole", np.array([[x, y, 0], [x, y, 1.8]])))
     drawn: dict[str, list[dict[str, Any]]] = {camera.name: [] for camera in rig}
     for camera in upright:
         for kind, ends in lines:
@@ -62,13 +56,7 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
 
 def _middle(rig: Rig) -> tuple[float, float]:
     """Point of the floor, to whole metres, below what all cameras look at."""
-    normal, target = 1e-6 * np.eye(3), np.zeros(3)
-    for camera in rig:
-        forward = camera.rotation[2]
-        across = np.eye(3) - np.outer(forward, forward)
-        normal = normal + across
-        target = target + across @ camera.center_m
-    place = np.linalg.solve(normal, target)
+    place = triangulate(list(rig), np.array([camera.matrix[:2, 2] for camera in rig]))
     if len(rig) == 1:  # where its optical axis meets the floor, if near
         camera = rig.cameras[0]
         down = -camera.rotation[2][2]
@@ -80,7 +68,7 @@ def _middle(rig: Rig) -> tuple[float, float]:
 
 def _seen(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str, Any]]:
     """The pieces of a line that a camera sees."""
-    count = max(2, int(np.linalg.norm(ends[1] - ends[0]) / _PIECE_M) + 1)
+    count = int(np.linalg.norm(ends[1] - ends[0]) / 0.1) + 1  # pieces of 10 cm: lenses bend lines
     share = np.linspace(0, 1, count)[:, None]
     pixels, _ = camera.project(ends[0] + share * (ends[1] - ends[0]))
     most = 4.0 * max(camera.size)

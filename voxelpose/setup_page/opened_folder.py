@@ -25,7 +25,7 @@ from voxelpose.recording.folder import (
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.subject import read_subject
 
-_RATE = 25.0  # where nothing tells it; nothing here depends on it
+_RATE = 25  # where nothing tells it; nothing here depends on it
 
 
 @dataclass(frozen=True, eq=False)

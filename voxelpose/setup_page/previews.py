@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 from collections.abc import Mapping
-from contextlib import suppress
+from concurrent.futures import Future
+from functools import lru_cache
 from typing import Literal
 
 import cv2
@@ -16,11 +16,11 @@ from calib.errors import InputError
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.recording.folder import Recording
-from voxelpose.setup_page.drawn_places import DrawnSource
+from voxelpose.setup_page.drawn_places import DrawnRecording
+from voxelpose.view.images.canvas import png
 
 Method = Literal["refined", "paper"]
-_KEPT_BYTES = 400_000_000
-_QUALITY = 93
+_KEPT = 4  # moments
 
 
 class MomentFrames:
@@ -28,10 +28,9 @@ class MomentFrames:
 
     def __init__(self, recording: Recording) -> None:
         """Reads nothing yet."""
-        self._recording = recording
-        self._kept: OrderedDict[int, Mapping[str, Frame]] = OrderedDict()
+        self._recording, self._lock = recording, threading.Lock()
+        self._read = lru_cache(_KEPT)(lambda moment: next(iter(recording.at([moment]))))
         self._empty: dict[str, Frame] | None = None
-        self._lock = threading.Lock()
 
     def frames(self, moment: int) -> Mapping[str, Frame]:
         """Frames (H, W, 3) uint8, BGR, by camera name.
@@ -46,12 +45,7 @@ class MomentFrames:
         if not 0 <= moment < count:
             raise InputError(f"there is no moment {moment}: choose one from 0 to {count - 1}")
         with self._lock:
-            if moment not in self._kept:
-                self._kept[moment] = next(iter(self._recording.at([moment])))
-                while len(self._kept) > 1 and self._bytes() > _KEPT_BYTES:
-                    self._kept.popitem(last=False)
-            self._kept.move_to_end(moment)
-            return self._kept[moment]
+            return self._read(moment)
 
     def empty(self) -> Mapping[str, Frame]:
         """The empty view (H, W, 3) uint8, BGR, by camera name, where there is one.
@@ -65,89 +59,48 @@ class MomentFrames:
                 self._empty = {name: next(iter(reader)) for name, reader in readers.items()}
             return self._empty
 
-    def _bytes(self) -> int:
-        return sum(frame.nbytes for frames in self._kept.values() for frame in frames.values())
 
-
-class SilhouettePreview:
-    """Silhouettes of a recording, whose background models are made in a thread of their own."""
+class BackgroundModels:
+    """Background models of a recording, each learned in a thread of its own when asked for."""
 
     def __init__(self, recording: Recording) -> None:
-        """Makes nothing yet."""
-        self._recording = recording
-        self._models: dict[Method, Silhouettes | str] = {}
-        self._threads: dict[Method, threading.Thread] = {}
-        self._lock = threading.Lock()
+        """Learns nothing yet."""
+        self._recording, self._lock = recording, threading.Lock()
+        self._models: dict[Method, Future[Silhouettes]] = {}
 
-    def masks(
-        self, method: Method, frames: Mapping[str, Frame], source: DrawnSource
-    ) -> dict[str, NDArray[np.bool_]] | None:
-        """Silhouettes (H, W) bool by camera name; None while the backgrounds are learned.
-
-        Args:
-            method: see `BackgroundSettings`.
-            frames: by camera name.
-            source: the recording with its regions and unknown places.
+    def get(self, method: Method) -> Silhouettes | None:
+        """Silhouettes by a method, see `BackgroundSettings`; None while it is learned.
 
         Raises:
             InputError: the backgrounds cannot be read.
         """
         with self._lock:
-            model = self._models.get(method)
-            if model is None and method not in self._threads:
-                self._threads[method] = threading.Thread(
-                    target=self._learn, args=(method,), name=f"backgrounds {method}", daemon=True
-                )
-                self._threads[method].start()
-        if model is None:
-            return None
-        if isinstance(model, str):
-            raise InputError(model)
-        return model.with_places(source).of(frames)
-
-    def guessed(self, method: Method) -> tuple[str, ...]:
-        """Cameras without an empty view, as far as the backgrounds are learned."""
-        model = self._models.get(method)
-        return model.without_background if isinstance(model, Silhouettes) else ()
+            if method not in self._models:
+                self._models[method] = Future()
+                threading.Thread(target=self._learn, args=(method,), daemon=True).start()
+            model = self._models[method]
+        return model.result() if model.done() else None
 
     def _learn(self, method: Method) -> None:
-        model: Silhouettes | str = "the backgrounds could not be learned: see the terminal"
         try:
-            model = Silhouettes(DrawnSource(self._recording, {}, {}), method)
-        except InputError as error:
-            model = str(error)
-        finally:
-            with self._lock:
-                self._models[method] = model
+            model = Silhouettes(DrawnRecording(**vars(self._recording)), method)
+        except BaseException as error:  # for who asks
+            self._models[method].set_exception(error)
+        else:
+            self._models[method].set_result(model)
 
 
-def jpeg(frame: Frame) -> bytes:
-    """A frame (H, W, 3) uint8, BGR, as JPEG, of its own size."""
-    good, data = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not good:
-        raise InputError("a picture cannot be encoded: its sides are longer than 65500 px")
-    return data.tobytes()
-
-
-def overlay_png(
-    mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int, outline: bool
-) -> bytes:
+def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int) -> bytes:
     """A mask as a picture to be laid over another: PNG, transparent where it is False.
 
     Args:
-        mask: (H, W) bool.
+        mask: (H, W) bool, whose edge is drawn opaque.
         colour: red, green, blue.
         alpha: opacity of the inside, 0 to 255.
-        outline: whether its edge is drawn opaque.
     """
     image = np.zeros((*mask.shape, 4), np.uint8)
     image[mask] = (*colour[::-1], alpha)
-    if outline:
-        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-        thickness = max(1, round(max(mask.shape) / 640))
-        cv2.drawContours(image, contours, -1, (*colour[::-1], 255), thickness)
-    with suppress(cv2.error):
-        good, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-        if good:
-            return data.tobytes()
-    raise InputError("an overlay cannot be encoded")
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    thickness = max(1, round(max(mask.shape) / 640))
+    cv2.drawContours(image, contours, -1, (*colour[::-1], 255), thickness)
+    return png(image)

@@ -6,7 +6,7 @@ The picture alone decides: polygons count only where they paint exactly what it 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,6 @@ from PIL import Image, PngImagePlugin
 from calib.atomic import unwritable, write_whole
 from calib.errors import InputError
 from voxelpose.recording.folder import pictures_by_camera
-from voxelpose.recording.frame_reader import FrameReader, size_text
 from voxelpose.setup_page.page_requests import Polygon, Polygons, RegionDrawing
 
 _KEY = "voxelpose polygons"
@@ -58,31 +57,19 @@ def painted_mask(polygons: Sequence[Polygon], size: tuple[int, int]) -> NDArray[
     return image.view(np.bool_)
 
 
-def read_regions(folder: Path, sizes: dict[str, tuple[int, int]]) -> dict[str, RegionFile]:
+def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[str, RegionFile]:
     """The region files of a recording, by camera name.
 
     Args:
         folder: the recording.
-        sizes: width and height in px of each camera.
-
-    Raises:
-        InputError: a file cannot be read or differs in size from its camera.
+        masks: (H, W) bool by camera name, as of `Recording.regions`.
     """
-    files = {}
-    for name, path in pictures_by_camera(folder / "regions", stills=True).items():
-        if name not in sizes:
-            continue
-        image = next(iter(FrameReader.open(path)))
-        if image.shape[1::-1] != sizes[name]:
-            raise InputError(
-                f"{path} is {size_text(image.shape[1::-1])} px, camera {name}"
-                f" {size_text(sizes[name])}: remove it, and draw the region again"
-            )
-        mask = image.max(axis=2) > 127
-        polygons = _stored_polygons(path)
-        if not np.array_equal(painted_mask(polygons, sizes[name]), mask):
+    paths, files = pictures_by_camera(folder / "regions", stills=True), {}
+    for name, mask in masks.items():
+        polygons = _stored_polygons(paths[name])
+        if not np.array_equal(painted_mask(polygons, mask.shape[::-1]), mask):
             polygons = []
-        files[name] = RegionFile(path, mask, polygons)
+        files[name] = RegionFile(paths[name], mask, polygons)
     return files
 
 
@@ -104,7 +91,7 @@ def drawn_region(
 
 def write_region(
     folder: Path, name: str, drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
-) -> tuple[Path | None, Path | None]:
+) -> tuple[list[Path], list[Path]]:
     """Writes the region of a camera; returns the files that were written and removed.
 
     Args:
@@ -123,19 +110,21 @@ def write_region(
     if mask is not None and not mask.any():
         raise InputError(f"the region of {name} is outside of its picture: draw it within")
     path = folder / "regions" / f"{name}.png"
+    written, removed = [], []
     if mask is not None:
         try:
             path.parent.mkdir(exist_ok=True)
         except OSError as error:
             raise unwritable(path, error) from error
         write_whole(path, _png(mask, drawing.polygons))
-    if file is None or (mask is not None and file.path == path):
-        return path if mask is not None else None, None
-    try:
-        file.path.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{file.path} cannot be removed: {error.strerror or error}") from error
-    return path if mask is not None else None, file.path
+        written.append(path)
+    if file is not None and file.path not in written:
+        try:
+            file.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(f"{file.path} cannot be removed: {error.strerror or error}") from error
+        removed.append(file.path)
+    return written, removed
 
 
 def _png(mask: NDArray[np.bool_], polygons: list[Polygon]) -> bytes:

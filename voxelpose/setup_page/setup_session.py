@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import threading
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from voxelpose.setup_page.clicked_points import (
     read_clicked,
     save_clicked,
 )
-from voxelpose.setup_page.drawn_places import DrawnSource, PlaceFiles
+from voxelpose.setup_page.drawn_places import DrawnRecording, PlaceFiles
 from voxelpose.setup_page.fit_choices import check_choices, save_choices, up_vector
 from voxelpose.setup_page.ground import ground_lines, up_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
@@ -34,7 +33,8 @@ from voxelpose.setup_page.page_requests import (
     SilhouetteRequest,
     check_camera_names,
 )
-from voxelpose.setup_page.previews import MomentFrames, SilhouettePreview, jpeg, overlay_png
+from voxelpose.setup_page.previews import BackgroundModels, MomentFrames, overlay_png
+from voxelpose.view.images.canvas import encoded
 
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
@@ -66,7 +66,7 @@ class SetupSession:
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
         self._moments = MomentFrames(self._recording)
-        self._previews = SilhouettePreview(self._recording)
+        self._backgrounds = BackgroundModels(self._recording)
         self._check = CheckJob(self._recording)
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
@@ -127,7 +127,7 @@ class SetupSession:
         check_camera_names([camera], self._recording.rig.names)
         if camera not in frames:
             raise InputError(f"there is no picture of the empty view of {camera}")
-        return jpeg(frames[camera])
+        return encoded(frames[camera], ".jpg", 93)
 
     def painted(self, camera: str, kind: str) -> bytes:
         """What is painted in regions/ or unknown/, as PNG to be laid over the picture.
@@ -137,9 +137,9 @@ class SetupSession:
         """
         file, mask = self._places.regions.get(camera), self._places.painted.get(camera)
         if kind == "region" and file is not None:
-            return overlay_png(file.mask, _REGION, 0, True)
+            return overlay_png(file.mask, _REGION, 0)
         if kind == "unknown" and mask is not None:
-            return overlay_png(mask, _UNKNOWN, 110, True)
+            return overlay_png(mask, _UNKNOWN, 110)
         raise InputError("nothing is painted there")
 
     def silhouettes(self, asked: SilhouetteRequest) -> dict[str, Any]:
@@ -150,17 +150,21 @@ class SetupSession:
         """
         self._check_places(asked.places)
         frames = self._moments.frames(asked.moment)
-        unknown = self._places.unknown_masks(asked.places)
-        source = DrawnSource(self._recording, self._places.region_masks(asked.places), unknown)
-        masks = self._previews.masks(asked.background, frames, source)
-        if masks is None:
+        model = self._backgrounds.get(asked.background)
+        if model is None:
             return {"ready": False}
+        source = DrawnRecording(
+            **vars(self._recording),
+            drawn_regions=self._places.region_masks(asked.places),
+            drawn_unknown=self._places.unknown_masks(asked.places),
+        )
+        masks = model.with_places(source).of(frames)
         return {
             "ready": True,
-            "guessed": list(self._previews.guessed(asked.background)),
+            "guessed": list(model.without_background),
             "cameras": {
                 name: {
-                    "png": base64.b64encode(overlay_png(mask, _SILHOUETTE, 120, True)).decode(),
+                    "png": base64.b64encode(overlay_png(mask, _SILHOUETTE, 120)).decode(),
                     "share": float(np.mean(mask)),
                 }
                 for name, mask in masks.items()
@@ -224,9 +228,9 @@ class SetupSession:
         Raises:
             InputError: a value makes no sense, or a file cannot be written.
         """
-        names, folder = self._recording.rig.names, self.folder
+        folder = self.folder
         self._check_places(asked.places)
-        check_choices(asked.fit, names)
+        check_choices(asked.fit, self._recording.rig.names)
         if asked.points is not UNSET:
             check_points(asked.points)
         left_out: list[str] = []
@@ -235,7 +239,7 @@ class SetupSession:
             if asked.points is not UNSET and (asked.points or (folder / POINTS_FILE).exists()):
                 left_out = save_clicked(folder / POINTS_FILE, asked.points)
                 written.append(folder / POINTS_FILE)
-            if save_choices(folder / SETTINGS_FILE, asked.fit, names):
+            if save_choices(folder / SETTINGS_FILE, asked.fit):
                 written.append(folder / SETTINGS_FILE)
             self._places = PlaceFiles.read(self._recording)
         return {
@@ -275,23 +279,3 @@ class SetupSession:
             "source": "the calibration's [metadata]" if stated else "how the cameras stand",
             "choices": up_choices(self._recording.rig),
         }
-
-
-def open_session(
-    folder: Path,
-    settings: Callable[[], SettingValues],
-    unit: str | None = None,
-    fps: float | None = None,
-) -> SetupSession:
-    """Opens a recording folder for the page.
-
-    Args:
-        folder: the recording folder.
-        settings: see `SetupSession`.
-        unit: as `OpenedFolder.open`.
-        fps: likewise.
-
-    Raises:
-        InputError: it holds no pictures, or a file is damaged.
-    """
-    return SetupSession(OpenedFolder.open(folder, unit, fps), settings)

@@ -63,5 +63,4 @@ def staged_frame(rig: Rig, body: PosedBody, number: int = 0) -> LiveFrame:
         shaded = np.where(parts[..., None] > 0, np.array([150, 110, 70], np.uint8), room)
         pictures[camera.name] = cv2.GaussianBlur(shaded.astype(np.uint8), (3, 3), 0)
         silhouettes[camera.name] = (parts > 0)[::2, ::2]
-    stages = {"silhouettes": 0.006, "hull": 0.004, "pose": 0.011}
-    return LiveFrame(number, number / 25, pictures, silhouettes, body, stages)
+    return LiveFrame(number, number / 25, pictures, silhouettes, body)

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.errors import InputError
 from silhouette_core.image.silhouettes import UndistortedView
 from tests.browsing import new_page
 from tests.sources import ring
@@ -19,10 +18,10 @@ from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
 from voxelpose.live.camera_views import small_picture
 from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.live_page import Page, PageAccess
+from voxelpose.live.live_page import Page
 from voxelpose.live.page_texts import links_html, status_html, timings_html
 from voxelpose.live.sender import ReceiverState
-from voxelpose.view.serving.page_server import Address
+from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.legend import SILHOUETTE
 
 RIG = ring(2, (320, 240), (-0.2, 0.05, 0.0, 0.0))
@@ -46,11 +45,11 @@ def wait_until(true: Callable[[], bool], seconds: float = 10.0) -> None:
 
 
 @contextmanager
-def serving(token: str | None = None, **options) -> Iterator[tuple[Page, FakeControls]]:
+def serving(token: str | None = None, receivers=tuple) -> Iterator[tuple[Page, FakeControls]]:
     """A page that leaves no thread behind, and prints nothing."""
     before = set(threading.enumerate())
     controls = FakeControls()
-    page = Page(controls, RIG, PageAccess(Address("127.0.0.1", 0), token), **options)
+    page = Page(controls, RIG, Address("127.0.0.1", 0, token), receivers)
     try:
         yield page, controls
     finally:
@@ -69,11 +68,6 @@ def test_showing_costs_nothing_while_nobody_looks(capsys):
         time.sleep(0.3)
         assert page._scene._figure._handle is None  # nothing was drawn
     assert capsys.readouterr().out == ""
-
-
-def test_other_machines_need_a_token():
-    with pytest.raises(InputError, match="--token"):
-        Page(FakeControls(), RIG, PageAccess(Address("0.0.0.0", 0)))
 
 
 def test_a_new_body_is_built_anew_but_not_with_every_frame():

@@ -137,7 +137,7 @@ def test_two_receivers_at_once():
     assert [line["number"] for line in lines] == list(range(5)) and paths == ["/pose?take=1"]
     for state in states:
         assert (state.message, state.working, state.sent, state.dropped) == ("sending", True, 5, 0)
-        assert 0 < state.send_s < 5 and state.latency_s > 0
+        assert 0 < state.send_s < 5
 
 
 def test_absent_receivers_delay_nobody_and_are_found_later():
@@ -154,7 +154,7 @@ def test_absent_receivers_delay_nobody_and_are_found_later():
         assert time.perf_counter() - began < 5  # a single connection attempt may take as long
         wait_until(lambda: "nobody listens there, trying again in" in senders.states[0].message)
         assert not senders.states[0].working and senders.states[0].sent == 0
-        assert senders.states[0].dropped >= 98
+        wait_until(lambda: senders.states[0].dropped >= 98)
 
         def both(number: int) -> None:
             senders.send(bare_frame(number, BODY))
@@ -185,7 +185,7 @@ def test_a_slow_receiver_gets_the_newest_frame():
         for number in range(1, 200):
             senders.send(bare_frame(number, BODY))
             time.sleep(0.002)
-        assert senders.states[0].dropped > 100
+        wait_until(lambda: senders.states[0].dropped > 100)
         go_on.set()
         wait_until(lambda: got[-1] == 199)
         assert len(got) < 30 and got == sorted(got)

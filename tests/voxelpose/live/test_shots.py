@@ -42,7 +42,7 @@ def stream(name: str, fps: float, count: int, start_s: float = 0.0) -> list[tupl
 
 
 def test_cameras_out_of_step_are_matched_to_the_nearest(clock):
-    matcher = ShotMatcher(["a", "b"], clock, least=2)
+    matcher = ShotMatcher(["a", "b"], clock)
     shots = play(matcher, clock, stream("a", 30, 30) + stream("b", 30, 30, 0.012))
     assert len(shots) >= 28
     assert all(cameras == ("a", "b") for _, cameras in shots)
@@ -50,14 +50,14 @@ def test_cameras_out_of_step_are_matched_to_the_nearest(clock):
 
 
 def test_a_slow_camera_sets_the_rate(clock):
-    matcher = ShotMatcher(["a", "b"], clock, least=2)
+    matcher = ShotMatcher(["a", "b"], clock)
     shots = play(matcher, clock, stream("a", 30, 60) + stream("b", 15, 30, 0.004))
     assert 27 <= len(shots) <= 31
     assert all(cameras == ("a", "b") for _, cameras in shots)
 
 
 def test_a_silent_camera_is_left_out_until_it_delivers_again(clock):
-    matcher = ShotMatcher(["a", "b", "c"], clock, least=2)
+    matcher = ShotMatcher(["a", "b", "c"], clock)
     gone = [one for one in stream("c", 30, 90, 0.002) if not 0.5 < one[0] < 2.0]
     shots = play(matcher, clock, stream("a", 30, 90) + stream("b", 30, 90, 0.001) + gone)
     cameras = {t: names for t, names in shots}
@@ -68,16 +68,16 @@ def test_a_silent_camera_is_left_out_until_it_delivers_again(clock):
 
 
 def test_too_few_cameras_make_no_shot(clock):
-    matcher = ShotMatcher(["a", "b"], clock, least=2)
+    matcher = ShotMatcher(["a", "b"], clock)
     assert play(matcher, clock, stream("a", 30, 30)) == []
 
 
 def test_at_first_every_camera_is_waited_for(clock):
-    matcher = ShotMatcher(["a", "b", "c"], clock, least=2)
+    matcher = ShotMatcher(["a", "b", "c"], clock)
     shots = play(matcher, clock, stream("a", 30, 90) + stream("b", 30, 90) + stream("c", 30, 60, 1))
     assert shots[0][0] >= 1.0
     assert all(len(cameras) == 3 for _, cameras in shots)
-    matcher = ShotMatcher(["a", "b", "c"], clock, least=2)
+    matcher = ShotMatcher(["a", "b", "c"], clock)
     shots = play(matcher, clock, stream("a", 30, 90) + stream("b", 30, 90))
     assert shots[0][0] == pytest.approx(2.0, abs=0.05)
 

@@ -11,8 +11,10 @@ from pathlib import Path
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli.folder_settings import folder_settings
+from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupServer
-from voxelpose.setup_page.setup_session import SettingValues, SetupSession, open_session
+from voxelpose.setup_page.setup_session import SettingValues, SetupSession
+from voxelpose.view.serving.gate import Address
 
 SIZE = 320, 240
 
@@ -29,7 +31,7 @@ def opened(folder: Path) -> SetupSession:
         found = folder_settings("fit", folder)
         return {name: (setting.value, str(setting.file)) for name, setting in found.items()}
 
-    return open_session(folder, settings)
+    return SetupSession(OpenedFolder.open(folder), settings)
 
 
 @contextmanager
@@ -38,7 +40,7 @@ def served(
 ) -> Iterator[SetupServer]:
     """The page; leaves no thread of its own behind."""
     before = set(threading.enumerate())
-    server = SetupServer(opened(folder), host, 0, token)
+    server = SetupServer(opened(folder), Address(host, 0, token))
     try:
         yield server
     finally:

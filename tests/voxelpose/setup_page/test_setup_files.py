@@ -146,7 +146,6 @@ def test_errors_of_points_are_distances_to_where_the_calibration_puts_them():
 def test_settings_are_those_of_fit_and_the_rest_of_the_file_stays(walk):
     path = walk / "voxelpose.toml"
     path.write_text('# mine\n[live]\nframes = 3\n\n[fit]\nsmooth = false  # keep\nrepair = "off"\n')
-    names = ("cam_1", "cam_2", "cam_3")
     chosen = FitChosen(
         background="paper",
         tolerance=1,
@@ -156,7 +155,7 @@ def test_settings_are_those_of_fit_and_the_rest_of_the_file_stays(walk):
         up="-z",
     )
     path.write_text(path.read_text().replace("[live]\nframes = 3\n", ""))
-    assert save_choices(path, chosen, names)
+    assert save_choices(path, chosen)
     found = {name: each.value for name, each in folder_settings("fit", walk).items()}
     assert found == {
         "smooth": False,
@@ -167,7 +166,7 @@ def test_settings_are_those_of_fit_and_the_rest_of_the_file_stays(walk):
         "up": "-z",
     }
     assert "# mine" in path.read_text() and "# keep" in path.read_text()
-    assert not save_choices(walk / "none.toml", FitChosen(up=None), names)
+    assert not save_choices(walk / "none.toml", FitChosen(up=None))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.view.serving.page_server import Address
+from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.legend import frame_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -25,7 +25,7 @@ def served(desk):
     """A browser's server of a small result, drawing in its own thread."""
     write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
-    browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8391))
+    browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8391), 2)
     stopped = threading.Event()
 
     def draw() -> None:
@@ -72,8 +72,7 @@ def test_the_page(served, tmp_path):
 def test_a_recording_alone_is_served_and_plays(desk, capsys):
     write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
     first, second = (
-        Browser(ResultScenes("walk", voxel_size_m=0.05), Address(port=8395), frame=1)
-        for _ in range(2)
+        Browser(ResultScenes("walk", voxel_size_m=0.05), Address(port=8395), 1) for _ in range(2)
     )
     assert first.url == "http://localhost:8395" and second.url != first.url  # the next free port
     assert first.step(1.0) and "<b>Frame 1," in first._status.content
@@ -92,12 +91,16 @@ def test_a_recording_alone_is_served_and_plays(desk, capsys):
 
 def test_a_choice_is_drawn_once(served):
     """Without any browser: the panel's choice reaches the scene."""
-    served._choose(row=1, hull=False)
+    served._choose(row=1, shown=served.choice.shown - {"hull"})
     for _ in range(200):
         if served._drawn == served.choice:
             break
         threading.Event().wait(0.05)
-    assert served._drawn == served.choice and served.choice.row == 1 and not served.choice.hull
+    assert (
+        served._drawn == served.choice
+        and served.choice.row == 1
+        and "hull" not in served.choice.shown
+    )
     assert "<b>Frame 1," in served._status.content
 
 
@@ -121,16 +124,16 @@ def test_another_site_cannot_listen(served):
 
 def test_other_machines_need_a_token(served):
     with pytest.raises(InputError, match="protect the page with --token"):
-        Browser(served.scenes, Address("0.0.0.0", 8399))
+        Address("0.0.0.0", 8399)
     with pytest.raises(InputError, match=r"--host no\.such\.name\.invalid"):
-        Browser(served.scenes, Address("no.such.name.invalid", 8399), token="a long one")
+        Browser(served.scenes, Address("no.such.name.invalid", 8399, "a long one"), 1)
 
 
 @pytest.mark.slow
 def test_the_page_of_an_animal(desk):
     """Its own parts are offered, and seen from as far as its size asks for."""
     _, motion = write_example_result(desk, "quadruped", pictures=False)
-    browser = Browser(ResultScenes("quadruped_fit", voxel_size_m=0.04), Address(port=8392))
+    browser = Browser(ResultScenes("quadruped_fit", voxel_size_m=0.04), Address(port=8392), 2)
     camera = np.array(browser.server.initial_camera.position)
     away_m = np.linalg.norm(camera - np.median(motion.root_m, axis=0))
     assert 1.5 < away_m / motion.model.extent_m < 2.2

@@ -12,8 +12,8 @@ import websockets.sync.client
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Gate
-from voxelpose.view.serving.page_server import Address, PageServer
+from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.page_server import PageServer
 
 TOKEN = "open & sesame"
 QUERY = "/?token=open%20%26%20sesame"
@@ -24,7 +24,7 @@ SUBPROTOCOL = f"viser-v{viser.__version__}"
 def guarded() -> Iterator[PageServer]:
     """A server with a token, on an address that this machine alone can reach."""
     before = set(threading.enumerate())
-    server = PageServer(Address("127.0.0.1", 0), TOKEN)
+    server = PageServer(Address("127.0.0.1", 0, TOKEN))
     server.viser.gui.add_html("the room")
     yield server
     server.close()
@@ -34,7 +34,7 @@ def guarded() -> Iterator[PageServer]:
 @pytest.fixture(scope="module")
 def local() -> Iterator[PageServer]:
     """A server without a token."""
-    server = PageServer(Address("127.0.0.1", 0), None)
+    server = PageServer(Address("127.0.0.1", 0))
     server.viser.gui.add_html("the room")
     yield server
     server.close()
@@ -191,7 +191,7 @@ def test_an_unknown_viser_is_one_line_and_leaves_no_thread(monkeypatch):
     before = set(threading.enumerate())
     monkeypatch.delattr("viser.infra._infra.WebsockMessageHandler.unregister_handler")
     with pytest.raises(InputError, match=r"does not know viser .*: install another"):
-        PageServer(Address("127.0.0.1", 0), None)
+        PageServer(Address("127.0.0.1", 0))
     assert set(threading.enumerate()) <= before
 
 
@@ -204,17 +204,17 @@ def test_the_right_library_version_alone_opens_nothing(guarded):
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.168.0.9", "studio"])
 def test_other_machines_need_a_token(host):
     with pytest.raises(InputError, match="--token"):
-        Gate(host, 0, None, 9)
+        Address(host, 0)
     with pytest.raises(InputError, match="--token is short"):
-        PageServer(Address(host, 0), "1234")
+        Address(host, 0, "1234")
 
 
 def test_the_next_free_port_is_taken_and_an_impossible_address_is_one_line(guarded):
-    gate = Gate("127.0.0.1", guarded.gate.port, TOKEN, 9)
+    gate = Gate(Address("127.0.0.1", guarded.gate.port, TOKEN), guarded._relay)
     assert gate.port > guarded.gate.port
     gate.close()
     gate.close()
     with pytest.raises(InputError, match=r"--host 203\.0\.113\.1 --port 8080: .*choose another"):
-        Gate("203.0.113.1", 8080, TOKEN, 9)
+        Gate(Address("203.0.113.1", 8080, TOKEN), guarded._relay)
     with pytest.raises(InputError, match="choose another"):
-        Gate("127.0.0.1", 99999, TOKEN, 9)
+        Address("127.0.0.1", 99999, TOKEN)

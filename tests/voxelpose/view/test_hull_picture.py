@@ -19,25 +19,23 @@ def body() -> np.ndarray:
 
 
 def test_a_picture_shows_the_body_from_every_side():
-    picture = hull_picture(GRID, body(), azimuths_deg=(-90.0, 0.0), size=(200, 300))
-    assert picture.shape == (300, 400, 3)
+    picture = hull_picture(GRID, body(), azimuths_deg=(-90, 0))
+    assert picture.shape == (720, 960, 3)
     dark = (picture != picture[0, 0]).any(axis=2)
-    front, side = dark[:, :200], dark[:, 200:]
+    front, side = dark[:, :480], dark[:, 480:]
     assert front.any(axis=0).sum() > 2.5 * side.any(axis=0).sum() > 0
     assert not dark[[0, -1]].any() and not front[:, [0, -1]].any()
-    assert front.any(axis=1).sum() == pytest.approx(270, abs=30)
+    assert front.any(axis=1).sum() == pytest.approx(648, abs=72)
 
 
 def test_a_skeleton_is_drawn_where_it_is_known():
     skeleton = Skeleton(
         np.array([[0, 0, 0.3], [0, 0, 1.5], [np.nan] * 3]), np.array([[0, 1], [1, 2]])
     )
-    plain, drawn = (
-        hull_picture(GRID, body(), bones, (-90.0,), (100, 150)) for bones in (None, skeleton)
-    )
+    plain, drawn = (hull_picture(GRID, body(), bones, (-90,)) for bones in (None, skeleton))
     changed = (plain != drawn).any(axis=2)
-    assert changed[:, 47:53].sum() > 50
-    assert not changed[:, :45].any() and not changed[:, 55:].any()
+    assert changed[:, 235:245].sum() > 240
+    assert not changed[:, :232].any() and not changed[:, 248:].any()
 
 
 def test_open3d_can_be_imported_on_a_bare_machine():
@@ -52,7 +50,7 @@ def test_a_window_without_a_screen_is_refused(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(InputError, match=r"no screen .*--png FILE"):
-        show_hull(GRID, body())
+        show_hull(GRID, body(), None, "title")
 
 
 def test_a_missing_open3d_is_said_with_the_remedy(monkeypatch):

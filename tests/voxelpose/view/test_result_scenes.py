@@ -18,7 +18,7 @@ from voxelpose.cli import run
 from voxelpose.export.hypotheses import read_hypotheses
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.recording.folder import Recording
-from voxelpose.view.serving.page_server import Address
+from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.legend import area_text, frame_html, legend_html, overlap_colours
 from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -254,6 +254,6 @@ def test_a_body_without_bones_is_shown(desk):
     for words in (["--png", "a.png"], ["--video", "a.webm"]):
         assert run(["view", "out", "--voxel", "0.05", *words]) == 0
     assert run(["report", "out"]) == 0
-    browser = Browser(ResultScenes("out", voxel_size_m=0.05), Address(port=8393))
+    browser = Browser(ResultScenes("out", voxel_size_m=0.05), Address(port=8393), 0)
     browser.step(0.01)
     browser.close()

@@ -12,60 +12,52 @@ from silhouette_core.motion import kinematics
 from voxelpose.view.images.canvas import Image, text_width, write_text
 from voxelpose.view.images.hull_picture import shaded_view
 
-_FRONT, _QUARTER, _SIDE = -90.0, -50.0, 0.0  # azimuths, degrees
+_FRONT, _QUARTER, _SIDE = -90, -50, 0  # azimuths, degrees
 _CAPTION_PX, _LINE_PX, _MARGIN_PX = 14, 20, 8
 _CAPTION = (60, 52, 46)  # BGR
 _MOST_COLUMNS = 8
 # A pose that bends every large joint: a lunge with one arm forward and one raised, degrees.
 _BENT_DEG = {
-    "left_thigh.flexion": 85.0,
-    "left_shin.flexion": 90.0,
-    "left_foot.dorsiflexion": 10.0,
-    "right_thigh.flexion": -10.0,
-    "right_shin.flexion": 70.0,
-    "right_foot.dorsiflexion": -20.0,
-    "lumbar.flexion": 20.0,
-    "thorax.flexion": 15.0,
-    "thorax.rotation": 20.0,
-    "neck.flexion": -15.0,
-    "left_upper_arm.abduction": 75.0,
-    "left_forearm.flexion": 100.0,
-    "right_upper_arm.forward": 70.0,
-    "right_forearm.flexion": 60.0,
-    "right_hand.flexion": 30.0,
+    "left_thigh.flexion": 85,
+    "left_shin.flexion": 90,
+    "left_foot.dorsiflexion": 10,
+    "right_thigh.flexion": -10,
+    "right_shin.flexion": 70,
+    "right_foot.dorsiflexion": -20,
+    "lumbar.flexion": 20,
+    "thorax.flexion": 15,
+    "thorax.rotation": 20,
+    "neck.flexion": -15,
+    "left_upper_arm.abduction": 75,
+    "left_forearm.flexion": 100,
+    "right_upper_arm.forward": 70,
+    "right_forearm.flexion": 60,
+    "right_hand.flexion": 30,
 }
 
 
-def body_picture(body: BodyModel, size: tuple[int, int] = (420, 500)) -> Image:
+def body_picture(body: BodyModel) -> Image:
     """A body at rest from the front, obliquely and from the side, and bent.
 
-    Args:
-        body: the body.
-        size: width and height of each of the four pictures, pixels.
-
     Returns:
-        (height, 4 width, 3) uint8, BGR.
+        (h, w, 3) uint8, BGR.
     """
-    rest, bent = body.vertices_m, bent_vertices(body)
-    views = [
-        _standing(rest, body, azimuth, rest, size) for azimuth in (_FRONT, _QUARTER, _SIDE)
-    ] + [_standing(bent, body, _QUARTER, rest, size)]
-    return np.concatenate(views, axis=1)
+    rest, bent, size = body.vertices_m, bent_vertices(body), (420, 500)
+    views = [_standing(rest, body, azimuth, rest, size) for azimuth in (_FRONT, _QUARTER, _SIDE)]
+    return np.concatenate([*views, _standing(bent, body, _QUARTER, rest, size)], axis=1)
 
 
-def bodies_picture(
-    bodies: Sequence[BodyModel], captions: Sequence[str], size: tuple[int, int] = (230, 270)
-) -> Image:
+def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Image:
     """Several bodies from the front, all at the same scale and on the same floor.
 
     Args:
         bodies: at least one.
         captions: two lines of text for each, separated by a newline.
-        size: width and height of each picture without its caption, pixels.
 
     Returns:
         (h, w, 3) uint8, BGR, rows of at most eight.
     """
+    size = 230, 270
     tallest = max((body.vertices_m for body in bodies), key=lambda v: float(np.ptp(v[:, 2])))
     cells = []
     for body, caption in zip(bodies, captions, strict=True):

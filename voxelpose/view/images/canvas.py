@@ -147,14 +147,25 @@ def reduced(image: NDArray[np.uint8], scale: float) -> Image:
 
 
 def png(image: Image) -> bytes:
-    """PNG encoding of an image.
+    """PNG encoding of an image; see `encoded`."""
+    return encoded(image, ".png")
+
+
+def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
+    """An image (h, w), (h, w, 3) or (h, w, 4) uint8, BGR, as the content of a file.
+
+    Args:
+        image: the image.
+        suffix: ".png", ".jpg" or ".webp".
+        quality: of a JPEG or WebP, 1 to 100.
 
     Raises:
-        OSError: it cannot be encoded.
+        OSError: it cannot be encoded: sides of a JPEG have at most 65 500 px.
     """
-    encoded, data = cv2.imencode(".png", image)
-    if not encoded:
-        raise OSError(f"an image {image.shape} cannot be encoded as PNG")
+    flag = cv2.IMWRITE_WEBP_QUALITY if suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
+    good, data = cv2.imencode(suffix, image, [] if quality is None else [flag, quality])
+    if not good:
+        raise OSError(f"an image {image.shape} cannot be encoded as {suffix}")
     return data.tobytes()
 
 

@@ -26,7 +26,6 @@ from voxelpose.view.images.canvas import (
 )
 from voxelpose.view.images.figure import FigurePainter
 
-_MOMENTS = 6
 _GAP, _MARGIN, _HEAD, _LABEL = 6, 28, 96, 92
 _LEGEND = 360
 _WIDEST, _HIGHEST = 1900, 2000
@@ -41,10 +40,9 @@ class ContactSheet:
         rotation: NDArray[np.float64],
         origin: NDArray[np.float64],
         cameras: Sequence[Camera],
-        unknown: Mapping[str, NDArray[np.bool_]] | None = None,
-        moments: int = _MOMENTS,
+        unknown: Mapping[str, NDArray[np.bool_]],
     ) -> None:
-        """Chooses the moments and the crops.
+        """Chooses at most six moments, and the crops.
 
         Args:
             motion: the poses.
@@ -52,12 +50,11 @@ class ContactSheet:
             origin: (T, P, 3) metres, likewise.
             cameras: one row each.
             unknown: (H, W) bool by camera name, where nothing is known.
-            moments: largest number of columns.
         """
         self.motion = motion
         self.rotation, self.origin = rotation, origin
-        rows = np.linspace(0, len(motion) - 1, min(moments, len(motion))).round().astype(int)
-        self.rows = list(dict.fromkeys(rows.tolist()))
+        rows = np.linspace(0, len(motion) - 1, min(6, len(motion))).round().astype(int)
+        self.rows = rows.tolist()
         boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
         aspects = [width / height for _, _, width, height in boxes]
         aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
@@ -65,7 +62,7 @@ class ContactSheet:
         height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
         self.tile = round(height * aspect), round(height)
         self.views = [
-            _View(motion, camera, box, self.tile, (unknown or {}).get(camera.name))
+            _View(motion, camera, box, self.tile, unknown.get(camera.name))
             for camera, box in zip(cameras, boxes, strict=True)
         ]
         self.tiles: dict[tuple[int, int], Image] = {}

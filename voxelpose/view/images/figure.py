@@ -28,7 +28,6 @@ from voxelpose.view.images.canvas import (
     tint,
 )
 
-_TINT = 0.33
 _SIDES: tuple[Colour, ...] = (MIDDLE, LEFT, RIGHT)
 _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
@@ -124,19 +123,10 @@ class FigurePainter:
         scale: float = 1.0,
         unknown: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Prepares for a body and a camera.
-
-        Args:
-            model: the body.
-            camera: as calibrated, at the recorded size.
-            scale: size of the working picture over that of the recorded one.
-            unknown: (H, W) bool, where nothing is known, which is hatched; None: nowhere.
-        """
-        self.model = model
+        """Prepares for a body and a camera; `unknown`, (H, W) bool, is hatched."""
+        self.model, self.camera, self.scale = model, camera, scale
         self._unknown = unknown
-        self.camera = camera
-        self.scale = scale
-        self.ideal = camera.pinhole(self.scale)
+        self.ideal = camera.pinhole(scale)
         self.size = self.ideal.size
         self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
         self._bones = skeleton_bones(model)
@@ -170,7 +160,7 @@ class FigurePainter:
         line = max(1, round((rows[-1] - rows[0]) / 300))
         for side, colour in enumerate(_SIDES):
             outlines = self._outlines(self._side[parts] == side)
-            tint(image, outlines, colour, _TINT)
+            tint(image, outlines, colour, 0.33)
             for outline in outlines:
                 stroke(image, outline, colour, line, closed=True)
         for outline in self._outlines(parts > 0):

@@ -11,11 +11,11 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
 from voxelpose.view.open3d_import import import_open3d
 
+SIZE = 480, 720
+"""Width and height of a hull's picture from one side, px."""
 _BACKGROUND = (247, 244, 240)  # BGR
-_SKIN = np.array([168.0, 190.0, 208.0])
+_SKIN = np.array([168, 190, 208])
 _BONE = (40, 60, 200)
-_FOCAL = 4.0  # in image heights: nearly parallel
-_FILLED = 0.9  # fraction of the picture's height or width
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,7 @@ def hull_picture(
     grid: VoxelGrid,
     occupancy: NDArray[np.bool_],
     skeleton: Skeleton | None = None,
-    azimuths_deg: tuple[float, ...] = (-90.0, -30.0, 30.0, 90.0),
-    size: tuple[int, int] = (480, 720),
+    azimuths_deg: tuple[float, ...] = (-90, -30, 30, 90),
     box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
     """Pictures of the hull's surface from several sides, side by side; needs no screen.
@@ -47,16 +46,15 @@ def hull_picture(
         skeleton: drawn over the surface.
         azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
             before a person that faces -y.
-        size: width and height of each, pixels.
         box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.
 
     Returns:
-        (height, width * number of sides, 3) uint8, BGR.
+        (720, 480 * number of sides, 3) uint8, BGR.
     """
     vertices, faces = surface(*grid.cropped(occupancy))
     box = box_m or (vertices.min(axis=0), vertices.max(axis=0))
     return np.concatenate(
-        [shaded_view((vertices, faces), box, skeleton, azimuth, size) for azimuth in azimuths_deg],
+        [shaded_view((vertices, faces), box, skeleton, azimuth, SIZE) for azimuth in azimuths_deg],
         axis=1,
     )
 
@@ -85,10 +83,10 @@ def shaded_view(
     forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
     camera_from_world = np.stack([np.cross(forward, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], forward])
     middle, diagonal = 0.5 * (low + high), float(np.linalg.norm((high - low)[:2]))
-    # Far enough for the nearest corner to fit, for any azimuth.
-    focal = _FOCAL * height
+    focal = 4.0 * height  # nearly parallel
+    # Far enough for the nearest corner to fit into 0.9 of the picture, for any azimuth.
     span = max(float(high[2] - low[2]) / height, diagonal / width)
-    distance = 0.5 * diagonal + focal / _FILLED * span
+    distance = 0.5 * diagonal + focal / 0.9 * span
     matrix = np.array([[focal, 0, 0.5 * (width - 1)], [0, focal, 0.5 * (height - 1)], [0, 0, 1]])
     in_camera = (vertices - middle) @ camera_from_world.T + np.array([0, 0, distance])
     labels = np.zeros(len(faces), dtype=np.int32)
@@ -106,8 +104,8 @@ def shaded_view(
 def show_hull(
     grid: VoxelGrid,
     occupancy: NDArray[np.bool_],
-    skeleton: Skeleton | None = None,
-    title: str = "voxelpose",
+    skeleton: Skeleton | None,
+    title: str,
 ) -> None:
     """Opens a window with the hull's surface and the skeleton; returns when it is closed.
 

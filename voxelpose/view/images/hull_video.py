@@ -5,20 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.atomic import replacing, write_whole
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.view.images.canvas import FAINT, png, write_text
 from voxelpose.view.images.figure import bone_ends
-from voxelpose.view.images.hull_picture import Skeleton, hull_picture
+from voxelpose.view.images.hull_picture import SIZE, Skeleton, hull_picture
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene import CarvedHull, Scene
-
-_MARGIN_M = 0.12  # around the joints: flesh, and the excess of the hull
-_AZIMUTHS_DEG = (-90.0, -30.0, 30.0)
+from voxelpose.view.viewer.scene import Scene
 
 
 def skeleton_of(scene: Scene) -> Skeleton | None:
@@ -61,51 +57,32 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
             " frame's hull"
         )
     reach = motion.landmarks() - motion.root_m[:, None]
-    low, high = reach.min((0, 1)) - _MARGIN_M, reach.max((0, 1)) + _MARGIN_M
+    margin_m = 0.12  # around the joints: flesh, and the excess of the hull
+    low, high = reach.min((0, 1)) - margin_m, reach.max((0, 1)) + margin_m
     if path.suffix != ".webm":
         raise InputError(f"{path} must end in .webm: that is the format of the video")
+    sides = (-90, -30, 30)
     reporter.stage("film", len(scenes.frames))
     with replacing(path) as partial:
-        return _write_pages(scenes, partial, (low, high), reporter)
-
-
-def _write_pages(
-    scenes: ResultScenes,
-    path: Path,
-    reach_m: tuple[NDArray[np.float64], NDArray[np.float64]],
-    reporter: Reporter,
-) -> int:
-    """Writes the frames that have a hull, seen as far as `reach_m` around the pelvis; returns their
-    number.
-    """
-    motion, writer = scenes.motion, None
-    assert motion is not None
-    try:
-        for frame in scenes.frames.tolist():
-            scene = scenes.scene(frame)
-            if scenes.recording is None:
-                raise InputError(scenes.missing)
-            if scene.hull is not None:
-                middle = motion.root_m[np.abs(motion.frames - frame).argmin()]
-                picture = _page(scene, scene.hull, (middle + reach_m[0], middle + reach_m[1]))
-                writer = writer or WebmWriter(path, scenes.fps, picture.shape[1::-1])
-                writer.write(picture)
-            reporter.advance()
-        if writer is None:
-            raise InputError("no frame has a hull: look at the silhouettes with `voxelpose carve`")
-        writer.close()
-        return writer.frames
-    finally:
-        if writer is not None:
+        writer = WebmWriter(partial, scenes.fps, (len(sides) * SIZE[0], SIZE[1]))
+        try:
+            for frame in scenes.frames.tolist():
+                scene = scenes.scene(frame)
+                if scene.hull is not None:
+                    middle = motion.root_m[np.abs(motion.frames - frame).argmin()]
+                    box_m, hull = (middle + low, middle + high), scene.hull
+                    picture = hull_picture(
+                        hull.grid, hull.occupancy, skeleton_of(scene), sides, box_m
+                    )
+                    caption = f"frame {frame} · {scene.time_s:.2f} s"
+                    write_text(picture, caption, 16, picture.shape[0] - 16, 18, FAINT)
+                    writer.write(picture)
+                reporter.advance()
+            if not writer.frames:
+                raise InputError(
+                    "no frame has a hull: look at the silhouettes with `voxelpose carve`"
+                )
+            writer.close()
+        finally:
             writer.release()
-
-
-def _page(
-    scene: Scene, hull: CarvedHull, box_m: tuple[NDArray[np.float64], NDArray[np.float64]]
-) -> NDArray[np.uint8]:
-    picture = hull_picture(
-        hull.grid, hull.occupancy, skeleton_of(scene), _AZIMUTHS_DEG, box_m=box_m
-    )
-    caption = f"frame {scene.frame} · {scene.time_s:.2f} s"
-    write_text(picture, caption, 16, picture.shape[0] - 16, 18, FAINT)
-    return picture
+    return writer.frames

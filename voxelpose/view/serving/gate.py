@@ -1,8 +1,7 @@
-"""The page's gate: it stands before viser's server, which has no access control of its own.
+"""The gate before every page: it listens, and checks each request before it answers anything.
 
-It listens at the outer address, checks every request before it answers anything, and relays those
-that may pass, byte by byte. A connection carries one request: a page's file, JSON that a page sends
-where it may, or the upgrade to a WebSocket and all that follows.
+A connection carries one request: a page's file, JSON that a page sends where it may, or the upgrade
+to a WebSocket and all that follows. Those that may pass go to who answers them.
 """
 
 from __future__ import annotations
@@ -12,56 +11,79 @@ import secrets
 import socket
 import threading
 from asyncio import StreamReader, StreamWriter
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass
 from urllib.parse import quote
 
 from calib.errors import InputError
 from voxelpose.view.serving.gate_request import GateKeys, GateRequest, Reply, is_loopback
 
 _HEAD_BYTES = 16384
-_HEAD_S = 10.0
-_BODY_S = 60.0
-_WRONG_TOKEN_S = 0.2  # slows down who tries many
+_HEAD_S = 10
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
 _LAST_PORT = 65_535
 
+Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
+"""Answers a request that may pass: reads what follows its head, and writes."""
 
-class Gate:
-    """Relays the requests that may pass to a server of this machine.
+
+@dataclass(frozen=True)
+class Address:
+    """Where a page is served, and to whom.
 
     Attributes:
-        host: where it listens.
-        port: likewise.
-        peers: addresses of its own connections to the server behind it: all others are strangers.
+        host: name or number; "localhost" for this machine only, "0.0.0.0" for all that reach it.
+        port: the first free one from this number on is used, of twenty; 0: any.
+        token: who wants to see the page must know it; None: only this machine's own addresses.
+
+    Raises:
+        InputError: other machines could see the page without a token; the token is short; or there
+            is no such port.
     """
 
-    def __init__(
-        self, host: str, port: int, token: str | None, inner_port: int, largest_body: int = 0
-    ) -> None:
+    host: str = "localhost"
+    port: int = 8080
+    token: str | None = None
+
+    def __post_init__(self) -> None:
+        """Checks who could see the page."""
+        if self.token is None and not is_loopback(self.host):
+            raise InputError(
+                f"--host {self.host} shows the cameras to other machines: protect the page with"
+                " --token TOKEN, a word that only its viewers know"
+            )
+        if self.token is not None and len(self.token) < _LEAST_TOKEN:
+            raise InputError(f"--token is short: take at least {_LEAST_TOKEN} characters")
+        if not 0 <= self.port <= _LAST_PORT:  # the system may take it for another
+            raise InputError(
+                f"--port {self.port}: ports are numbers from 1 to {_LAST_PORT}: choose another"
+            )
+
+
+class Gate:
+    """Lets requests pass that may.
+
+    Attributes:
+        port: where it listens.
+    """
+
+    def __init__(self, address: Address, handle: Handler, largest_body: int = 0) -> None:
         """Listens, from a thread of its own.
 
         Args:
-            host: name or number of the address; "0.0.0.0" for all of this machine.
-            port: the first free one from this number on is used, of twenty; 0: any.
-            token: who wants to pass must know it; None: only this machine's own addresses.
-            inner_port: of the server behind it, at 127.0.0.1.
+            address: where, and who may pass.
+            handle: answers what may pass, in that thread.
             largest_body: bytes of JSON that a page may send with one request; 0: none.
 
         Raises:
-            InputError: other machines could pass without a token; the token is short; or the
-                address cannot be used.
+            InputError: the address cannot be used.
         """
-        check_access(host, token)
-        if not 0 <= port <= _LAST_PORT:  # the system may take it for another
-            raise InputError(
-                f"--port {port}: ports are numbers from 1 to {_LAST_PORT}: choose another"
-            )
-        self.host, self.port = host, port
-        self.peers: set[tuple[str, int]] = set()
-        self._token, self._inner_port, self._largest_body = token, inner_port, largest_body
+        self._address, self._handle, self._largest_body = address, handle, largest_body
+        self._passed = 0
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
         self._stopped = asyncio.Event()
@@ -75,15 +97,16 @@ class Gate:
         except (OSError, OverflowError) as error:
             self._thread.join()
             raise InputError(
-                f"--host {host} --port {port}: the page cannot be served there"
+                f"--host {address.host} --port {address.port}: the page cannot be served there"
                 f" ({getattr(error, 'strerror', None) or error}): choose another"
             ) from None
 
     @property
     def url(self) -> str:
         """Address for the browser, the token included."""
-        host = "localhost" if self.host in ("0.0.0.0", "::", "") else self.host
-        query = f"/?token={quote(self._token, safe='')}" if self._token is not None else ""
+        host, token = self._address.host, self._address.token
+        host = "localhost" if host in ("0.0.0.0", "::", "") else host
+        query = f"/?token={quote(token, safe='')}" if token is not None else ""
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{self.port}{query}"
 
@@ -107,7 +130,7 @@ class Gate:
             return
         port = int(server.sockets[0].getsockname()[1])
         # Browsers send cookies to all ports of a host: the name tells sessions apart.
-        self._keys = GateKeys(self._token, f"voxelpose_{port}", secrets.token_urlsafe(32))
+        self._keys = GateKeys(self._address.token, f"voxelpose_{port}", secrets.token_urlsafe(32))
         ready.set_result(port)
         await self._stopped.wait()
         server.close()
@@ -116,17 +139,17 @@ class Gate:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def _listen(self) -> asyncio.Server:
-        for tried in range(_MOST_PORTS):
+        host, port = self._address.host, self._address.port
+        last = port + _MOST_PORTS - 1
+        while True:
             try:
-                return await asyncio.start_server(
-                    self._meet, self.host, self.port and self.port + tried, limit=_HEAD_BYTES
-                )
+                return await asyncio.start_server(self._meet, host, port, limit=_HEAD_BYTES)
             except socket.gaierror:  # no such name: every port would say so, and slowly
                 raise
             except OSError:
-                if tried == _MOST_PORTS - 1:
+                if port in (0, last):
                     raise
-        raise OSError("no port is free")
+                port += 1
 
     async def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
         task = asyncio.current_task()
@@ -151,80 +174,16 @@ class Gate:
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
-            if reply is None and len(self.peers) >= _MOST_LINKS:
+            if reply is None and self._passed >= _MOST_LINKS:
                 reply = Reply("503 Service Unavailable", "Too many pages are open: close some.")
             if reply is None:
-                await self._relay(head, request, reader, writer)
+                self._passed += 1
+                try:
+                    await self._handle(request, reader, writer)
+                finally:
+                    self._passed -= 1
                 return
         if reply.status.startswith("401"):
-            await asyncio.sleep(_WRONG_TOKEN_S)
+            await asyncio.sleep(0.2)  # slows down who tries many
         writer.write(reply.encoded())
-        await writer.drain()
-
-    async def _relay(
-        self, head: bytes, request: GateRequest, reader: StreamReader, writer: StreamWriter
-    ) -> None:
-        """Passes a request on, then the answer, and for a WebSocket whatever follows either way."""
-        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", self._inner_port)
-        own = inner_writer.get_extra_info("sockname")[:2]
-        self.peers.add(own)
-        try:
-            inner_writer.write(head)
-            if request.body_bytes:
-                await _copy_body(reader, inner_writer, request.body_bytes)
-            ways = [asyncio.create_task(_copy(inner_reader, writer))]
-            if request.upgrade:
-                ways.append(asyncio.create_task(_copy(reader, inner_writer)))
-            try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
-        finally:
-            inner_writer.close()
-            self.peers.discard(own)
-
-
-def check_access(host: str, token: str | None) -> None:
-    """Refuses to serve the page to other machines without a token.
-
-    Args:
-        host: where the page is to be served.
-        token: the user's.
-
-    Raises:
-        InputError: the token is missing or short.
-    """
-    if token is None and not is_loopback(host):
-        raise InputError(
-            f"--host {host} shows the cameras to other machines: protect the page with --token"
-            " TOKEN, a word that only its viewers know"
-        )
-    if token is not None and len(token) < _LEAST_TOKEN:
-        raise InputError(f"--token is short: take at least {_LEAST_TOKEN} characters")
-
-
-async def _copy_body(reader: StreamReader, writer: StreamWriter, count: int) -> None:
-    """Passes so many bytes on.
-
-    Raises:
-        ConnectionError: fewer came, or not in time.
-    """
-    try:
-        async with asyncio.timeout(_BODY_S):
-            while count:
-                data = await reader.read(min(count, 65536))
-                if not data:
-                    raise ConnectionError("the body ended early")
-                count -= len(data)
-                writer.write(data)
-                await writer.drain()
-    except TimeoutError:
-        raise ConnectionError("the body came too slowly") from None
-
-
-async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
-    while data := await reader.read(65536):
-        writer.write(data)
         await writer.drain()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
-from dataclasses import dataclass
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from urllib.parse import parse_qsl, unquote, urlencode, urlsplit
 
 _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
 
@@ -27,30 +28,36 @@ class GateKeys:
 
 @dataclass(frozen=True)
 class Reply:
-    """Answer of the gate itself: nothing is relayed.
+    """Answer to a request.
 
     Attributes:
         status: of HTTP, such as "401 Unauthorized".
-        text: one line.
+        content: a line of text, or the bytes of a file.
+        kind: of the content.
         headers: further ones.
     """
 
     status: str
-    text: str
-    headers: tuple[tuple[str, str], ...] = ()
+    content: str | bytes
+    kind: str = "text/plain; charset=utf-8"
+    headers: Mapping[str, str] = field(default_factory=dict)
 
     def encoded(self) -> bytes:
         """The reply as it is sent, after which the connection is closed."""
-        body = (self.text + "\n").encode()
-        headers = (
-            ("Content-Type", "text/plain; charset=utf-8"),
-            ("Content-Length", str(len(body))),
-            ("Cache-Control", "no-store"),
-            ("Referrer-Policy", "no-referrer"),
-            ("Connection", "close"),
-            *self.headers,
-        )
-        lines = [f"HTTP/1.1 {self.status}", *(f"{name}: {value}" for name, value in headers)]
+        content = self.content
+        body = content if isinstance(content, bytes) else f"{content}\n".encode()
+        headers = {
+            "Content-Type": self.kind,
+            "Content-Length": str(len(body)),
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+            "Connection": "close",
+            **self.headers,
+        }
+        lines = [
+            f"HTTP/1.1 {self.status}",
+            *(f"{name}: {value}" for name, value in headers.items()),
+        ]
         return "\r\n".join([*lines, "", ""]).encode() + body
 
 
@@ -59,11 +66,13 @@ class GateRequest:
     """Head of a request.
 
     Attributes:
+        head: as it came.
         method: such as "GET".
         target: path and query.
         headers: value by name in small letters; cookies are joined.
     """
 
+    head: bytes
     method: str
     target: str
     headers: dict[str, str]
@@ -89,7 +98,17 @@ class GateRequest:
                 raise ValueError(line)
             before = headers.get(name)
             headers[name] = value.strip() if before is None else f"{before}; {value.strip()}"
-        return cls(method, target, headers)
+        return cls(head, method, target, headers)
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """Parts of the target's path; none: the page itself."""
+        return tuple(unquote(part) for part in urlsplit(self.target).path.split("/") if part)
+
+    @property
+    def query(self) -> list[tuple[str, str]]:
+        """Names and values of the target's query."""
+        return parse_qsl(urlsplit(self.target).query, keep_blank_values=True)
 
     @property
     def upgrade(self) -> bool:
@@ -154,21 +173,18 @@ class GateRequest:
         return None
 
     def _check_token(self, keys: GateKeys, token: str) -> Reply | None:
-        parts = urlsplit(self.target)
-        query = parse_qsl(parts.query, keep_blank_values=True)
-        given = [value for name, value in query if name == "token"]
+        given = [value for name, value in self.query if name == "token"]
         if given:
             if not all([_same(value, token) for value in given]):
                 return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
             if self.upgrade:
                 return None
-            rest = urlencode([(name, value) for name, value in query if name != "token"])
+            rest = urlencode([(name, value) for name, value in self.query if name != "token"])
             # Never "//": a browser would take what follows for another host.
-            path = "/" + parts.path.lstrip("/") + ("?" + rest if rest else "")
+            path = "/" + urlsplit(self.target).path.lstrip("/") + ("?" + rest if rest else "")
             cookie = f"{keys.cookie}={keys.secret}; Path=/; HttpOnly; SameSite=Lax"
-            return Reply(
-                "303 See Other", "The token is right.", (("Location", path), ("Set-Cookie", cookie))
-            )
+            headers = {"Location": path, "Set-Cookie": cookie}
+            return Reply("303 See Other", "The token is right.", headers=headers)
         for crumb in self.headers.get("cookie", "").split(";"):
             name, _, value = crumb.strip().partition("=")
             if name == keys.cookie and _same(value, keys.secret):

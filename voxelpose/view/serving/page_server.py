@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
+from asyncio import StreamReader, StreamWriter
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 
 import viser
 
-from voxelpose.view.serving.gate import Gate, check_access
+from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.gate_request import GateRequest
 from voxelpose.view.serving.viser_internals import guard_connections
-
-
-@dataclass(frozen=True)
-class Address:
-    """Network address of a page.
-
-    Attributes:
-        host: "localhost" for this machine only.
-        port: the first free one from this number on is used.
-    """
-
-    host: str = "localhost"
-    port: int = 8080
 
 
 class PageServer:
@@ -36,29 +25,27 @@ class PageServer:
         gate: before it.
     """
 
-    def __init__(self, address: Address, token: str | None) -> None:
+    def __init__(self, address: Address) -> None:
         """Starts both.
 
         Args:
             address: of the gate.
-            token: see `Gate`.
 
         Raises:
             InputError: see `Gate` and `guard_connections`.
         """
-        check_access(address.host, token)
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
+        self._peers: set[tuple[str, int]] = set()
         try:
-            self.gate = Gate(address.host, address.port, token, self.viser.get_port())
+            guard_connections(self.viser, self._peers)
+            self.gate = Gate(address, self._relay)
         except BaseException:
             self._stop_viser()
             raise
-        try:
-            guard_connections(self.viser, self.gate.peers)
-        except BaseException:
-            self.close()
-            raise
+        gui = self.viser.gui
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
 
     @property
     def url(self) -> str:
@@ -78,3 +65,32 @@ class PageServer:
     def _stop_viser(self) -> None:
         with redirect_stdout(io.StringIO()):
             self.viser.stop()
+
+    async def _relay(
+        self, request: GateRequest, reader: StreamReader, writer: StreamWriter
+    ) -> None:
+        """Passes a request on, then the answer, and for a WebSocket whatever follows either way."""
+        port = self.viser.get_port()
+        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
+        own = inner_writer.get_extra_info("sockname")[:2]
+        self._peers.add(own)
+        try:
+            inner_writer.write(request.head)
+            ways = [asyncio.create_task(_copy(inner_reader, writer))]
+            if request.upgrade:
+                ways.append(asyncio.create_task(_copy(reader, inner_writer)))
+            try:
+                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for way in ways:
+                    way.cancel()
+                await asyncio.gather(*ways, return_exceptions=True)
+        finally:
+            inner_writer.close()
+            self._peers.discard(own)
+
+
+async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
+    while data := await reader.read(65536):
+        writer.write(data)
+        await writer.drain()

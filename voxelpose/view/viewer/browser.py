@@ -12,22 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from calib.errors import InputError
-from voxelpose.view.serving.page_server import Address, PageServer
+from voxelpose.view.serving.gate import Address
+from voxelpose.view.serving.page_server import PageServer
 from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene_renderer import PICTURES, Choice, SceneRenderer
+from voxelpose.view.viewer.scene_renderer import LAYERS, PICTURES, Choice, SceneRenderer
 
 _NO_PART = "none"
-_LAYERS = {
-    "cameras": "Cameras",
-    "hull": "Voxels",
-    "unexplained": "Unexplained voxels",
-    "body": "Body",
-    "skeleton": "Skeleton",
-    "hypotheses": "Other likely poses",
-}
-_HIP_HEIGHT = 0.54  # of the stature
-_PERSON_M = 1.75  # a body of this extent is seen from 3.2 m, others from as many times theirs
 
 
 class Browser:
@@ -39,39 +30,25 @@ class Browser:
         server: viser's server.
     """
 
-    def __init__(
-        self,
-        scenes: ResultScenes,
-        address: Address | None = None,
-        frame: int | None = None,
-        token: str | None = None,
-    ) -> None:
+    def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:
         """Starts the server; nothing is drawn before the first `step`.
 
         Args:
-            scenes: what is shown.
-            address: network address; None: the default.
-            frame: number of the frame shown first; None: the middle one.
-            token: who wants to see the page must know it; None: this machine alone may.
+            scenes: what is shown; closed with the server.
+            address: where, and to whom.
+            frame: number of the frame shown first.
 
         Raises:
-            InputError: other machines could see it without a token, or the address cannot be used.
+            InputError: the address cannot be used.
         """
         self.scenes = scenes
-        middle = len(scenes.frames) // 2
-        self.choice = Choice(
-            middle if frame is None else int(np.flatnonzero(scenes.frames == frame)[0])
-        )
+        self.choice = Choice(int(np.flatnonzero(scenes.frames == frame)[0]))
         self._drawn: Choice | None = None
         self._wake = threading.Event()
         self._wake.set()
         self._played_s = 0.0
-        self._page = PageServer(address or Address(), token)
+        self._page = PageServer(address)
         self.server = self._page.viser
-        self.server.gui.configure_theme(
-            control_width="large", show_logo=False, show_share_button=False
-        )
-        self.server.gui.main_panel.dock_right()
         model = None if scenes.motion is None else scenes.motion.model
         self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, model)
         self._make_panel()
@@ -160,7 +137,7 @@ class Browser:
         with gui.add_folder("Show"):
             pictures = gui.add_dropdown("Cameras show", PICTURES)
             pictures.on_update(lambda _: self._choose(pictures=pictures.value))
-            for name, label in _LAYERS.items():
+            for name, label in LAYERS.items():
                 available = fitted or name in ("cameras", "hull")
                 if name == "hypotheses":
                     available = self.scenes.has_hypotheses
@@ -174,8 +151,13 @@ class Browser:
             gui.add_html(legend_html(self.scenes.has_hypotheses))
 
     def _add_layer(self, name: str, label: str, available: bool) -> None:
-        box = self.server.gui.add_checkbox(label, getattr(self.choice, name), visible=available)
-        box.on_update(lambda _: self._choose(**{name: box.value}))
+        box = self.server.gui.add_checkbox(label, True, visible=available)
+
+        def choose(_: object) -> None:
+            shown = self.choice.shown
+            self._choose(shown=shown | {name} if box.value else shown - {name})
+
+        box.on_update(choose)
 
     def _set_up_view(self) -> None:
         """Adds lights and a floor, and puts the viewpoint beside the first camera."""
@@ -186,8 +168,10 @@ class Browser:
         else:
             middle = np.median(motion.root_m, axis=0)
             person = motion.model.person
-            floor = motion.floor_m if person is None else middle[2] - _HIP_HEIGHT * person.stature_m
-            floor, size = float(floor), motion.model.extent_m / _PERSON_M
+            # Hips are at 0.54 of the stature.
+            floor = motion.floor_m if person is None else middle[2] - 0.54 * person.stature_m
+            # A person of 1.75 m is seen from 3.2 m, other bodies from as many times their extent.
+            floor, size = float(floor), motion.model.extent_m / 1.75
         self.server.scene.set_up_direction("+z")
         # Reflections and shadows cost more than they show.
         self.server.scene.configure_default_lights(cast_shadow=False)

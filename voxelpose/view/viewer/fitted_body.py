@@ -35,20 +35,16 @@ class FittedBody:
     def state(self, row: int) -> BodyState:
         """The body in a row of the motion."""
         model, quality = self.motion.model, self.motion.quality
-        rotation, origin = (array[row] for array in self._parts)
+        placed = [array[row] for array in self._parts]
         overlap = quality.get("part_overlap")
-        fractions = (
-            float(quality[name][row]) if name in quality else None
-            for name in ("outline_agreement", "unexplained")
-        )
-        unknown = np.full(len(model.names), np.nan)
+        agreement = quality.get("outline_agreement")
         return BodyState(
-            kinematics.skin(model, rotation, origin),
-            skeleton_joints(model, rotation, origin),
+            kinematics.skin(model, *placed),
+            skeleton_joints(model, *placed),
             skeleton_bones(model),
             model.names,
-            unknown if overlap is None else np.asarray(overlap[row], float),
-            *fractions,
+            np.full(len(model.names), np.nan) if overlap is None else np.array(overlap[row], float),
+            None if agreement is None else float(agreement[row]),
         )
 
     def pose(self, row: int) -> Pose:

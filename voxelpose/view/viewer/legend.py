@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.tuning import VIEWER
+from voxelpose.view.images.canvas import Colour
 from voxelpose.view.viewer.scene import Scene
 
-Colour = tuple[int, int, int]
-
 # RGB, vermilion over yellow to blue: no kind of colour vision confuses the ends.
-_RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]], float)
+_RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]])
 UNKNOWN: Colour = (150, 150, 150)
 HULL: Colour = (140, 150, 160)
 UNEXPLAINED: Colour = (214, 40, 150)
@@ -23,9 +23,7 @@ DISPUTED: Colour = (122, 62, 178)
 HYPOTHESIS: Colour = (60, 60, 60)
 PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
-# A hull of few cameras is larger than the body; voxels farther away than this are significant.
-OUTLYING_M = 0.05
-_WEAK = 0.5  # fraction of a part inside the hull
+_FAR = f"more than {100 * VIEWER.outlying_m:.0f} cm from the body"
 
 
 def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -34,6 +32,16 @@ def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
     low = np.minimum(position.astype(int), len(_RAMP) - 2)
     mixed = _RAMP[low] + (position - low)[:, None] * (_RAMP[low + 1] - _RAMP[low])
     return np.where(np.isfinite(overlap)[:, None], mixed, UNKNOWN).round().astype(np.uint8)
+
+
+def faded(likelihood: float) -> NDArray[np.uint8]:
+    """Colour (3,) RGB of a hypothesis by its likelihood, relative to the likeliest one's.
+
+    Lines have no opacity: the less likely fade into the background instead.
+    """
+    opacity = 0.15 + 0.85 * min(likelihood, 1.0)
+    mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
+    return mixed.round().astype(np.uint8)
 
 
 def display_name(part: str) -> str:
@@ -46,19 +54,14 @@ def legend_html(with_hypotheses: bool) -> str:
     ramp = ", ".join(_css(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
     rows = [
         (HULL, "carved voxels: where all silhouettes allow a body"),
-        (
-            UNEXPLAINED,
-            f"voxels that no part explains, more than {100 * OUTLYING_M:.0f} cm from the body",
-        ),
+        (UNEXPLAINED, f"voxels that no part explains, {_FAR}"),
         (AREA, "where the chosen part could be (its movable area)"),
         (DISPUTED, "where another part could be, too: they are matched together"),
         (UNKNOWN, "part too small to be measured"),
-        *(
-            [(HYPOTHESIS, "other poses that the camera leaves open; the fainter, the less likely")]
-            if with_hypotheses
-            else []
-        ),
     ]
+    if with_hypotheses:
+        words = "other poses that the camera leaves open; the fainter, the less likely"
+        rows.append((HYPOTHESIS, words))
     swatch = (
         '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;'
         'background:{};margin-right:0.5em"></span>'
@@ -91,17 +94,15 @@ def frame_html(scene: Scene) -> str:
         weak = [
             display_name(name)
             for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
-            if overlap < _WEAK
+            if overlap < VIEWER.weak_overlap
         ]
         if weak:
             lines.append(f"Little inside the hull: {', '.join(weak)}.")
     if scene.hull is not None:
         lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
         if scene.body is not None:
-            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_M)
-            lines.append(
-                f"{far:.0f} litres of it are more than {100 * OUTLYING_M:.0f} cm from the body."
-            )
+            far = scene.hull.litres(scene.hull.distance_m > VIEWER.outlying_m)
+            lines.append(f"{far:.0f} litres of it are {_FAR}.")
     lines += [f"⚠ {note}" for note in scene.notes]
     lines += [
         f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"

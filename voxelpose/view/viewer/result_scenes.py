@@ -27,7 +27,7 @@ from voxelpose.view.viewer.hull_carver import HullCarver
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, Scene
 
 _KEPT = 24  # frames whose scenes stay in memory
-_DEFAULT_FPS = 25.0
+_DEFAULT_FPS = 25
 
 
 class ResultScenes:
@@ -96,13 +96,8 @@ class ResultScenes:
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
         unknown = self._reader.unknown if self._reader else None
         carved = PinholeViews.from_rig(Rig(self._cameras), unknown)
-        tolerance = int(options.get("tolerance", 0))
-        self._carver = HullCarver(
-            carved,
-            self.voxel_size_m,
-            body_rule(len(self.rig), tolerance, carved.partly_unknown),
-            self._fitted,
-        )
+        rule = body_rule(len(self.rig), int(options.get("tolerance", 0)), carved.partly_unknown)
+        self._carver = HullCarver(carved, self.voxel_size_m, rule, self._fitted)
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
 

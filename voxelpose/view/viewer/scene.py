@@ -67,7 +67,6 @@ class BodyState:
         part_names: P names.
         overlap: (P,) float64, fraction of each part inside the hull; NaN where unknown.
         outline_agreement: of the frame, from 0 to 1; None where the estimator gave none.
-        unexplained: fraction of the hull that no part covers; None where the estimator gave none.
     """
 
     vertices_m: NDArray[np.float64]
@@ -76,7 +75,6 @@ class BodyState:
     part_names: tuple[str, ...]
     overlap: NDArray[np.float64]
     outline_agreement: float | None
-    unexplained: float | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,34 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.view.images.canvas import hatched, reduced
+from voxelpose.tuning import VIEWER
+from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (
     AREA,
     DISPUTED,
     HULL,
-    HYPOTHESIS,
-    OUTLYING_M,
-    PAPER,
     SILHOUETTE,
     UNEXPLAINED,
-    Colour,
+    faded,
     overlap_colours,
 )
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, Scene
 
 Pictures = Literal["both", "picture", "silhouette"]
 PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
+LAYERS = {
+    "cameras": "Cameras",
+    "hull": "Voxels",
+    "unexplained": "Unexplained voxels",
+    "body": "Body",
+    "skeleton": "Skeleton",
+    "hypotheses": "Other likely poses",
+}
+"""What can be shown, and how the page calls it; unexplained are voxels that no part explains."""
 _PICTURE_PX = 480  # longest side of a picture sent to the browser
 _NOTHING = np.zeros((0, 3))
 
@@ -42,23 +50,13 @@ class Choice:
     Attributes:
         row: of `ResultScenes.frames`.
         pictures: what the cameras show.
-        cameras: whether the cameras are shown.
-        hull: whether the hull is shown.
-        unexplained: whether voxels that no part explains are shown.
-        body: whether the body is shown.
-        skeleton: whether the skeleton is shown.
-        hypotheses: whether other likely poses are shown.
+        shown: names of `LAYERS`.
         part: name of the limb whose movable area is shown; None: none.
     """
 
     row: int = 0
     pictures: Pictures = "both"
-    cameras: bool = True
-    hull: bool = True
-    unexplained: bool = True
-    body: bool = True
-    skeleton: bool = True
-    hypotheses: bool = True
+    shown: frozenset[str] = frozenset(LAYERS)
     part: str | None = None
 
 
@@ -87,10 +85,10 @@ class SceneRenderer:
         """Shows what is chosen of a scene."""
         for camera_frame in scene.camera_frames:
             self._camera(camera_frame, choice)
-        self._hull(scene, choice)
-        self._body(scene.body, choice)
-        self._skeleton(scene.body if choice.skeleton else None)
-        self._other_poses(scene.hypotheses if choice.hypotheses else ())
+        self._hull(scene, choice.shown)
+        self._body(scene.body, choice.shown)
+        self._skeleton(scene.body if "skeleton" in choice.shown else None)
+        self._other_poses(scene.hypotheses if "hypotheses" in choice.shown else ())
         area, size = areas.get(choice.part or ""), self._voxel_size_m
         reach = disputed = _NOTHING
         if area is not None and scene.hull is not None:
@@ -102,40 +100,29 @@ class SceneRenderer:
         camera = camera_frame.camera
         handle = self._frusta.get(camera.name)
         if handle is None:
-            width, height = camera.size
-            handle = self._api.add_camera_frustum(
-                f"/cameras/{camera.name}",
-                fov=2 * float(np.arctan(height / (2 * camera.matrix[1, 1]))),
-                aspect=width / height,
-                scale=0.35,
-                thickness=0.006,
-                cast_shadow=False,
-                wxyz=quaternions(camera.rotation.T[None])[0],
-                position=camera.center_m,
-            )
-            self._api.add_label(f"/cameras/{camera.name}/name", camera.name)
+            handle, _ = add_camera(self._api, camera, scale=0.35, thickness=0.006)
             self._frusta[camera.name] = handle
-        handle.visible = choice.cameras
-        picture = camera_picture(camera_frame, choice.pictures) if choice.cameras else None
+        handle.visible = "cameras" in choice.shown
+        picture = camera_picture(camera_frame, choice.pictures) if handle.visible else None
         if picture is not None:
             handle.image = picture
 
-    def _hull(self, scene: Scene, choice: Choice) -> None:
+    def _hull(self, scene: Scene, shown: frozenset[str]) -> None:
         hull, dots, outlying = scene.hull, _NOTHING, _NOTHING
-        if hull is not None and choice.hull and scene.body is None:
+        if hull is not None and "hull" in shown and scene.body is None:
             self._api.add_mesh_simple("/hull/surface", hull.vertices_m, hull.faces, color=HULL)
         else:
             self._api.remove_by_name("/hull/surface")
         # Dots where there is a body inside: a surface, even a transparent one, would hide it.
-        if hull is not None and choice.hull and scene.body is not None:
+        if hull is not None and "hull" in shown and scene.body is not None:
             dots = hull.vertices_m
-        if hull is not None and choice.unexplained:
-            outlying = hull.unexplained_m[hull.distance_m > OUTLYING_M]
+        if hull is not None and "unexplained" in shown:
+            outlying = hull.unexplained_m[hull.distance_m > VIEWER.outlying_m]
         self._points("hull/dots", dots, HULL, 0.003)
         self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
 
-    def _body(self, body: BodyState | None, choice: Choice) -> None:
-        if body is None or not choice.body:
+    def _body(self, body: BodyState | None, shown: frozenset[str]) -> None:
+        if body is None or "body" not in shown:
             for mesh in self._meshes:
                 mesh.visible = False
             return
@@ -149,7 +136,7 @@ class SceneRenderer:
         ):
             mesh.vertices = body.vertices_m[inside].astype(np.float32)
             mesh.color = tuple(colour.tolist())
-            mesh.opacity = 0.7 if choice.skeleton else None
+            mesh.opacity = 0.7 if "skeleton" in shown else None
             mesh.visible = True
 
     def _skeleton(self, body: BodyState | None) -> None:
@@ -165,10 +152,7 @@ class SceneRenderer:
         for k, hypothesis in enumerate(hypotheses):
             ends = hypothesis.joints_m[hypothesis.bones]
             ends = ends[np.isfinite(ends).all((1, 2))]
-            # Lines have no opacity: the less likely fade into the background instead.
-            opacity = 0.15 + 0.85 * hypothesis.probability / max(likeliest, 1e-9)
-            mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
-            colour = np.round(mixed).astype(np.uint8)
+            colour = faded(hypothesis.probability / max(likeliest, 1e-9))
             self._api.add_line_segments(f"/hypothesis_{k}", ends, colour, thickness=0.006)
         for k in range(len(hypotheses), self._hypotheses):
             self._api.remove_by_name(f"/hypothesis_{k}")
@@ -186,6 +170,29 @@ class SceneRenderer:
             )
         else:
             self._api.remove_by_name(f"/{name}")
+
+
+def add_camera(
+    scene: viser.SceneApi, camera: Camera, **look: Any
+) -> tuple[viser.CameraFrustumHandle, viser.LabelHandle]:
+    """Draws a camera where it stands, with its name.
+
+    Args:
+        scene: viser's scene.
+        camera: of the rig.
+        look: further arguments of viser's frustum.
+    """
+    width, height = camera.size
+    frustum = scene.add_camera_frustum(
+        f"/cameras/{camera.name}",
+        fov=2 * float(np.arctan(height / (2 * camera.matrix[1, 1]))),
+        aspect=width / height,
+        cast_shadow=False,
+        wxyz=quaternions(camera.rotation.T[None])[0],
+        position=camera.center_m,
+        **look,
+    )
+    return frustum, scene.add_label(f"/cameras/{camera.name}/name", camera.name)
 
 
 def camera_picture(camera_frame: CameraFrame, pictures: Pictures) -> NDArray[np.uint8] | None:
