@@ -17,7 +17,6 @@ from calib.checks import FloatArray, float_array, image_size
 from calib.errors import InputError
 from calib.lens import FisheyeLens, RationalLens
 
-_ROTATION_TOLERANCE = 1e-3  # files round their matrices to a few digits
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
@@ -74,8 +73,8 @@ class Camera:
                 f" {len(distortion)}"
             )
         rotation = _frozen(who + "rotation", self.rotation, (3, 3))
-        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
-        if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()  # files round to a few digits
+        if error > 1e-3 or np.linalg.det(rotation) < 0:
             raise ValueError(
                 f"{who}rotation must be a rotation (orthonormal, determinant +1), got"
                 f" {rotation.tolist()}"

@@ -11,13 +11,11 @@ from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.rotation import matrix_from_rodrigues, nearest_rotation
 
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+METRES = {"m": 1, "cm": 1 / 100, "mm": 1 / 1000}
 _REMEDY = "mend the file or calibrate this camera again"
-_FULL_TURN = 2 * np.pi + 1e-6
 # What no real camera has; within these, sums and products of all values stay finite.
-_LARGEST = {"matrix": 1e7, "distortions": 1e7}
-_SHORTEST_FOCAL_PX = 0.1
-_FARTHEST_M = 1e5
+_LARGEST = {"matrix": 10_000_000, "distortions": 10_000_000}
+_FARTHEST_M = 100_000
 _LONGEST_SIDE_PX = 30_000
 _LARGEST_IMAGE_PX = 100_000_000
 _LONGEST_NAME = 200
@@ -122,7 +120,7 @@ class Source:
                 f" {_REMEDY}",
                 name,
             )
-        if min(matrix[0, 0], matrix[1, 1]) < _SHORTEST_FOCAL_PX:
+        if min(matrix[0, 0], matrix[1, 1]) < 0.1:
             raise self.error(
                 f"a focal length of {min(matrix[0, 0], matrix[1, 1]):g} px is no camera's:"
                 f" {_REMEDY}",
@@ -158,7 +156,7 @@ class Source:
         """Rotation (3, 3) from a Rodrigues vector (3 numbers, rad) or from a rounded matrix."""
         numbers = self.numbers(camera, "rotation", value)
         if numbers.size == 3:
-            if np.linalg.norm(numbers) > _FULL_TURN:
+            if np.linalg.norm(numbers) > 2 * np.pi + 1e-6:
                 raise self.error(
                     f"rotation {numbers.tolist()} turns more than once: give a Rodrigues vector in"
                     " radians",

@@ -22,12 +22,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import (
-    LARGEST_CALIBRATION,
-    load_text,
-    parse_json,
-    parse_xml,
-)
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_xml
 from calib.errors import InputError
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")

@@ -13,10 +13,10 @@ import numpy as np
 
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 
-_ARM = np.sqrt(0.5)  # the rest pose holds the arms 45 degrees below the horizontal
+_ARM = np.sqrt(1 / 2)  # the rest pose holds the arms 45 degrees below the horizontal
 
 
-_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_X, _Y, _Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 _TRUNK = ("flexion", _X), ("lateral", _Y), ("rotation", _Z)
 
 

@@ -13,8 +13,9 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.refinement.kernels.refine import fill_jacobian
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
 from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces
+from silhouette_core.tuning import REFINEMENT
 
-DEGREES_OF_FREEDOM = 4.0
+DEGREES_OF_FREEDOM = REFINEMENT.student_freedom
 """Of Student's t distribution, which the proposal is trained with, too."""
 
 

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import Agreement, agreement, even_moments
+from calib.agreement import Agreement, agreement
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
+from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import Outline, OutlineTrack
 from calib.upright import axis_name, other_up
@@ -176,10 +177,8 @@ def _outlines(
     """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
-    shown = {
-        int(moments[at])
-        for at in np.linspace(0, len(moments) - 1, settings.shown + 2).round().astype(int)[1:-1]
-    }
+    margin = 1 / (settings.shown + 1)
+    shown = set(moments[even_moments(len(moments), settings.shown, margin)].tolist())
     checked_frames: dict[int, dict[str, CheckedFrame]] = {}
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)

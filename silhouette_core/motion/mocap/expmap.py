@@ -23,7 +23,6 @@ _CMU = tuple(
     " RightIndexEnd RightThumb RightThumbEnd".split()
 )
 _LARGEST_SKELETON = 10_000_000
-_CMU_ROOT_SCALE = 2.54 / 0.45  # the database's unit of length, in centimetres
 
 
 def read_expmap(
@@ -57,7 +56,7 @@ def read_expmap(
         offsets = np.array(skeleton["offset"], float).reshape(len(parents), 3)
         fps = float(skeleton["fps"])
         names = tuple(skeleton.get("names", _CMU))
-        scale = float(skeleton.get("root_scale", _CMU_ROOT_SCALE))
+        scale = float(skeleton.get("root_scale", 2.54 / 0.45))  # CMU's unit, in centimetres
         if not all(isinstance(name, str) for name in names) or parents.ndim != 1:
             raise ValueError("names or parent is no list of such")
         if len(parents) > MOST_JOINTS or not 0.1 <= fps <= 1e5:

@@ -148,14 +148,13 @@ def test_a_firm_belief_is_kept_and_a_vague_one_gives_way(surface):
     assert moved[0] < 0.01 < 0.1 < moved[1]
 
 
-def test_nothing_seen_leaves_the_place_and_says_so(surface):
+def test_nothing_seen_leaves_the_place(surface):
     seen_by = views(2)
     from silhouette_core.refinement.observation import Observation
 
     seen = Observation.from_masks(seen_by, [np.ones((320, 320), bool)] * 2)
     start = stance(surface.model)
     result = refine(surface, seen, start, settings=RefineSettings(reaches_m=(0.2, 0.1)))
-    assert result.explained == 0 and result.rms_m == np.inf
     np.testing.assert_allclose(result.pose.root_m, start.root_m, atol=1e-9)
 
 

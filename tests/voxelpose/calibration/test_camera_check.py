@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.agreement import even_moments
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
+from calib.moments import even_moments
 from calib.rotation import matrix_from_rodrigues
 from tests.sources import figure_masks, ring, write_figure
 from voxelpose.calibration.check import CheckSettings, check_recording, exchanged
