@@ -71,7 +71,6 @@ class Board:
     dictionary: str = "DICT_4X4_50"
 
     def __post_init__(self) -> None:
-        """Checks the numbers."""
         if min(self.columns, self.rows) < 2:
             raise InputError(
                 f"a board needs at least 2 x 2 inner corners, not {self.columns} x {self.rows}:"

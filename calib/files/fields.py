@@ -57,7 +57,7 @@ class Source:
                 " m, FreeMoCap mm)"
             )
         if not isinstance(unit, str) or unit not in METRES:
-            raise self.error(f"unit must be m, cm or mm, not {_short(unit)}: {remedy}")
+            raise self.error(f"unit must be m, cm or mm, not {brief(unit)}: {remedy}")
         if self.unit is not None and self.unit != unit:
             raise self.error(
                 f"the file says its unit is {unit}, --unit says {self.unit}: leave --unit out or"
@@ -85,7 +85,7 @@ class Source:
             array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
             raise self.error(
-                f"{key} must be numbers, got {_short(value)}: {_REMEDY}", camera
+                f"{key} must be numbers, got {brief(value)}: {_REMEDY}", camera
             ) from None
         count = array.size if shape is None else int(np.prod(shape))
         if array.size != count or (
@@ -128,7 +128,7 @@ class Source:
             )
         fisheye = values.get("fisheye", False)
         if not isinstance(fisheye, bool):
-            raise self.error(f"fisheye must be true or false, got {_short(fisheye)}", name)
+            raise self.error(f"fisheye must be true or false, got {brief(fisheye)}", name)
         distortion = self.numbers(name, "distortions", values.get("distortions"))
         if fisheye and len(distortion) == 5 and distortion[4] == 0:
             distortion = distortion[:4]  # some programs write five terms for fisheyes too
@@ -190,7 +190,7 @@ class Source:
         width, height = self.numbers(camera, "size", value, (2,)).tolist()
         if width != round(width) or height != round(height) or min(width, height) < 1:
             raise self.error(
-                f"size must be width and height in whole pixels, got {_short(value)}", camera
+                f"size must be width and height in whole pixels, got {brief(value)}", camera
             )
         if max(width, height) > _LONGEST_SIDE_PX or width * height > _LARGEST_IMAGE_PX:
             raise self.error(
@@ -208,7 +208,7 @@ class Source:
         names = [camera.name for camera in cameras]
         for name in names:
             if not name.strip() or len(name) > _LONGEST_NAME or not name.isprintable():
-                raise self.error(f"{_short(name)} is no camera's name: rename it")
+                raise self.error(f"{brief(name)} is no camera's name: rename it")
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise self.error(
@@ -248,7 +248,7 @@ def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
     return np.concatenate([camera.distortion, np.zeros(5 - len(camera.distortion))])
 
 
-def _short(value: object) -> str:
-    """Representation of a value, shortened."""
+def brief(value: object) -> str:
+    """Representation of a value, of at most 40 characters."""
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.cleanup import clean
+from silhouette_core.image.cleanup import bounding_box, clean
 from silhouette_core.image.difference import (
     UNIT,
     Background,
@@ -132,7 +132,7 @@ def _segmented(
     mask = _clean(mask, region, everywhere.size)
     if not mask.any():
         return everywhere, pooled
-    box = _bounding_box(mask, margin=8 * radius)
+    box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
     mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
@@ -206,12 +206,3 @@ def _clean(
     area, hole = round(FOREGROUND.area * pixels), round(FOREGROUND.hole * pixels)
     share = FOREGROUND.body_share
     return clean(mask, min_area_px=area, min_share=share, max_hole_px=hole, region=region)
-
-
-def _bounding_box(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """Rows and columns of the mask's bounding box and a margin."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return (
-        slice(max(int(rows[0]) - margin, 0), min(int(rows[-1]) + margin + 1, mask.shape[0])),
-        slice(max(int(columns[0]) - margin, 0), min(int(columns[-1]) + margin + 1, mask.shape[1])),
-    )

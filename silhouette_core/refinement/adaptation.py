@@ -29,10 +29,10 @@ from silhouette_core.refinement.refine import (
     PosePriors,
     RefineSettings,
     add_pose_priors,
-    bounded_step,
     free_unknowns,
     refine,
     residuals,
+    solve_steps,
 )
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT
@@ -87,7 +87,6 @@ def adapt_shape(
     least = np.where(IS_CLOTHING, 0.0, expected - largest)
     every = np.arange(len(expected))
     priors = [None] * len(poses) if landmark_priors is None else landmark_priors
-    free = free_unknowns(model)
     for reach in REFINEMENT.body_reaches_m:
         at = surface, observations, poses, priors, reach, settings
         matrix, gradient, systems = _shape_equations(*at)
@@ -99,16 +98,10 @@ def adapt_shape(
         step = np.empty((1, len(gradient)))
         bounded_steps(matrix[None], gradient[None], every, low[None], high[None], step)
         change = step[0]
-        steps = [
-            bounded_step(
-                system.pose,
-                system.pose_gradient + system.cross @ change,
-                free,
-                pose.angles_rad,
-                model,
-            )
-            for system, pose in zip(systems, poses, strict=True)
-        ]
+        matrices = np.array([system.pose for system in systems])
+        gradients = np.array([one.pose_gradient + one.cross @ change for one in systems])
+        angles = np.array([pose.angles_rad for pose in poses])
+        steps = solve_steps(matrices, gradients, angles, model)
         poses = [pose.moved(step).clipped() for pose, step in zip(poses, steps, strict=True)]
         surface = surface.reshaped(shape + change)
     settle = replace(settings, reaches_m=REFINEMENT.body_reaches_m[2::2])

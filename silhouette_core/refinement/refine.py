@@ -182,7 +182,6 @@ def _refined_together(
     )
     size = 6 + model.dof_count
     matrices = np.tile(np.eye(size), (len(starts), 1, 1))
-    free = free_unknowns(model)
     for step in range(int(steps.max(initial=0))):
         count = int((steps > step).sum())
         reach = np.array([start.settings.reaches_m[step] for start in starts[:count]])
@@ -196,9 +195,7 @@ def _refined_together(
             add_silhouettes(surface, posed, observation, reach, weights, *terms)
         add_pose_priors(matrices[:count], gradient, moving, model, priors)
         add_landmark_priors(matrices[:count], gradient, model, posed, landmark_priors)
-        low, high = step_bounds(moving.angles_rad, model)
-        change = np.empty((count, size))
-        bounded_steps(matrices[:count], gradient, free, low, high, change)
+        change = solve_steps(matrices[:count], gradient, moving.angles_rad, model)
         move_poses(change, model.dof_limits_rad, *moving.arrays)
     refined = [RefinedPose(*one) for one in zip(poses.poses(), matrices, strict=True)]
     return [refined[k] for k in np.argsort(order)]
@@ -209,7 +206,7 @@ def free_unknowns(model: BodyModel) -> np.ndarray:
     return np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
 
 
-def step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+def _step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest steps (K, 6 + D) of poses with angles (K, D): trust region and limits."""
     trust = REFINEMENT.trust_rad
     low = np.full((len(angles_rad), 6 + angles_rad.shape[1]), -trust)
@@ -222,10 +219,11 @@ def step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, n
     return low, high
 
 
-def bounded_step(
-    matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, angles: np.ndarray, model: BodyModel
+def solve_steps(
+    matrix: np.ndarray, gradient: np.ndarray, angles_rad: np.ndarray, model: BodyModel
 ) -> np.ndarray:
-    r"""Step that minimises the normal equations' quadratic in joint limits and a trust region.
+    r"""Steps of K poses that minimise the normal equations' quadratic in joint limits and a trust
+    region.
 
     .. math:: \min_\delta \tfrac{1}{2} \delta^T H \delta + g^T \delta
         \quad \text{subject to} \quad l \le \delta \le u
@@ -235,19 +233,18 @@ def bounded_step(
     pelvis and lumbar spine.
 
     Args:
-        matrix: (n, n) float64, H, positive definite on the free unknowns; n = 6 + D.
-        gradient: (n,) float64, g.
-        free: indices of the unknowns that may change.
-        angles: (D,) float64, current joint angles, rad.
+        matrix: (K, n, n) float64, H, positive definite on the free unknowns; n = 6 + D.
+        gradient: (K, n) float64, g.
+        angles_rad: (K, D) float64, current joint angles.
         model: for the limits.
 
     Returns:
-        (n,) float64, the step; zero where not free.
+        (K, n) float64; zero for what is held fixed.
     """
-    steps = np.empty((1, len(gradient)))
-    low, high = step_bounds(angles[None], model)
-    bounded_steps(np.ascontiguousarray(matrix)[None], gradient[None], free, low, high, steps)
-    return steps[0]
+    steps = np.empty_like(gradient)
+    low, high = _step_bounds(angles_rad, model)
+    bounded_steps(matrix, gradient, free_unknowns(model), low, high, steps)
+    return steps
 
 
 def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> np.ndarray:

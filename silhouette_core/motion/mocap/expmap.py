@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, MOST_JOINTS
-from silhouette_core.motion.mocap.bvh import LARGEST_CLIP
+from silhouette_core.motion.mocap.bvh import LARGEST_CLIP, check_numbers
 
 # The CMU skeleton of the motion-prediction literature, for a skeleton.json without "names".
 _CMU = tuple(
@@ -94,11 +94,5 @@ def _rows(path: Path, columns: int) -> NDArray[np.float64]:
             f"{path} has {rows.shape[1] if len(rows) else 0} numbers a row, its skeleton.json wants"
             f" {columns}"
         )
-    if not np.isfinite(rows).all():
-        raise InputError(f"{path} has frames with NaN or infinity: leave them out")
-    if np.abs(rows).max() >= LARGEST_VALUE:
-        raise InputError(
-            f"{path} has frames with {np.abs(rows).max():.3g}, which is no angle or position: leave"
-            " them out"
-        )
+    check_numbers(path, rows)
     return rows

@@ -14,12 +14,12 @@ from silhouette_core.refinement.refine import (
     RefineStart,
     Residuals,
     add_silhouettes,
-    bounded_step,
     contour_weights,
     free_unknowns,
     refine,
     refine_many,
     residuals,
+    solve_steps,
 )
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
@@ -133,9 +133,8 @@ def test_two_beliefs_of_one_strength_meet_half_way():
 def test_an_angle_beyond_its_limit_may_return_but_need_not():
     angles, unknown = stance(MODEL).angles_rad.copy(), FLEXION
     angles[unknown - 6] = MODEL.dof_limits_rad[unknown - 6, 0] - 0.2
-    free = free_unknowns(MODEL)
     for asked, taken in ((0.0, 0.0), (0.1, 0.1), (9.0, 0.35), (-0.1, 0.0)):
-        found = bounded_step(np.eye(SIZE), -step(unknown, asked), free, angles, MODEL)
+        found = solve_steps(np.eye(SIZE)[None], -step(unknown, asked)[None], angles[None], MODEL)[0]
         assert found[unknown] == pytest.approx(taken, abs=1e-6)
 
 
