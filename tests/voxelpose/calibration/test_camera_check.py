@@ -153,6 +153,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
 
 def test_the_parts(rig):
     np.testing.assert_array_equal(even_moments(101, 3), [4, 50, 96])
+    np.testing.assert_array_equal(even_moments(101, 3, margin=0), [0, 50, 100])
     assert len(even_moments(5, 12)) <= 5
     other = exchanged(rig, "cam_1", "cam_3")
     assert other.names == rig.names
