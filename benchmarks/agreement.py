@@ -20,9 +20,10 @@ import cv2
 import numpy as np
 
 from benchmarks.accuracy import SHARED
-from calib.agreement import Agreement, agreement, even_moments
+from calib.agreement import Agreement, agreement
 from calib.camera import Camera, Rig
 from calib.extrinsics import pose_difference
+from calib.moments import even_moments
 from calib.repair import explain
 from calib.rotation import matrix_from_rodrigues
 from calib.synchronise import Synchronisation, synchronise
@@ -63,9 +64,7 @@ def recorded(name: str) -> tuple[Rig, Masks, float]:
     if name.endswith("*"):
         tracks = tracked(rig, masks, recording.fps)
         moments = even_moments(recording.frame_count, MOMENTS) / recording.fps
-        (repair,) = explain(
-            tracks, agreement(list(tracks.values()), moments), moments, 0.0, ("turned", "moved")
-        )
+        (repair,) = explain(tracks, agreement(list(tracks.values()), moments), moments, 0.0)
         rig = repair.rig(rig)
     return rig, masks, recording.fps
 

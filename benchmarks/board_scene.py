@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from calib.board import Board, BoardView
-from calib.board_sheet import board_picture
 from calib.camera import Camera, Rig
-from calib.rotation import matrix_from_rodrigues
+from calib.rotation import matrix_from_rodrigues, nearest_rotation
 
 CHECKERBOARD = Board(8, 5, 0.06)
 FACE_UP = np.diag([1.0, -1, -1])  # a board on the floor: its z points down
@@ -21,6 +20,32 @@ Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 _TEXTURE_PX = 40  # per square
 _BORDER_PX = 60  # beyond the picture's edges, from where distortion may move content into it
 _OVERSAMPLING = 2
+
+
+def board_picture(board: Board, square_px: int) -> NDArray[np.uint8]:
+    """Draws a board (H, W) uint8, black on white, with a margin of one square."""
+    size = ((board.columns + 1) * square_px, (board.rows + 1) * square_px)
+    if board.marker_m is None:
+        row, column = np.indices((board.rows + 1, board.columns + 1))
+        # The first inner square is dark, as `Board.find` expects.
+        squares = np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8)
+        picture = np.kron(squares, np.ones((square_px, square_px), dtype=np.uint8))
+    else:
+        picture = np.asarray(board.charuco.generateImage(size), dtype=np.uint8)
+    return np.pad(picture, square_px, constant_values=255)
+
+
+def align_rigs(rig: Rig, reference: Rig) -> Rig:
+    """Aligns a rig with a reference by a rigid motion, from the axes and centres of the cameras."""
+    rotation = nearest_rotation(
+        sum(reference[name].rotation.T @ rig[name].rotation for name in rig.names)
+    )
+    apart = [reference[one.name].center_m - rotation @ one.center_m for one in rig]
+    shift, moved = np.mean(apart, axis=0), []
+    for camera in rig:
+        turned, center = camera.rotation @ rotation.T, rotation @ camera.center_m + shift
+        moved.append(replace(camera, rotation=turned, translation=-turned @ center))
+    return Rig(tuple(moved))
 
 
 def random_poses(

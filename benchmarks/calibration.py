@@ -24,10 +24,17 @@ import platformdirs
 from numpy.typing import NDArray
 
 from benchmarks.accuracy import SHARED
-from benchmarks.board_scene import CHECKERBOARD, board_views, lens_views, room, without_poses
+from benchmarks.board_scene import (
+    CHECKERBOARD,
+    align_rigs,
+    board_views,
+    lens_views,
+    room,
+    without_poses,
+)
 from calib.board import Board, BoardView
 from calib.camera import Camera, Rig
-from calib.extrinsics import align_rigs, calibrate_extrinsics, pose_difference
+from calib.extrinsics import calibrate_extrinsics, pose_difference
 from calib.files import read_rig
 from calib.intrinsics import calibrate_intrinsics
 from calib.rotation import matrix_from_rodrigues

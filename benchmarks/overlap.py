@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.background import BackgroundModel
 from silhouette_core.jit import set_threads
 from voxelpose.recording.folder import Recording
 
@@ -60,8 +60,7 @@ def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
     recording, truth = Recording.open(folder), true_masks(folder)
     backgrounds = recording.backgrounds()
     paper = {
-        name: BackgroundModel.from_frames(frames, BackgroundSettings(method="paper"))
-        for name, frames in backgrounds.items()
+        name: BackgroundModel.from_frames(frames, "paper") for name, frames in backgrounds.items()
     }
     refined = {name: BackgroundModel.from_frames(frames) for name, frames in backgrounds.items()}
     results: dict[str, list[float]] = {

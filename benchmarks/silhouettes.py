@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from benchmarks.cases import Case, Timed, case
 from benchmarks.scene import ring
 from benchmarks.scene import silhouettes as drawn
-from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.background import BackgroundModel
+from silhouette_core.tuning import BACKGROUND
 from tests.oracles import image as reference
 
 
@@ -27,17 +28,16 @@ def _synthetic() -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
 @case("silhouette 640 x 480, paper 5.1")
 def paper_silhouette() -> Case:
     frames, frame = _synthetic()
-    settings = BackgroundSettings(method="paper")
-    model = BackgroundModel.from_frames(frames, settings)
+    model = BackgroundModel.from_frames(frames, "paper")
     colours = np.stack(frames).astype(np.float64)
     units = colours / np.linalg.norm(colours, axis=3, keepdims=True)
     mean, unit_mean = colours.mean(0), units.mean(0)
     variance = np.maximum(
-        units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2
+        units.var(0), (BACKGROUND.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2
     )
     log_peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
     limits, mask = (
-        (settings.log_likelihood, settings.raw_difference),
+        (BACKGROUND.log_likelihood, BACKGROUND.raw_difference),
         np.empty(mean.shape[:2], bool),
     )
 
@@ -61,8 +61,7 @@ def paper_silhouette() -> Case:
 def refined_silhouette() -> Case:
     frames, frame = _synthetic()
     refined, paper = (
-        BackgroundModel.from_frames(frames, BackgroundSettings(method=method))
-        for method in ("refined", "paper")
+        BackgroundModel.from_frames(frames, method) for method in ("refined", "paper")
     )
     ours, theirs = (
         Timed(lambda _, model=model: model.silhouette(frame), repeats=10)

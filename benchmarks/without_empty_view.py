@@ -44,7 +44,7 @@ def main(folders: list[str]) -> None:
 
             empty = BackgroundModel.from_frames(map(scaled, backgrounds[camera.name]))
             stack = np.stack([scaled(seen[camera.name]) for seen in frames])
-            median = BackgroundModel.from_still(np.median(stack, axis=0).astype(np.uint8))
+            median = BackgroundModel.from_frames([np.median(stack, axis=0).astype(np.uint8)])
             estimated = BackgroundModel.from_occupied(stack)
             scores = np.array(
                 [

@@ -12,20 +12,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, FloatArray
-from calib.lens import FisheyeLens, RationalLens
 from calib.rotation import matrix_from_rodrigues
+from calib.tuning import BOARDS
 
 IntArray = NDArray[np.int64]
 Free = Literal["lenses", "poses", "both"]
 Fixed = Literal["camera", "board"]
-
-_ROBUST_PX = 3.0  # scale of the robust loss
-_STEP = 1e-6
-_RELATIVE_GAIN = 1e-6  # of a step below which the iteration ends
-# Prior of the distortion terms: a term of this size costs as much as one corner with an error of a
-# pixel. That is little beside thousands of corners, but it decides between terms that cancel.
-_DISTORTION_SCALE = 1.0
-_TANGENTIAL_SCALE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +93,9 @@ def adjust(
         np.zeros(len(problem.moving)),
         jac=lambda step: problem.jacobian(from_step @ step) @ from_step,  # pyright: ignore[reportArgumentType]  # stubs know dense ones only
         loss="soft_l1",
-        f_scale=_ROBUST_PX,
+        f_scale=BOARDS.robust_px,
         tr_solver="lsmr",
-        ftol=_RELATIVE_GAIN,
+        ftol=1e-6,
     ).x
     x = from_step @ step
     residuals = problem.reprojection(x)
@@ -255,13 +247,8 @@ class _Problem:
         for index, camera in enumerate(scene.cameras):
             rows = observations.camera == index
             points_camera = world[rows] @ camera.rotation.T + camera.translation
-            lens = (
-                FisheyeLens(camera.distortion)
-                if camera.fisheye
-                else RationalLens(camera.distortion)
-            )
             reprojected[rows] = (
-                lens.distort_unbounded(points_camera[:, :2] / points_camera[:, 2:])
+                camera.lens.distort_unbounded(points_camera[:, :2] / points_camera[:, 2:])
                 @ camera.matrix[:2, :2].T
                 + camera.matrix[:2, 2]
             )
@@ -275,7 +262,9 @@ class _Problem:
         return np.concatenate([self._reprojection(parameters).ravel(), self._prior(parameters)])
 
     def _prior(self, parameters: FloatArray) -> FloatArray:
-        """Distortion terms divided by their scales, one per camera and term."""
+        """Distortion terms divided by their scales, one per camera and term: a term of its scale
+        costs as much as one corner with an error of a pixel.
+        """
         if self.free == "poses" or not self.term_count:
             return np.zeros(0)
         start = np.array(
@@ -284,10 +273,10 @@ class _Problem:
                 for camera in self.start.cameras
             ]
         )
-        scales = np.full((len(start), self.term_count), _DISTORTION_SCALE)
+        scales = np.full((len(start), self.term_count), BOARDS.radial_sigma)
         for row, camera in zip(scales, self.start.cameras, strict=True):
             if not camera.fisheye:
-                row[2:4] = _TANGENTIAL_SCALE
+                row[2:4] = BOARDS.tangential_sigma
         blocks = parameters[: self.boards_at].reshape(len(start), self.block)
         return ((start + blocks[:, self.lens_at + 4 :]) / scales).ravel()
 
@@ -299,7 +288,7 @@ class _Problem:
         observations, count = self.observations, len(self.observations.pixels)
         parameters = self._parameters(x)
         current = self._residuals(parameters)
-        rows, columns, values = [], [], []
+        rows, columns, values, step = [], [], [], 1e-6
         row = np.arange(2 * count)
         for offset, width, end, owners in (
             (0, self.block, self.boards_at, observations.camera),
@@ -308,8 +297,8 @@ class _Problem:
             owners = np.repeat(owners, 2)
             for column in range(width):
                 stepped = parameters.copy()
-                stepped[offset + column : end : width] += _STEP
-                change = (self._residuals(stepped) - current) / _STEP
+                stepped[offset + column : end : width] += step
+                change = (self._residuals(stepped) - current) / step
                 rows.append(row)
                 columns.append(offset + column + width * owners)
                 values.append(change[: 2 * count])

@@ -11,15 +11,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.camera import FloatArray, Rig
+from calib.camera import FloatArray
 from calib.errors import InputError
-from calib.tangency import Mask, OutlineTrack, PairErrors, all_tangencies
-
-_KEPT = 0.8  # fraction of the errors in the trimmed mean: the rest are shadows and lost limbs
-_ENDS = 0.04  # fraction of the recording excluded at either end: people come and go
-_REFERENCE_DIAGONAL_PX = 600.0  # tolerances are for images of 480 x 360
+from calib.tangency import OutlineTrack, PairErrors, all_tangencies
+from calib.tuning import AGREEMENT
 
 
 @dataclass(frozen=True)
@@ -30,7 +26,6 @@ class CameraAgreement:
         camera: Name of the camera.
         error_px: Its error against the cameras that are not culprits.
         others_px: Error of those among themselves, without it.
-        outward_px: Median distance by which its outlines exceed theirs.
         moments: Number of moments at which it saw somebody.
         planes: Number of tangent planes compared.
     """
@@ -38,7 +33,6 @@ class CameraAgreement:
     camera: str
     error_px: float
     others_px: float
-    outward_px: float
     moments: int
     planes: int
 
@@ -85,63 +79,17 @@ class Agreement:
         )
 
 
-@dataclass(frozen=True)
-class Tolerance:
-    """Limits of agreement, in px of an image of 480 x 360; they scale with the image.
-
-    Attributes:
-        min_px: A camera with a smaller error is never a culprit.
-        gain: A camera with a larger error is a culprit if its error is this many times the error of
-            the others among themselves.
-        floor_px: Lower limit of the others' error, the accuracy of good silhouettes.
-        max_px: Error above which the cameras disagree even if no culprit is identified.
-    """
-
-    min_px: float = 0.7
-    gain: float = 2.5
-    floor_px: float = 0.28
-    max_px: float = 2.5
-
-
-def check_agreement(
-    rig: Rig, moments: Sequence[Mapping[str, Mask]], tolerance: Tolerance | None = None
+def agreement(
+    tracks: Sequence[OutlineTrack],
+    moments_s: FloatArray,
+    offset_s: Mapping[str, float] | None = None,
 ) -> Agreement:
     """Checks a rig against silhouettes recorded with it.
 
     Args:
-        rig: At least two cameras; three are needed to identify a wrong one.
-        moments: Silhouettes (H, W) bool by camera name, as recorded (with lens distortion) or
-            scaled down; a dozen, spread over the recording.
-        tolerance: Limits of agreement; None for the defaults.
-
-    Raises:
-        InputError: Only one camera, or one that never sees somebody together with another.
-        TypeError: A silhouette is not bool.
-        ValueError: A silhouette does not have its camera's shape.
-    """
-    times = np.arange(len(moments), dtype=np.float64)
-    return agreement(
-        [
-            OutlineTrack.from_masks(camera, times, [moment[camera.name] for moment in moments])
-            for camera in rig
-        ],
-        times,
-        tolerance,
-    )
-
-
-def agreement(
-    tracks: Sequence[OutlineTrack],
-    moments_s: FloatArray,
-    tolerance: Tolerance | None = None,
-    offset_s: Mapping[str, float] | None = None,
-) -> Agreement:
-    """Checks cameras against their outlines, as `check_agreement`.
-
-    Args:
-        tracks: Each camera's outlines.
-        moments_s: (M,) float64, s: times at which outlines are compared.
-        tolerance: Limits of agreement; None for the defaults.
+        tracks: Outlines of at least two cameras; three are needed to identify a wrong one.
+        moments_s: (M,) float64, s: times at which outlines are compared; a dozen, spread over the
+            recording.
         offset_s: Clock offset by camera name, s: by how much its clock is ahead.
 
     Raises:
@@ -152,7 +100,6 @@ def agreement(
         raise InputError(
             "one camera alone cannot be checked: there is nothing that it could agree with"
         )
-    tolerance = tolerance or Tolerance()
     errors = all_tangencies(tracks, moments_s, offset_s)
     for name in names:
         if not any(np.isfinite(errors[pair]).any() for pair in errors if name in pair):
@@ -162,50 +109,32 @@ def agreement(
             )
     scale = image_scale(tracks)
     whole = group_error(errors, names)
-    culprits = _culprits(errors, names, tolerance, scale)
+    culprits = _culprits(errors, names, scale)
     good = [name for name in names if name not in culprits]
     lines = []
     for track in tracks:
         name = track.camera.name
         rest = [other for other in good if other != name]
         own = signed_errors(errors, name, rest)
-        line = CameraAgreement(
-            name,
-            trimmed_mean(own),
-            group_error(errors, rest),
-            float(np.median(own)),
-            int(track.seen.sum()),
-            len(own),
-        )
-        lines.append(line)
-    return Agreement(
-        whole, tuple(lines), culprits, not culprits and whole <= tolerance.max_px * scale
-    )
-
-
-def even_moments(count: int, max_count: int) -> NDArray[np.int64]:
-    """At most `max_count` of `count` frame numbers, evenly spaced, without the ends."""
-    first, last = _ENDS * (count - 1), (1 - _ENDS) * (count - 1)
-    return np.unique(np.linspace(first, last, min(max_count, count)).round().astype(np.int64))
+        others_px, moments = group_error(errors, rest), int(track.seen.sum())
+        lines.append(CameraAgreement(name, trimmed_mean(own), others_px, moments, len(own)))
+    agrees = not culprits and whole <= AGREEMENT.disagree_px * scale
+    return Agreement(whole, tuple(lines), culprits, agrees)
 
 
 def image_scale(tracks: Sequence[OutlineTrack]) -> float:
     """Size of the cameras' images relative to 480 x 360, at least 1: edges are whole pixels."""
-    return max(
-        1.0,
-        float(np.mean([np.hypot(*track.camera.size) for track in tracks])) / _REFERENCE_DIAGONAL_PX,
-    )
+    diagonal_px = float(np.mean([np.hypot(*track.camera.size) for track in tracks]))
+    return max(1.0, diagonal_px / float(np.hypot(480, 360)))
 
 
-def _culprits(
-    errors: PairErrors, names: Sequence[str], tolerance: Tolerance, scale: float
-) -> tuple[str, ...]:
+def _culprits(errors: PairErrors, names: Sequence[str], scale: float) -> tuple[str, ...]:
     """Smallest minority of cameras of which each differs too much from the remaining ones."""
     max_count = min(max(1, (len(names) - 1) // 2), len(names) - 2)
     culprits: tuple[str, ...] = ()
     while len(culprits) < max_count:
         remaining = [name for name in names if name not in culprits]
-        further = _fewest(errors, remaining, max_count - len(culprits), tolerance, scale)
+        further = _fewest(errors, remaining, max_count - len(culprits), scale)
         if not further:
             break
         culprits += further  # without these, further ones may be detectable
@@ -213,7 +142,7 @@ def _culprits(
 
 
 def _fewest(
-    errors: PairErrors, names: Sequence[str], max_count: int, tolerance: Tolerance, scale: float
+    errors: PairErrors, names: Sequence[str], max_count: int, scale: float
 ) -> tuple[str, ...]:
     """Smallest set of cameras without which the others agree; of several, the most distinct one."""
     for count in range(1, min(max_count, len(names) - 2) + 1):
@@ -221,11 +150,9 @@ def _fewest(
         for left_out in combinations(names, count):
             rest = [name for name in names if name not in left_out]
             rest_px = group_error(errors, rest)
-            limit = max(
-                tolerance.min_px * scale, tolerance.gain * max(rest_px, tolerance.floor_px * scale)
-            )
+            limit = AGREEMENT.culprit_gain * max(rest_px, AGREEMENT.accurate_px * scale)
             distance_px = min(trimmed_mean(signed_errors(errors, name, rest)) for name in left_out)
-            if distance_px > limit and rest_px <= tolerance.max_px * scale:
+            if distance_px > limit and rest_px <= AGREEMENT.disagree_px * scale:
                 candidates.append((rest_px / distance_px, left_out))
         if candidates:
             return min(candidates)[1]
@@ -262,4 +189,4 @@ def group_error(errors: PairErrors, names: Sequence[str]) -> float:
 def trimmed_mean(errors: FloatArray) -> float:
     """Mean absolute value of the smaller errors; NaN if there are none."""
     sizes = np.sort(np.abs(errors[np.isfinite(errors)]))
-    return float(sizes[: max(1, int(_KEPT * len(sizes)))].mean()) if len(sizes) else np.nan
+    return float(sizes[: max(1, int(AGREEMENT.kept * len(sizes)))].mean()) if len(sizes) else np.nan

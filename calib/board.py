@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from calib.checks import FloatArray, check_array
 from calib.errors import InputError
+from calib.tuning import BOARDS
 
 Image = NDArray[np.uint8]
 Effort = Literal["quick", "patient", "thorough"]
 
-_MIN_SQUARE_PX = 8.0
-_MAX_BLUR = 0.25  # width of an edge in squares
-_MAX_BEND = 0.12  # deviation from a plane's image in squares; that of lenses is a few hundredths
 _MIN_CORNERS = 6
 _MAX_COARSE_PX = 1000
 
@@ -73,7 +71,6 @@ class Board:
     dictionary: str = "DICT_4X4_50"
 
     def __post_init__(self) -> None:
-        """Checks the numbers."""
         if min(self.columns, self.rows) < 2:
             raise InputError(
                 f"a board needs at least 2 x 2 inner corners, not {self.columns} x {self.rows}:"
@@ -127,11 +124,7 @@ class Board:
             The detected corners, or the reason why there are none.
         """
         check_array("picture", picture, ("H", "W", 3)[: max(picture.ndim, 2)], np.uint8)
-        grey = (
-            picture
-            if picture.ndim == 2
-            else np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-        )
+        grey = _grey(picture)
         return (
             self._find_checkerboard(grey, effort)
             if self.marker_m is None
@@ -145,8 +138,7 @@ class Board:
         if self.marker_m is not None:
             return self._other_markers(picture)
         flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-        grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-        found, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags)
+        found, _, meta = cv2.findChessboardCornersSBWithMeta(_grey(picture), (3, 3), flags)
         if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
             return None
         detected, requested = (
@@ -254,11 +246,9 @@ class Board:
             give_up: Whether to stop early where no board is likely.
         """
         scale = min(1.0, _MAX_COARSE_PX / max(grey.shape))
-        small = (
-            grey
-            if scale == 1
-            else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        )
+        small = grey
+        if scale < 1:
+            small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         flags = (
             cv2.CALIB_CB_ADAPTIVE_THRESH
             | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -290,7 +280,7 @@ class Board:
     def _fault(self, grey: Image, corners: FloatArray) -> str | None:
         """Reason to reject detected corners, or None."""
         spacing = self._spacing_px(corners)
-        if spacing < _MIN_SQUARE_PX:
+        if spacing < BOARDS.least_square_px:
             return (
                 f"squares of {spacing:.0f} px are too small: come nearer or record in a higher"
                 " resolution"
@@ -300,7 +290,7 @@ class Board:
             return "what was found is no flat grid"
         flat = cv2.perspectiveTransform(self.points_m[None, :, :2], homography)[0]
         bend = float(np.linalg.norm(flat - corners, axis=1).max()) / spacing
-        if bend > _MAX_BEND:
+        if bend > BOARDS.bend:
             return (
                 f"what was found is no flat grid (off by {bend:.2f} squares): part of the board"
                 " hidden, or something else like a board?"
@@ -310,7 +300,7 @@ class Board:
         )[0]
         edge_px = float(np.asarray(statistics).ravel()[0])
         blur = edge_px / spacing
-        if blur > _MAX_BLUR and edge_px > 4:
+        if blur > BOARDS.blur and edge_px > 4:
             return (
                 f"blurred (edges {edge_px:.0f} px wide on squares of {spacing:.0f} px): hold the"
                 " board still, more light"
@@ -336,6 +326,12 @@ class Board:
             if level[even].mean() > level[~even].mean():
                 grid = grid[::-1, ::-1]
         return grid.reshape(-1, 2)
+
+
+def _grey(picture: Image) -> Image:
+    if picture.ndim == 2:
+        return picture
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
 def view_between(

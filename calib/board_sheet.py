@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.atomic import write_whole
 from calib.board import Board
@@ -17,41 +15,22 @@ from calib.errors import InputError
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
 
-# Width and height in portrait orientation, m.
 PAPERS_M = {
-    "a4": (0.210, 0.297),
-    "a3": (0.297, 0.420),
-    "a2": (0.420, 0.594),
-    "a1": (0.594, 0.841),
-    "a0": (0.841, 1.189),
-    "letter": (0.2159, 0.2794),
-    "tabloid": (0.2794, 0.4318),
-}
-_POINTS_PER_M = 72 / 0.0254
-_MARGIN_SQUARES = 1.0
-_PX_PER_SQUARE = 120  # divides evenly by the modules of every common marker
-_MARGIN_M = 0.008  # printers leave about 5 mm; boards are found by the white around them
-_FOOT_M = 0.012
-_RULER_M = 0.1
-
-
-def board_picture(board: Board, square_px: int = _PX_PER_SQUARE) -> NDArray[np.uint8]:
-    """Draws a board (H, W) uint8, black on white, with a margin of one square."""
-    size = ((board.columns + 1) * square_px, (board.rows + 1) * square_px)
-    if board.marker_m is None:
-        row, column = np.indices((board.rows + 1, board.columns + 1))
-        # The first inner square is dark, as `Board.find` expects.
-        squares = np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8)
-        picture = np.kron(squares, np.ones((square_px, square_px), dtype=np.uint8))
-    else:
-        picture = np.asarray(board.charuco.generateImage(size), dtype=np.uint8)
-    margin = round(_MARGIN_SQUARES * square_px)
-    return np.asarray(
-        cv2.copyMakeBorder(
-            picture, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=(255,)
-        ),
-        dtype=np.uint8,
+    name: (short / 10_000, long / 10_000)
+    for name, short, long in (
+        ("a4", 2100, 2970),
+        ("a3", 2970, 4200),
+        ("a2", 4200, 5940),
+        ("a1", 5940, 8410),
+        ("a0", 8410, 11890),
+        ("letter", 2159, 2794),
+        ("tabloid", 2794, 4318),
     )
+}
+"""Width and height in portrait orientation, m."""
+_MARGIN_M = 8 / 1000  # printers leave about 5 mm; boards are found by the white around them
+_FOOT_M = 12 / 1000
+_RULER_M = 1 / 10
 
 
 def largest_square_m(columns: int, rows: int, paper: str) -> float:
@@ -84,7 +63,7 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
 
     columns, rows, square = board.columns + 1, board.rows + 1, board.square_m
     if paper is None:
-        margin = max(_MARGIN_M, _MARGIN_SQUARES * square)
+        margin = max(_MARGIN_M, square)
         page = max(columns * square, _RULER_M) + 2 * margin, rows * square + 2 * margin + _FOOT_M
     else:
         page = max(
@@ -100,10 +79,11 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
         (page[0] - columns * square) / 2,
         _FOOT_M + (page[1] - _FOOT_M - rows * square) / 2,
     )
-    width, height = (length * _POINTS_PER_M for length in page)
+    points_per_m = 72 / 0.0254
+    width, height = (length * points_per_m for length in page)
     sheet = io.BytesIO()
     canvas = Canvas(sheet, pagesize=(width, height), pageCompression=0, invariant=1)
-    canvas.scale(_POINTS_PER_M, _POINTS_PER_M)
+    canvas.scale(points_per_m, points_per_m)
     for x, y, side_x, side_y, level in _rectangles(board):
         canvas.setFillGray(level)
         canvas.rect(left + x, bottom + rows * square - y - side_y, side_x, side_y, stroke=0, fill=1)

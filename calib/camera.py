@@ -17,7 +17,6 @@ from calib.checks import FloatArray, float_array, image_size
 from calib.errors import InputError
 from calib.lens import FisheyeLens, RationalLens
 
-_ROTATION_TOLERANCE = 1e-3  # files round their matrices to a few digits
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
@@ -55,7 +54,6 @@ class Camera:
     fisheye: bool = False
 
     def __post_init__(self) -> None:
-        """Checks every value once and freezes the arrays."""
         who = f"camera {self.name}: "
         matrix = _frozen(who + "matrix", self.matrix, (3, 3))
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
@@ -74,8 +72,8 @@ class Camera:
                 f" {len(distortion)}"
             )
         rotation = _frozen(who + "rotation", self.rotation, (3, 3))
-        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
-        if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()  # files round to a few digits
+        if error > 1e-3 or np.linalg.det(rotation) < 0:
             raise ValueError(
                 f"{who}rotation must be a rotation (orthonormal, determinant +1), got"
                 f" {rotation.tolist()}"
@@ -204,7 +202,6 @@ class Rig:
     cameras: tuple[Camera, ...]
 
     def __post_init__(self) -> None:
-        """Checks that names are unique."""
         object.__setattr__(self, "cameras", tuple(self.cameras))
         if not self.cameras:
             raise ValueError("a rig needs at least one camera")
@@ -220,22 +217,18 @@ class Rig:
         return tuple(camera.name for camera in self.cameras)
 
     def __getitem__(self, name: str) -> Camera:
-        """Returns the camera of that name."""
         for camera in self.cameras:
             if camera.name == name:
                 return camera
         raise KeyError(f"no camera {name!r} among {', '.join(self.names)}")
 
     def __contains__(self, name: object) -> bool:
-        """Whether the rig has a camera of that name."""
         return name in self.names
 
     def __iter__(self) -> Iterator[Camera]:
-        """Iterates over the cameras."""
         return iter(self.cameras)
 
     def __len__(self) -> int:
-        """Counts the cameras."""
         return len(self.cameras)
 
     def select(self, names: Sequence[str]) -> "Rig":

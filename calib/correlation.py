@@ -12,10 +12,10 @@ from scipy.signal import correlate
 
 from calib.checks import FloatArray
 from calib.tangency import interpolate
+from calib.tuning import SIGNALS
 
 NEAR_STEPS = 8
 """Steps within which the peak of a pair is looked for."""
-_LEAST_OVERLAP = 0.25  # of the shorter signal
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ class SignalSettings:
     """
 
     max_offset_s: float
-    step_s: float = 0.01
-    sigma_s: float = 0.06
+    step_s: float = SIGNALS.step_s
+    sigma_s: float = SIGNALS.sigma_s
     lasting: bool = True
 
 
@@ -187,7 +187,7 @@ def masked_correlation(first: FloatArray, second: FloatArray) -> FloatArray:
         return np.asarray(correlate(right, left, "full", "fft"))
 
     count = np.rint(slide(known_a, known_b))
-    enough = count >= max(_LEAST_OVERLAP * min(known_a.sum(), known_b.sum()), 3)
+    enough = count >= max(SIGNALS.overlap * min(known_a.sum(), known_b.sum()), 3)
     count = np.maximum(count, 1)
     sum_a, sum_b = slide(a, known_b), slide(known_a, b)
     product = slide(a, b) - sum_a * sum_b / count

@@ -25,11 +25,8 @@ from calib.pairs import (
     refuse_mirrored,
     shared_boards,
 )
-from calib.rotation import nearest_rotation, rodrigues_from_matrix
-
-_FAR_PX = 20.0  # boards with a larger initial error are excluded from the adjustment
-_FOCAL_PX = 1000.0  # focal length for which errors are stated
-_OUTLIER = 1.5  # times the other cameras' median error
+from calib.rotation import rodrigues_from_matrix
+from calib.tuning import BOARDS
 
 
 @dataclass(frozen=True)
@@ -146,7 +143,7 @@ def _scene(
         if not choices:
             continue
         error, flips, pose = min(choices, key=lambda choice: choice[0])
-        if error > _FAR_PX * len(flips):
+        if error > BOARDS.far_px * len(flips):
             continue
         for name, flipped in flips.items():
             view, index = views[moment][name], by_name[name][0]
@@ -185,14 +182,11 @@ def _misfit(
         errors = {}
         for flipped, flipped_or_not in options.items():
             pixels, _ = camera.project(flipped_or_not @ pose[0].T + pose[1])
-            error = (
-                np.linalg.norm(pixels - view.pixels, axis=1).mean()
-                * _FOCAL_PX
-                / camera.matrix[0, 0]
-            )
+            apart = np.linalg.norm(pixels - view.pixels, axis=1).mean()
+            error = apart * 1000 / camera.matrix[0, 0]
             errors[flipped] = float(error) if np.isfinite(error) else np.inf
         best = min(errors, key=lambda flipped: errors[flipped])
-        total += min(errors[best], 5 * _FAR_PX)
+        total += min(errors[best], 5 * BOARDS.far_px)
         flips[name] = best
     return total, flips
 
@@ -256,7 +250,7 @@ def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
         others = [
             other.rms_px for other in table if other is not line and np.isfinite(other.rms_px)
         ]
-        if others and line.rms_px > max(1.0, _OUTLIER * float(np.median(others))):
+        if others and line.rms_px > max(1.0, BOARDS.camera_gain * float(np.median(others))):
             remarks.append(
                 f"camera {line.camera} disagrees with the others ({line.rms_px:.1f} px): wrong"
                 " lens, mirrored picture or out of sync?"
@@ -267,32 +261,6 @@ def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
                 " longer"
             )
     return tuple(remarks)
-
-
-def align_rigs(rig: Rig, reference: Rig) -> Rig:
-    """Aligns a rig with a reference by a rigid motion, from the axes and centres of the cameras.
-
-    Raises:
-        InputError: They have no camera name in common.
-    """
-    names = [name for name in rig.names if name in reference]
-    if not names:
-        raise InputError("the two rigs have no camera name in common")
-    rotation = nearest_rotation(
-        sum(reference[name].rotation.T @ rig[name].rotation for name in names)
-    )
-    shift = np.mean(
-        [reference[name].center_m - rotation @ rig[name].center_m for name in names], axis=0
-    )
-    moved = []
-    for camera in rig:
-        turned = camera.rotation @ rotation.T
-        moved.append(
-            replace(
-                camera, rotation=turned, translation=-turned @ (rotation @ camera.center_m + shift)
-            )
-        )
-    return Rig(tuple(moved))
 
 
 def pose_difference(left: Camera, right: Camera) -> tuple[float, float]:

@@ -11,15 +11,13 @@ from calib.adjust import BundleScene, Observations, adjust, ideal_poses, rms_px
 from calib.board import Board, BoardView, Refusal
 from calib.camera import Camera, FloatArray
 from calib.errors import InputError
+from calib.tuning import BOARDS
 
 LensKind = Literal["pinhole", "rational", "fisheye"]
 
 _MIN_PICTURES = 4
-_OUTLIER = 2.5  # times the median picture's error
-_ALWAYS_GOOD_PX = 0.5  # a picture with a smaller error is never an outlier
 _COVERAGE_GRID = 8
 _EDGE_CELLS = 2
-_SPARSE = 0.25  # fraction of a region's cells with corners
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,7 @@ def calibrate_intrinsics(
         rms = dict(zip(good, errors, strict=True))
         worst = max(rms, key=lambda name: rms[name])
         median = float(np.median(errors))
-        if rms[worst] <= max(_ALWAYS_GOOD_PX, _OUTLIER * median):
+        if rms[worst] <= max(BOARDS.picture_px, BOARDS.picture_gain * median):
             break
         lines[worst] = PictureError(
             worst,
@@ -262,7 +260,7 @@ def _uncovered(coverage: NDArray[np.int64]) -> str | None:
     }
     for regions, template in ((quarters, "in the {} quarter"), (edges, "along the {} edge")):
         fractions = {name: float((cells > 0).mean()) for name, cells in regions.items()}
-        for limit, amount in ((0.0, "no corners "), (_SPARSE, "hardly any corners ")):
+        for limit, amount in ((0.0, "no corners "), (BOARDS.sparse, "hardly any corners ")):
             if sparse := [name for name, fraction in fractions.items() if fraction <= limit]:
                 return amount + template.format(" and the ".join(sparse))
     return None

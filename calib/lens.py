@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from calib.checks import FloatArray
 
 _NEWTON_STEPS = 20
-_TOLERANCE = 1e-12
-_WIDEST = 100.0  # tangent of 89.4 degrees: a flat image ends somewhere
+_WIDEST = 100  # tangent of 89.4 degrees: a flat image ends somewhere
 
 
 def _first_positive_root(coefficients: ArrayLike) -> float:
@@ -122,7 +121,7 @@ class RationalLens:
         for _ in range(_NEWTON_STEPS):
             step = self._newton_step(estimate[rows], distorted[rows])
             estimate[rows] -= step
-            rows = rows[np.abs(step).max(axis=1, initial=0.0) > _TOLERANCE]
+            rows = rows[np.abs(step).max(axis=1, initial=0.0) > 1e-12]
             if not len(rows):
                 break
         distorted_again, _ = self._distort(estimate)
@@ -247,7 +246,7 @@ class FisheyeLens:
             slope = np.polynomial.polynomial.polyval(angle * angle, powers)
             step = (self._radius(angle) - radius) / np.where(slope > 1e-9, slope, 1e-9)
             angle = np.clip(angle - step, 0, self._angle_limit)
-            if not np.nanmax(np.abs(step), initial=0.0) > _TOLERANCE:
+            if not np.nanmax(np.abs(step), initial=0.0) > 1e-12:
                 break
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.where(radius > 0, np.tan(angle) / radius, 1.0)

@@ -10,14 +10,12 @@ from calib.board import Board, BoardView
 from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.rotation import nearest_rotation
+from calib.tuning import BOARDS
 
 Pair = tuple[str, str]
 Pose = tuple[FloatArray, FloatArray]  # rotation (3, 3) and translation (3,), m
 Views = Mapping[str, Mapping[str, BoardView]]  # moment -> camera -> view
 
-_TINY = 1e-6  # ideal coordinates: a thousandth of a pixel
-_SAME = 0.1  # radians, and metres per metre: poses with a smaller difference agree
-_MIN_AGREEING = 0.5  # fraction of a pair's boards that must agree
 _MIN_BOARDS = 4  # below, a pair is not tested for mirroring
 
 
@@ -139,6 +137,7 @@ def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray,
         Rotation and translation, new from known, and the number of boards that agree.
     """
     candidates: list[tuple[FloatArray, FloatArray, int, float]] = []
+    tiny = 1e-6  # ideal coordinates: a thousandth of a pixel
     for number, seen in enumerate(board_poses.values()):
         a, b = seen.get(known, []), seen.get(new, [])
         for ra, ta, error_a, flipped_a in a:
@@ -146,8 +145,8 @@ def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray,
                 if flipped_a and flipped_b:
                     continue  # equivalent to neither being flipped
                 rotation = rb @ ra.T
-                penalty = np.log1p(error_a / (a[0][2] + _TINY)) + np.log1p(
-                    error_b / (b[0][2] + _TINY)
+                penalty = np.log1p(error_a / (a[0][2] + tiny)) + np.log1p(
+                    error_b / (b[0][2] + tiny)
                 )
                 candidates.append((rotation, tb - rotation @ ta, number, penalty))
     rotations = np.array([candidate[0] for candidate in candidates])
@@ -167,7 +166,7 @@ def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray,
         # Of candidates with equal support, the tilt with the smaller reprojection error.
         score = float(nearest.sum()) + 0.02 * candidates[index][3]
         if score < best:
-            best, agrees = score, distance < _SAME
+            best, agrees = score, distance < BOARDS.same_pose
             agrees[index] = True
     pose = (
         nearest_rotation(rotations[agrees].mean(axis=0)),
@@ -194,10 +193,10 @@ def refuse_mirrored(
     """
     for (a, b), count in agreeing.items():
         together = shared[a, b]
-        if together < _MIN_BOARDS or count >= _MIN_AGREEING * together:
+        if together < _MIN_BOARDS or count >= BOARDS.agreeing * together:
             continue
         mirrored_count = _agreement(board, lenses, views, a, b, mirrored=True)
-        if mirrored_count < max(_MIN_BOARDS, _MIN_AGREEING * together):
+        if mirrored_count < max(_MIN_BOARDS, BOARDS.agreeing * together):
             continue
         # Mirroring either of the two has the same effect; the other cameras decide.
         gains = {name: _gain(board, lenses, views, name, (a, b)) for name in (a, b)}

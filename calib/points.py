@@ -16,11 +16,9 @@ from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, camera_error
 from calib.rotation import matrix_from_rodrigues
+from calib.tuning import BOARDS
 
-_ON_A_LINE = 1e-3  # width of a line of points, relative to its length
 _NEEDED = 4
-_OUTLIER = 4.0  # times the median error
-_ALWAYS_GOOD_PX = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +177,7 @@ def _locate(camera: Camera, points_m: FloatArray, pixels: FloatArray) -> Camera:
 def _fill_a_plane(points: FloatArray) -> bool:
     """Whether points (N, D) are neither one point nor on one line."""
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] > _ON_A_LINE * spread[0])
+    return bool(spread[1] > BOARDS.line_width * spread[0])
 
 
 def triangulate(cameras: list[Camera], pixels: FloatArray) -> FloatArray:
@@ -198,7 +196,7 @@ def _advice(
 ) -> tuple[str, ...]:
     """Remarks on outlying points, and on those without information."""
     errors = np.linalg.norm(adjusted.residuals_px, axis=1)
-    limit = max(_ALWAYS_GOOD_PX, _OUTLIER * float(np.median(errors)))
+    limit = max(BOARDS.point_px, BOARDS.point_gain * float(np.median(errors)))
     remarks = [
         f"point {name} in camera {camera} is off by {error:.1f} px: mistaken for another, or"
         " measured wrongly?"

@@ -4,7 +4,7 @@ Each hypothesis is fitted to the outlines; the simplest one that restores agreem
 with the size of the change.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -17,18 +17,11 @@ from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.suspect import SuspectCamera, best_offset, moved_camera, solve, stretched_camera
 from calib.tangency import OutlineTrack, offset_grid
+from calib.tuning import AGREEMENT
 
 Kind = Literal[
     "swapped", "out of step", "turned", "moved", "scaled", "moved and out of step", "unexplained"
 ]
-
-_SIMPLER = 1.4  # a simpler explanation is preferred up to this multiple of the smallest error
-_HELPS = 0.5  # the error has to fall below this fraction
-_GOOD = 2.0  # and below this multiple of the others' error,
-_GOOD_PX = 0.4  # or below this in an image of 480 x 360
-_NEAR, _PERFECT = 1.5, 1.2  # multiples of the others' error that end the search
-_STRETCHED = 0.04
-_SHIFTED = 0.01  # of the image's longer side
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +37,6 @@ class Repair:
         others_px: Error of the others among themselves, which is attainable.
         after: The corrected camera.
         offset_s: Clock offset: its frame of time t shows what the others showed at t - offset.
-        moved_mm: Displacement of its centre.
         turned_deg: Angle of its rotation.
         with_camera: The camera with which it is swapped, or None.
     """
@@ -57,7 +49,6 @@ class Repair:
     others_px: float
     after: Camera
     offset_s: float = 0.0
-    moved_mm: float = 0.0
     turned_deg: float = 0.0
     with_camera: str | None = None
 
@@ -71,7 +62,6 @@ def explain(
     checked: Agreement,
     moments_s: FloatArray,
     max_offset_s: float,
-    only: Sequence[Kind] | None = None,
 ) -> list[Repair]:
     """Explains the disagreement of the culprits of an agreement check.
 
@@ -81,50 +71,44 @@ def explain(
         checked: Result of `agreement`. Without culprits, only swapped cameras are tested.
         moments_s: (M,) float64, s, times of comparison.
         max_offset_s: Largest clock offset tried, in both directions.
-        only: Kinds of explanation to try; None for all.
 
     Returns:
         One explanation per culprit (one for two swapped cameras), of kind "unexplained" if none
         restores agreement.
     """
-    swap = _swapped(tracks, checked, moments_s) if only is None or "swapped" in only else None
+    swap = _swapped(tracks, checked, moments_s)
     if swap is not None:
         return [swap]
     others = tuple(track for name, track in tracks.items() if name not in checked.culprits)
     lines = {line.camera: line for line in checked.table}
     return [
         _explain_one(
-            SuspectCamera(tracks[name], others, moments_s, lines[name].others_px),
-            max_offset_s,
-            only,
+            SuspectCamera(tracks[name], others, moments_s, lines[name].others_px), max_offset_s
         )
         for name in checked.culprits
     ]
 
 
-def _explain_one(
-    suspect: SuspectCamera, max_offset_s: float, only: Sequence[Kind] | None
-) -> Repair:
+def _explain_one(suspect: SuspectCamera, max_offset_s: float) -> Repair:
     """Explanation of one culprit."""
     camera = suspect.track.camera
     before = suspect.error(camera)
+    helps_px = AGREEMENT.helping_share * before
     repairs = []
     for kind in ("out of step", "turned", "scaled", "moved", "moved and out of step"):
-        if only is None or kind in only:
-            repair = _FITS[kind](suspect, max_offset_s)
-            if repair is not None:
-                repairs.append(repair)
+        repair = _FITS[kind](suspect, max_offset_s)
+        if repair is not None:
+            repairs.append(repair)
         # A moved, a turned and a scaled camera look similar; one that is out of step does not.
-        near = _NEAR if kind == "out of step" else _PERFECT
-        if repairs and repairs[-1].after_px <= min(near * suspect.level_px, _HELPS * before):
+        near = AGREEMENT.late_enough_gain if kind == "out of step" else AGREEMENT.perfect_gain
+        if repairs and repairs[-1].after_px <= min(near * suspect.level_px, helps_px):
             return repairs[-1]
     best = min((repair.after_px for repair in repairs), default=np.inf)
+    explained_px = max(
+        AGREEMENT.explained_gain * suspect.others_px, AGREEMENT.good_px * suspect.scale
+    )
     for repair in repairs:
-        if repair.after_px <= min(
-            _SIMPLER * best,
-            max(_GOOD * suspect.others_px, _GOOD_PX * suspect.scale),
-            _HELPS * before,
-        ):
+        if repair.after_px <= min(AGREEMENT.simpler_gain * best, explained_px, helps_px):
             return repair
     summary = (
         f"{camera.name} does not fit, and no single change of its place, its picture's scale or its"
@@ -191,10 +175,9 @@ def _scaled(suspect: SuspectCamera, max_offset_s: float) -> Repair | None:
     shift = after.matrix[:2, 2] - (
         np.array([scale_x, scale_y]) * (camera.matrix[:2, 2] - middle) + middle
     )
-    centred = np.abs(shift).max() < _SHIFTED * max(camera.size)
-    if abs(np.log(scale_x / scale_y)) < _STRETCHED and not (
-        centred and abs(np.log(scale_x)) > _STRETCHED
-    ):
+    centred = np.abs(shift).max() < AGREEMENT.shifted * max(camera.size)
+    least = AGREEMENT.stretched
+    if abs(np.log(scale_x / scale_y)) < least and not (centred and abs(np.log(scale_x)) > least):
         return None
     about = f", and shifted by {shift[0]:.0f}, {shift[1]:.0f} px" if not centred else ""
     summary = (
@@ -234,21 +217,13 @@ def _swapped(
             continue
         if (
             after.agrees
-            and after.error_px < _HELPS * checked.error_px
+            and after.error_px < AGREEMENT.helping_share * checked.error_px
             and (best is None or after.error_px < best.after_px)
         ):
             summary = f"the videos of {first} and {second} are swapped"
+            errors = checked.error_px, after.error_px, after.error_px
             camera = tracks[first].camera
-            best = Repair(
-                first,
-                "swapped",
-                summary,
-                checked.error_px,
-                after.error_px,
-                after.error_px,
-                camera,
-                with_camera=second,
-            )
+            best = Repair(first, "swapped", summary, *errors, camera, with_camera=second)
     return best
 
 
@@ -274,19 +249,9 @@ def _repair(
     suspect: SuspectCamera, kind: Kind, summary: str, after: Camera, offset_s: float = 0.0
 ) -> Repair:
     camera = suspect.track.camera
-    millimetres, degrees = pose_difference(after, camera)
-    error = suspect.error(after, offset_s), suspect.others_px
-    return Repair(
-        camera.name,
-        kind,
-        summary,
-        suspect.error(camera),
-        *error,
-        after,
-        offset_s,
-        millimetres,
-        degrees,
-    )
+    errors = suspect.error(camera), suspect.error(after, offset_s), suspect.others_px
+    turned_deg = pose_difference(after, camera)[1]
+    return Repair(camera.name, kind, summary, *errors, after, offset_s, turned_deg)
 
 
 def _delay(suspect: SuspectCamera, offset_s: float) -> str:

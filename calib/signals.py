@@ -25,13 +25,10 @@ from calib.correlation import (
 )
 from calib.errors import InputError
 from calib.tangency import offset_grid
+from calib.tuning import SIGNALS
 
 _ROUNDS = 4
 _BLOCKS = 6
-_ALIKE = 0.3  # correlation below which two signals do not show the same
-_RIVAL = 0.6  # of the best offset's correlation: from there on another offset may be as likely,
-_TELLING = 4.0  # unless it leaves so many times more of the variance unexplained
-_APART_SIGMAS, _APART_S = 4.0, 0.05  # by which offsets differ that are not the same peak
 
 
 @dataclass(frozen=True)
@@ -131,11 +128,11 @@ def offsets_from_signals(
         tuple(sorted(lines, key=lambda line: names.index(line.camera))),
         float(np.mean(list(at.values()))),
         float(np.sqrt(np.mean(residuals**2))) if len(names) > 2 else np.nan,
-        tuple(name for name, value in zip(order, best, strict=True) if value < _ALIKE),
+        tuple(name for name, value in zip(order, best, strict=True) if value < SIGNALS.alike),
         tuple(
             name
             for name, value, other in zip(order, best, rivalled, strict=True)
-            if value >= _ALIKE and other
+            if value >= SIGNALS.alike and other
         ),
     )
 
@@ -157,11 +154,11 @@ def _is_rivalled(
             at = sign * (offsets[camera] + grid - offsets[other])
             total += np.interp(at, curve.offsets_s, values, left=0.0, right=0.0)
             own += curve.at(sign * (offsets[camera] - offsets[other]))
-    apart = np.abs(grid) > max(_APART_SIGMAS * settings.sigma_s, _APART_S)
+    apart = np.abs(grid) > max(SIGNALS.apart_sigmas * settings.sigma_s, SIGNALS.apart_s)
     if not apart.any():
         return False
     own, rival = own / (len(offsets) - 1), float(total[apart].max()) / (len(offsets) - 1)
-    return rival > _RIVAL * own and 1 - rival**2 < _TELLING * (1 - own**2)
+    return rival > SIGNALS.rival * own and 1 - rival**2 < SIGNALS.telling * (1 - own**2)
 
 
 def checked_reference(names: Sequence[str], reference: str | None) -> str:

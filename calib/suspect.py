@@ -7,15 +7,11 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import least_squares
 
-from calib.agreement import Tolerance, image_scale, trimmed_mean
+from calib.agreement import image_scale, trimmed_mean
 from calib.camera import Camera, FloatArray
 from calib.rotation import matrix_from_rodrigues
 from calib.tangency import OutlineTrack, offset_grid, tangency
-
-_MIN_SOFT_PX = 0.5
-_STEP_FRAMES = 0.25  # steps in which offsets are tried
-_DEPTH_M = 4.0  # typical distance of the body, only for the scale of the parameters
-_LOST_PX = 20.0  # error of a plane that is lost, so that losing all planes is not optimal
+from calib.tuning import AGREEMENT
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +56,7 @@ class SuspectCamera:
     @property
     def level_px(self) -> float:
         """Attainable error, px: that of the others, but not below that of good silhouettes."""
-        return max(self.others_px, Tolerance().floor_px * self.scale)
+        return max(self.others_px, AGREEMENT.accurate_px * self.scale)
 
     @property
     def scale(self) -> float:
@@ -83,7 +79,7 @@ def best_offset(suspect: SuspectCamera, camera: Camera, max_offset_s: float) -> 
     """
     if len(suspect.track.time_s) <= len(suspect.moments_s):
         return None
-    offsets = offset_grid(max_offset_s, _STEP_FRAMES * suspect.track.period_s)
+    offsets = offset_grid(max_offset_s, AGREEMENT.suspect_step_frames * suspect.track.period_s)
     errors = np.array([suspect.error(camera, offset_s) for offset_s in offsets])
     best = int(errors.argmin())
     if not 0 < best < len(offsets) - 1 or not np.isfinite(errors[best - 1 : best + 2]).all():
@@ -96,10 +92,12 @@ def best_offset(suspect: SuspectCamera, camera: Camera, max_offset_s: float) -> 
 
 
 def moved_camera(camera: Camera, x: FloatArray) -> Camera:
-    """A camera rotated by x[:3] and translated by x[3:], in units of about a pixel in the image."""
+    """A camera rotated by x[:3] and translated by x[3:], in units of about a pixel in the image, of
+    a body at 4 m.
+    """
     pixel = 1 / camera.matrix[0, 0]
     turn = matrix_from_rodrigues(x[:3] * pixel)
-    shift = x[3:] * pixel * _DEPTH_M if len(x) == 6 else np.zeros(3)
+    shift = x[3:] * pixel * 4 if len(x) == 6 else np.zeros(3)
     return replace(
         camera, rotation=turn @ camera.rotation, translation=turn @ camera.translation + shift
     )
@@ -145,10 +143,13 @@ def solve(
     def cost(x: FloatArray) -> FloatArray:
         residuals = suspect.residuals(model(camera, x), offset_s)
         return (
-            np.where(np.isfinite(residuals), residuals, np.where(base, _LOST_PX * unit, 0.0)) / unit
+            np.where(
+                np.isfinite(residuals), residuals, np.where(base, AGREEMENT.lost_px * unit, 0.0)
+            )
+            / unit
         )
 
-    soft = max(_MIN_SOFT_PX, suspect.others_px / unit)
+    soft = max(AGREEMENT.soft_px, suspect.others_px / unit)
     solution = least_squares(
         cost, start, loss="soft_l1", f_scale=soft, diff_step=1e-4, x_scale=unit, max_nfev=rounds
     )

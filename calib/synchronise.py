@@ -28,22 +28,13 @@ from calib.correlation import (
     sampled,
 )
 from calib.errors import InputError
-from calib.signals import (
-    Offset,
-    checked_reference,
-    consistent_offsets,
-    offsets_from_signals,
-)
+from calib.signals import Offset, checked_reference, consistent_offsets, offsets_from_signals
 from calib.tangency import OutlineTrack, offset_grid, tangency
+from calib.tuning import AGREEMENT
 
 _MAX_MOMENTS = 240
-_STEP_FRAMES = 0.5
 _MIN_PLANES = 8
-_SOFT_PX = 0.5
-_GOOD_PX = 0.4
-_SLOPE_FRAMES = 0.2
 _BLOCKS = 6
-_STILL_PX = 2.5  # over a quarter of the recording, in an image of 480 px: edges flicker by a pixel
 
 
 @dataclass(frozen=True)
@@ -75,7 +66,6 @@ def synchronise(
     tracks: Sequence[OutlineTrack],
     max_offset_s: float,
     reference: str | None = None,
-    max_error_px: float = 2.5,
 ) -> Synchronisation:
     """Estimates the offsets between cameras' clocks.
 
@@ -83,7 +73,6 @@ def synchronise(
         tracks: Outlines of at least two cameras, frame by frame, each with times of its own clock.
         max_offset_s: Largest offset considered, s.
         reference: The camera whose clock is the reference; None for the first.
-        max_error_px: Error, px of an image of 480 x 360, above which the calibration is not used.
 
     Raises:
         InputError: Fewer than two cameras, an unknown reference, or nobody moves.
@@ -104,7 +93,7 @@ def synchronise(
         ordered, start, np.array([pair.weight for pair in pairs.values()])
     )
     before, after = _error(ordered, np.zeros(len(ordered))), _error(ordered, offsets)
-    agreed = bool(np.isfinite(after) and after <= max_error_px * image_scale(tracks))
+    agreed = bool(np.isfinite(after) and after <= AGREEMENT.disagree_px * image_scale(tracks))
     if not agreed:
         settings = SignalSettings(max_offset_s)
         by_signal = offsets_from_signals([outline_signal(track) for track in ordered], settings)
@@ -158,7 +147,7 @@ def require_motion(track: OutlineTrack) -> None:
     ) / (max(track.camera.size) / 480)
     later = len(box) // 4
     moved = np.abs(box[later:] - box[: len(box) - later]).max(axis=1)
-    if np.median(moved) < _STILL_PX:
+    if np.median(moved) < AGREEMENT.moved_px:
         raise InputError(
             f"nobody moves in {track.camera.name}, so its offset cannot be found: take a part in"
             " which somebody walks or swings the arms"
@@ -181,7 +170,7 @@ class _Pair:
 
     @classmethod
     def measure(cls, first: OutlineTrack, second: OutlineTrack, max_offset_s: float) -> "_Pair":
-        step = _STEP_FRAMES * min(first.period_s, second.period_s)
+        step = AGREEMENT.offset_step_frames * min(first.period_s, second.period_s)
         offsets = offset_grid(max_offset_s, step)
         moments = first.time_s[:: max(1, len(first.time_s) // _MAX_MOMENTS)]
         signed_errors = [
@@ -199,7 +188,8 @@ class _Pair:
     def weight(self) -> float:
         """Weight of the pair: 1 if it agrees at some offset, less the larger its smallest error."""
         known = self.errors_px[np.isfinite(self.errors_px)]
-        return _GOOD_PX / max(_GOOD_PX, float(known.min())) if len(known) else 0.0
+        good = AGREEMENT.good_px
+        return good / max(good, float(known.min())) if len(known) else 0.0
 
     def costs(self) -> OffsetCosts:
         """Relative tangency errors, or lack of correlation where none is known."""
@@ -214,12 +204,8 @@ class _Pair:
 
 def _moments(tracks: Sequence[OutlineTrack], offsets: FloatArray) -> FloatArray:
     """Times (M,), s, of the first camera's clock at which two cameras may have recorded."""
-    begin = min(
-        float(track.time_s[0]) - offset for track, offset in zip(tracks, offsets, strict=True)
-    )
-    end = max(
-        float(track.time_s[-1]) - offset for track, offset in zip(tracks, offsets, strict=True)
-    )
+    times = [track.time_s - offset for track, offset in zip(tracks, offsets, strict=True)]
+    begin, end = min(float(own[0]) for own in times), max(float(own[-1]) for own in times)
     step = max(max(track.period_s for track in tracks), (end - begin) / _MAX_MOMENTS)
     return np.arange(begin, end, step)
 
@@ -238,9 +224,8 @@ def _residuals(
 
 def _error(tracks: Sequence[OutlineTrack], offsets: FloatArray) -> float:
     """Error of all cameras, px."""
-    return trimmed_mean(_residuals(tracks, offsets, _moments(tracks, offsets))) * image_scale(
-        tracks
-    )
+    residuals = _residuals(tracks, offsets, _moments(tracks, offsets))
+    return trimmed_mean(residuals) * image_scale(tracks)
 
 
 def _refined_offsets(
@@ -268,17 +253,16 @@ def _refined_offsets(
 
         def slopes(x: FloatArray) -> FloatArray:
             # Wide steps: angles are interpolated linearly, so the error has kinks at the frames.
-            steps = _SLOPE_FRAMES * np.eye(len(x))
-            return np.array(
-                [(cost(x + step) - cost(x - step)) / (2 * _SLOPE_FRAMES) for step in steps]
-            ).T
+            half = AGREEMENT.slope_frames
+            steps = half * np.eye(len(x))
+            return np.array([(cost(x + step) - cost(x - step)) / (2 * half) for step in steps]).T
 
         result = least_squares(
             cost,
             begin[1:] / unit,
             jac=slopes,  # pyright: ignore[reportArgumentType]  # the stubs only have strings
             loss="soft_l1",
-            f_scale=_SOFT_PX,
+            f_scale=AGREEMENT.soft_px,
             max_nfev=30,
         )
         return np.concatenate([[0.0], result.x * unit])

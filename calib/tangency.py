@@ -21,18 +21,14 @@ from numpy.typing import NDArray
 from calib.camera import Camera, FloatArray
 from calib.checks import check_array
 from calib.components import label_components
+from calib.tuning import OUTLINES
 
 Mask = NDArray[np.bool_]
 
 _LEAST_PIXELS = 50
-_GAP = 0.01  # of the image's diagonal
-_LARGE_COMPONENT = 0.25  # of the largest component's area
-_NEAR_BORDER_PX = 1.5
 _TOUCHING_PX = 3  # a silhouette so near to something unknown goes on behind it
-_WIDEST_RAD = np.radians(150.0)  # beyond, the baseline passes through or close to the body
-_AROUND = 0.5 * np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
+_AROUND = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4]) / 2
 _CACHE_SIZE = 64
-_LEAST_ACROSS = 0.05  # sine of a ray's angle to the baseline
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +42,12 @@ class Outline:
             off.
         middle: (2,) float64, px, median of the silhouette's pixels.
         height_px: Distance from the lowest to the highest corner.
-        area_px: Area of the silhouette.
     """
 
     pixels: FloatArray
     inside: NDArray[np.bool_]
     middle: FloatArray
     height_px: float
-    area_px: float
 
     @classmethod
     def from_mask(cls, camera: Camera, mask: Mask, unknown: Mask | None = None) -> "Outline | None":
@@ -85,9 +79,8 @@ class Outline:
             body.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
         )
         edge = np.concatenate(contours).reshape(-1, 2)
-        border = (np.minimum(edge, np.array(mask.shape[::-1]) - 1 - edge) < _NEAR_BORDER_PX).any(
-            axis=1
-        )
+        within_px = np.minimum(edge, np.array(mask.shape[::-1]) - 1 - edge).min(axis=1)
+        border = within_px < OUTLINES.border_px
         if unknown is not None and len(hiding := _hiding(body, unknown)):
             edge = np.concatenate([edge, hiding])
             border = np.concatenate([border, np.ones(len(hiding), np.bool_)])
@@ -106,9 +99,7 @@ class Outline:
         middle = (np.array([np.median(column), np.median(row)]) + 0.5) / scale - 0.5
         pixels = points[corners]
         inside = ~np.repeat(border, len(_AROUND))[corners]
-        return cls(
-            pixels, inside, middle, float(np.ptp(pixels[:, 1])), len(row) / float(np.prod(scale))
-        )
+        return cls(pixels, inside, middle, float(np.ptp(pixels[:, 1])))
 
 
 def _hiding(body: Mask, unknown: Mask) -> NDArray[np.int64]:
@@ -132,13 +123,13 @@ def main_components(mask: Mask) -> Mask:
     Components closer than a hundredth of the image's diagonal count as one: limbs become detached
     where clothes look like the background.
     """
-    reach = int(_GAP * np.hypot(*mask.shape)) | 1
+    reach = int(OUTLINES.gap * np.hypot(*mask.shape)) | 1
     thick = cv2.dilate(
         mask.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
     )
     labels = label_components(thick.view(bool)).labels
     area = np.bincount(labels[mask])
-    large = np.flatnonzero(area >= _LARGE_COMPONENT * area.max())
+    large = np.flatnonzero(area >= OUTLINES.large_component * area.max())
     return mask & np.isin(labels, large)
 
 
@@ -278,11 +269,12 @@ class OutlineTrack:
             - np.pi
         )
         low, high = np.minimum.reduceat(unwrapped, starts), np.maximum.reduceat(unwrapped, starts)
+        widest = np.radians(OUTLINES.widest_deg)
         focal = float(np.sqrt(self.camera.matrix[0, 0] * self.camera.matrix[1, 1]))
         for side, extreme in enumerate((low, high)):
             at = np.flatnonzero(unwrapped == extreme[segment])
             at = at[np.unique(segment[at], return_index=True)[1]]
-            good = inside[at] & (high - low < _WIDEST_RAD) & (across[at] > _LEAST_ACROSS)
+            good = inside[at] & (high - low < widest) & (across[at] > OUTLINES.least_across)
             angle[moment[starts][good], side] = extreme[good]
             speed[moment[starts][good], side] = focal * across[at][good]
         return angle, speed

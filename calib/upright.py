@@ -19,26 +19,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Rig
 from calib.checks import FloatArray, float_array
+from calib.tuning import UPRIGHT
 
-Z_UP = np.array([0.0, 0.0, 1.0])
+Z_UP = np.eye(3)[2]
 
 AXES = {
     sign + name: direction * axis
-    for sign, direction in (("", 1.0), ("-", -1.0))
+    for sign, direction in (("", 1), ("-", -1))
     for name, axis in zip("xyz", np.eye(3), strict=True)
 }
 """Directions of the world by name: x, y, z, -x, -y and -z."""
-
-_SAME_RAD = np.radians(20.0)  # a direction so near to an axis of the world is that axis
-_AMBIGUOUS = 0.9  # a direction that explains so much of what the best one does may be up
-_ALIKE = 0.8  # the same for an axis near the best direction: images lean
-_EQUAL = 0.98  # the same for any axis: one camera leaves open how far it looks down
-_POSSIBLE = 0.6  # z is kept where it explains so much and nothing but the cameras can be asked
-_STRAIGHT = 0.95  # cosine from which a camera looks straight up or down, and does not tell
 _MOST = 4  # candidates
-# Worth of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
-_WORTH = np.array([1.0, 0.7, 0.3, 0.7])
-_PULL = 0.01  # toward the images' mean vertical, where images' horizontals leave a choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,13 +165,13 @@ def up_candidates(rig: Rig) -> list[FloatArray]:
         first one explains. Of equals the first is z, where it is among them.
     """
     ranked = sorted(_directions(rig), key=lambda up: -cameras_worth(rig, up))
-    least = _AMBIGUOUS * cameras_worth(rig, ranked[0])
+    least = UPRIGHT.ambiguous * cameras_worth(rig, ranked[0])
     candidates: list[FloatArray] = []
     for direction in ranked:
         if cameras_worth(rig, direction) < least or len(candidates) == _MOST:
             break
         up = _axis_near(rig, _fitted(rig, direction))
-        if all(_angle(up, other) > _SAME_RAD for other in candidates):
+        if all(not _same(up, other) for other in candidates):
             candidates.append(up)
     return candidates
 
@@ -191,20 +182,20 @@ def up_from_cameras(rig: Rig) -> FloatArray:
     It is z where the cameras may stand so: upright, or all on their side, or looking straight down.
     Else it is the first of `up_candidates`.
     """
-    down = all(abs(camera.rotation[2] @ Z_UP) > _STRAIGHT for camera in rig)
-    if not is_cameras_own(rig) and (down or cameras_worth(rig, Z_UP) >= _POSSIBLE):
+    down = all(abs(camera.rotation[2] @ Z_UP) > UPRIGHT.straight for camera in rig)
+    if not is_cameras_own(rig) and (down or cameras_worth(rig, Z_UP) >= UPRIGHT.possible):
         return Z_UP
     return up_candidates(rig)[0]
 
 
-def other_up(rig: Rig, up: ArrayLike = Z_UP) -> FloatArray | None:
-    """What is up (3,) for the cameras, where that is more than 20 degrees from a direction that
-    they do not explain nearly as well; else None.
+def other_up(rig: Rig) -> FloatArray | None:
+    """What is up (3,) for the cameras, where that is more than 20 degrees from z and explains them
+    far better; else None.
     """
     best = up_candidates(rig)[0]
-    if _angle(best, unit_vector(up)) <= _SAME_RAD:
+    if _same(best, Z_UP):
         return None
-    explained = cameras_worth(rig, up) >= _AMBIGUOUS * cameras_worth(rig, best)
+    explained = cameras_worth(rig, Z_UP) >= UPRIGHT.ambiguous * cameras_worth(rig, best)
     return None if explained else best
 
 
@@ -226,11 +217,13 @@ def _stances(rig: Rig, up: FloatArray) -> tuple[FloatArray, FloatArray]:
     lean = np.abs((lean + np.pi) % (2 * np.pi) - np.pi)
     across = np.stack([right, -above, -right, above], axis=1)
     upright = np.cos(2 * np.minimum(lean, np.pi / 4))  # 0 where the next stance begins
-    return upright * _WORTH * np.minimum(told[:, None] / 0.3, 1.0), across
+    # Of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
+    worth = np.array([1.0, UPRIGHT.on_its_side, UPRIGHT.upside_down, UPRIGHT.on_its_side])
+    return upright * worth * np.minimum(told[:, None] / 0.3, 1.0), across
 
 
-def _angle(first: FloatArray, second: FloatArray) -> float:
-    return float(np.arccos(np.clip(first @ second, -1, 1)))
+def _same(first: FloatArray, second: FloatArray) -> bool:
+    return bool(np.arccos(np.clip(first @ second, -1, 1)) <= np.radians(UPRIGHT.same_deg))
 
 
 def _axis_near(rig: Rig, up: FloatArray) -> FloatArray:
@@ -238,8 +231,9 @@ def _axis_near(rig: Rig, up: FloatArray) -> FloatArray:
     axis = max(AXES.values(), key=lambda axis: float(axis @ up))
     if is_cameras_own(rig):
         return up
-    share, angle = cameras_worth(rig, axis) / max(cameras_worth(rig, up), 1e-9), _angle(axis, up)
-    return axis if (angle < _SAME_RAD and share >= _ALIKE) or share >= _EQUAL else up
+    share = cameras_worth(rig, axis) / max(cameras_worth(rig, up), 1e-9)
+    near = _same(axis, up) and share >= UPRIGHT.alike
+    return axis if near or share >= UPRIGHT.equal else up
 
 
 def _directions(rig: Rig) -> Iterable[FloatArray]:
@@ -270,6 +264,6 @@ def _fitted(rig: Rig, up: FloatArray) -> FloatArray:
     forward = np.array([camera.rotation[2] for camera in rig])[explained]
     vertical = np.cross(horizontal, forward).mean(axis=0)  # of the images as they stand
     scatter: NDArray[np.float64] = horizontal.T @ horizontal / len(horizontal)
-    scatter -= _PULL * np.outer(vertical, vertical)
+    scatter -= UPRIGHT.pull * np.outer(vertical, vertical)
     direction = np.linalg.eigh(scatter)[1][:, 0]
     return direction if direction @ up > 0 else -direction

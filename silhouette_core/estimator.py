@@ -14,14 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from silhouette_core.entry_points import load_registered, registered
+from silhouette_core.entry_points import load_registered
 from silhouette_core.motion.conditioning import Conditioning
 from silhouette_core.progress import Reporter
 
@@ -192,11 +191,6 @@ class Estimator(Protocol):
             InputError: the source or the settings cannot be used; one line that names the remedy.
         """
         ...
-
-
-def available_estimators() -> dict[str, EntryPoint]:
-    """Registered estimators by name, without importing any."""
-    return registered(GROUP)
 
 
 def load_estimator(name: str) -> Estimator:

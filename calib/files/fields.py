@@ -11,13 +11,11 @@ from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.rotation import matrix_from_rodrigues, nearest_rotation
 
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+METRES = {"m": 1, "cm": 1 / 100, "mm": 1 / 1000}
 _REMEDY = "mend the file or calibrate this camera again"
-_FULL_TURN = 2 * np.pi + 1e-6
 # What no real camera has; within these, sums and products of all values stay finite.
-_LARGEST = {"matrix": 1e7, "distortions": 1e7}
-_SHORTEST_FOCAL_PX = 0.1
-_FARTHEST_M = 1e5
+_LARGEST = {"matrix": 10_000_000, "distortions": 10_000_000}
+_FARTHEST_M = 100_000
 _LONGEST_SIDE_PX = 30_000
 _LARGEST_IMAGE_PX = 100_000_000
 _LONGEST_NAME = 200
@@ -59,7 +57,7 @@ class Source:
                 " m, FreeMoCap mm)"
             )
         if not isinstance(unit, str) or unit not in METRES:
-            raise self.error(f"unit must be m, cm or mm, not {_short(unit)}: {remedy}")
+            raise self.error(f"unit must be m, cm or mm, not {brief(unit)}: {remedy}")
         if self.unit is not None and self.unit != unit:
             raise self.error(
                 f"the file says its unit is {unit}, --unit says {self.unit}: leave --unit out or"
@@ -87,7 +85,7 @@ class Source:
             array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
             raise self.error(
-                f"{key} must be numbers, got {_short(value)}: {_REMEDY}", camera
+                f"{key} must be numbers, got {brief(value)}: {_REMEDY}", camera
             ) from None
         count = array.size if shape is None else int(np.prod(shape))
         if array.size != count or (
@@ -122,7 +120,7 @@ class Source:
                 f" {_REMEDY}",
                 name,
             )
-        if min(matrix[0, 0], matrix[1, 1]) < _SHORTEST_FOCAL_PX:
+        if min(matrix[0, 0], matrix[1, 1]) < 0.1:
             raise self.error(
                 f"a focal length of {min(matrix[0, 0], matrix[1, 1]):g} px is no camera's:"
                 f" {_REMEDY}",
@@ -130,7 +128,7 @@ class Source:
             )
         fisheye = values.get("fisheye", False)
         if not isinstance(fisheye, bool):
-            raise self.error(f"fisheye must be true or false, got {_short(fisheye)}", name)
+            raise self.error(f"fisheye must be true or false, got {brief(fisheye)}", name)
         distortion = self.numbers(name, "distortions", values.get("distortions"))
         if fisheye and len(distortion) == 5 and distortion[4] == 0:
             distortion = distortion[:4]  # some programs write five terms for fisheyes too
@@ -158,7 +156,7 @@ class Source:
         """Rotation (3, 3) from a Rodrigues vector (3 numbers, rad) or from a rounded matrix."""
         numbers = self.numbers(camera, "rotation", value)
         if numbers.size == 3:
-            if np.linalg.norm(numbers) > _FULL_TURN:
+            if np.linalg.norm(numbers) > 2 * np.pi + 1e-6:
                 raise self.error(
                     f"rotation {numbers.tolist()} turns more than once: give a Rodrigues vector in"
                     " radians",
@@ -192,7 +190,7 @@ class Source:
         width, height = self.numbers(camera, "size", value, (2,)).tolist()
         if width != round(width) or height != round(height) or min(width, height) < 1:
             raise self.error(
-                f"size must be width and height in whole pixels, got {_short(value)}", camera
+                f"size must be width and height in whole pixels, got {brief(value)}", camera
             )
         if max(width, height) > _LONGEST_SIDE_PX or width * height > _LARGEST_IMAGE_PX:
             raise self.error(
@@ -210,7 +208,7 @@ class Source:
         names = [camera.name for camera in cameras]
         for name in names:
             if not name.strip() or len(name) > _LONGEST_NAME or not name.isprintable():
-                raise self.error(f"{_short(name)} is no camera's name: rename it")
+                raise self.error(f"{brief(name)} is no camera's name: rename it")
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise self.error(
@@ -250,7 +248,7 @@ def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
     return np.concatenate([camera.distortion, np.zeros(5 - len(camera.distortion))])
 
 
-def _short(value: object) -> str:
-    """Representation of a value, shortened."""
+def brief(value: object) -> str:
+    """Representation of a value, of at most 40 characters."""
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -22,13 +22,9 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import (
-    LARGEST_CALIBRATION,
-    load_text,
-    parse_json,
-    parse_xml,
-)
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_xml
 from calib.errors import InputError
+from calib.files.fields import brief
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _SPECIAL = re.compile(r"([-+]?)\.(nan|inf)", re.IGNORECASE)
@@ -116,13 +112,13 @@ def _matrix(node: dict[str, Any], key: str, path: Path) -> NDArray[Any]:
     """Array of a matrix's map, checked before it is made."""
     kind = _DT.fullmatch(str(node.get("dt")))
     if kind is None:
-        raise InputError(f"{path}: {key} has dt {_short(node.get('dt'))}, no type: {_REMEDY}")
+        raise InputError(f"{path}: {key} has dt {brief(node.get('dt'))}, no type: {_REMEDY}")
     counts = [node["rows"], node["cols"]]
     if not all(
         isinstance(count, int | float) and 0 <= count <= _MOST_ROWS and count == int(count)
         for count in counts
     ):
-        raise InputError(f"{path}: {key} has rows and cols {_short(counts)}: {_REMEDY}")
+        raise InputError(f"{path}: {key} has rows and cols {brief(counts)}: {_REMEDY}")
     rows, cols = (int(count) for count in counts)
     channels = int(kind[1] or 1)
     dtype = np.dtype(_ELEMENT[kind[2]])
@@ -258,11 +254,6 @@ def _plain_json(match: re.Match[str]) -> str:
         return ""  # a comment, or the comma after the last entry
     number = "NaN" if match[3].lower() == "nan" else "Infinity"
     return f"-{number}" if match[2] == "-" and number != "NaN" else number
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."
 
 
 def _matrix_entries(array: NDArray[np.float64]) -> dict[str, Any]:

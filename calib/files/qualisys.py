@@ -26,7 +26,7 @@ from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
 from calib.files.fields import Source, five_distortion_numbers
 
 _SUBPIXELS = 64
-_FLIP = np.diag([1.0, -1.0, -1.0])
+_FLIP = np.diag([1, -1, -1])
 _DISTORTION = (
     "radialDistortion1",
     "radialDistortion2",

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.board_scene import board_picture
 from calib.board import Board
-from calib.board_sheet import board_picture
 from calib.camera import Camera
 from docs.figures.drawing import INK, QUIET, arrow, blank, centred, save
 from voxelpose.view.images.canvas import Colour, Image, dot, write_text

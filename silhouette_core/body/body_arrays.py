@@ -28,7 +28,7 @@ MOST_NAMES = 2500
 """Most landmarks or degrees of freedom of such a body."""
 _MOST_PARTS = 250  # the part image holds 254 numbers
 _LONGEST_NAME, _LONGEST_TEXT = 80, 1_000_000
-_FARTHEST_M, _LARGEST_DEG = 1e3, 3600.0
+_FARTHEST_M, _LARGEST_DEG = 1000, 3600
 
 
 def body_arrays(model: BodyModel) -> tuple[dict[str, NDArray], str]:

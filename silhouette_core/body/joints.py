@@ -13,10 +13,10 @@ import numpy as np
 
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 
-_ARM = np.sqrt(0.5)  # the rest pose holds the arms 45 degrees below the horizontal
+_ARM = np.sqrt(1 / 2)  # the rest pose holds the arms 45 degrees below the horizontal
 
 
-_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_X, _Y, _Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 _TRUNK = ("flexion", _X), ("lateral", _Y), ("rotation", _Z)
 
 
@@ -138,16 +138,14 @@ def landmark_part(landmark: str) -> int:
     return PART_NAMES.index({"pelvis": "pelvis", "neck": "neck", "head_top": "head"}[landmark])
 
 
-EXCHANGED_LANDMARKS = np.array(
-    [
-        LANDMARK_NAMES.index(
-            name.replace("left", "right")
-            if name.startswith("left")
-            else name.replace("right", "left")
-        )
-        for name in LANDMARK_NAMES
-    ]
-)
+def exchanged_sides(names: tuple[str, ...]) -> list[int]:
+    """For each name the number of that of the other side; of the middle its own."""
+    other = {"left": "right", "right": "left"}
+    parts = [name.partition("_") for name in names]
+    return [names.index(other.get(side, side) + mark + rest) for side, mark, rest in parts]
+
+
+EXCHANGED_LANDMARKS = np.array(exchanged_sides(LANDMARK_NAMES))
 """For each landmark the one of the other side; of the middle itself."""
 
 LANDMARK_PART = np.array([landmark_part(name) for name in LANDMARK_NAMES], np.int32)

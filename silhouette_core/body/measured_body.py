@@ -21,26 +21,20 @@ from silhouette_core.body.population import check_measurements
 from silhouette_core.body.shape import ShapeSpace
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.template_warp import warp_template
+from silhouette_core.tuning import MEASURING
 
-TOLERANCE = 0.005
-"""Largest relative difference of a measurement taken on a body from the wanted one."""
 _AXES = {axis.name: k for k, axis in enumerate(SHAPE_AXES)}
-# Parameters, the axes that each moves and by how much; the last four are changes of the template.
-_PARAMETERS: tuple[dict[str, float], ...] = (
-    {"trunk_length": 1.0},
-    {"thigh_length": 1.0, "shin_length": 1.0},
-    {"upper_arm_length": 1.0, "forearm_length": 1.0, "hand_length": 0.7},
-    {"shoulder_width": 1.0},
+# Parameters: the axes that each moves, and by how much, per cent; the last four are changes of the
+# template.
+_PARAMETERS: tuple[dict[str, int], ...] = (
+    {"trunk_length": 100},
+    {"thigh_length": 100, "shin_length": 100},
+    {"upper_arm_length": 100, "forearm_length": 100, "hand_length": 70},
+    {"shoulder_width": 100},
     {},
     {},
     {},
-    {
-        "upper_arm_girth": 0.8,
-        "forearm_girth": 0.7,
-        "hand_girth": 0.2,
-        "shin_girth": 0.75,
-        "neck_girth": 0.5,
-    },
+    dict(upper_arm_girth=80, forearm_girth=70, hand_girth=20, shin_girth=75, neck_girth=50),
 )
 _TRUNK, _LEGS, _ARMS, _SHOULDERS, _CHEST, _WAIST, _HIPS, _LIMBS = range(len(_PARAMETERS))
 _MEASURED = (
@@ -54,16 +48,15 @@ _MEASURED = (
     "mass_kg",
 )
 """The measurement that each parameter answers."""
-_LOWEST = np.array([-0.45, -0.45, -0.45, -0.6, -0.55, -0.5, -0.5, -0.5])
-_HIGHEST = np.array([0.8, 0.6, 0.8, 1.0, 1.2, 1.5, 1.5, 0.9])
+# Bounds of the parameters, per cent.
+_LOWEST = np.array([-45, -45, -45, -60, -55, -50, -50, -50]) / 100
+_HIGHEST = np.array([80, 60, 80, 100, 120, 150, 150, 90]) / 100
 _CHANGES = slice(_CHEST, _LIMBS + 1)
 _DIGITS = 8
-_LIMB_SLOPE = 0.9  # limbs grow with the trunk, a little less
 # Heads grow early: a child of 1.1 m has a head that is larger by so much against its stature than
 # an adult's (Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18, 1977: head
 # breadth and length at six years are some 92 % of an adult's; recalled, not looked up).
-_ADULT_M, _CHILD_M = 1.60, 1.10
-_CHILD_HEAD = {"head_length": 0.30, "head_girth": 0.36, "neck_girth": 0.12, "foot_length": 0.02}
+_CHILD_HEAD = {"head_length": 30, "head_girth": 36, "neck_girth": 12, "foot_length": 2}  # per cent
 
 
 def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> BodyModel:
@@ -99,7 +92,7 @@ def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> Bo
     parameters = np.round(solution.x, _DIGITS) + 0.0
     measured = family.measured(parameters, head).known()
     apart = {name: abs(measured[name] / value - 1) for name, value in targets.items()}
-    if max(apart.values()) > TOLERANCE:
+    if max(apart.values()) > MEASURING.tolerance:
         worst = max(apart, key=lambda name: (name != "stature_m", apart[name]))
         raise _no_body(worst, wanted, measured[worst] * scale ** powers[worst])
     sizes = BodySizes(
@@ -124,16 +117,17 @@ def _shape(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     shape = np.zeros(len(SHAPE_AXES))
     for value, axes in zip(parameters, _PARAMETERS, strict=True):
         for name, factor in axes.items():
-            shape[_AXES[name]] += factor * value
+            shape[_AXES[name]] += factor / 100 * value
     return shape
 
 
 def _head(stature_m: float) -> NDArray[np.float64]:
     """Deviations (20,) that give a child its head."""
-    young = float(np.clip((_ADULT_M - stature_m) / (_ADULT_M - _CHILD_M), 0, 1.2))
+    adult, child = MEASURING.adult_m, MEASURING.child_m
+    young = float(np.clip((adult - stature_m) / (adult - child), 0, 1.2))
     shape = np.zeros(len(SHAPE_AXES))
     for name, deviation in _CHILD_HEAD.items():
-        shape[_AXES[name]] = young * deviation
+        shape[_AXES[name]] = young * (deviation / 100)
     return shape
 
 
@@ -180,7 +174,8 @@ class _Family:
         chest = 0.0 if "hip_girth_m" not in targets else p[_HIPS]
         chest = p[_WAIST] if "waist_girth_m" in targets else chest
         girth = (p[_CHEST] + p[_WAIST] + p[_HIPS]) / 3
-        usual = (0.0, p[_TRUNK], p[_LEGS], 0.0, chest, p[_CHEST], p[_CHEST], _LIMB_SLOPE * girth)
+        limbs = MEASURING.limb_slope * girth
+        usual = (0.0, p[_TRUNK], p[_LEGS], 0.0, chest, p[_CHEST], p[_CHEST], limbs)
         return np.array(
             [
                 measured[name] / targets[name] - 1 if name in targets else p[k] - usual[k]
@@ -199,7 +194,8 @@ def _family(sex: str) -> _Family:
 
     spaces = [(body.space.vertices_m, body.space.vertices_change)]
     for change in range(4):
-        unit = (float(change == 0), float(change == 1), float(change == 2), float(change == 3))
+        first, second, third, fourth = np.eye(4)[change].tolist()
+        unit = (first, second, third, fourth)
         warped = space(
             warp_template(body.vertices_m, body.joints_m, body.skin_parts, body.skin_weights, unit)
         )

@@ -14,20 +14,14 @@ from scipy.spatial import ConvexHull
 
 from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.body.model import BodyModel, read_template
+from silhouette_core.tuning import MEASURING
 
-DENSITY_KG_M3 = 1000.0
+DENSITY_KG_M3 = 1000
 """Density of the whole body within its skin, the lungs' air included. Source: McConville et al.,
 Anthropometric Relationships of Body and Body Segment Moments of Inertia (AFAMRL-TR-80-119, 1980),
 who take 1 g/cm³ for the volumes that they measure; densities of 1.04 to 1.08, as weighing under
 water gives them, leave the lungs out.
 """
-_CHEST = "thorax", "upper_thorax", 0.78  # the nipples: between two joints
-_WAIST = "abdomen", "thorax", 0.3  # the natural waist, where the templates are narrowest
-_HIP_FRACTIONS = np.linspace(0.05, 0.95, 13)  # of the height from the crotch to the lumbar joint
-# The acromion is the point of the surface above one that lies outward of the shoulder joint by this
-# much of the stature: so that the man's template has the mean biacromial breadth of ANSUR II.
-_ACROMION = 0.012
-_LOWEST_CROTCH = 0.25  # over stature
 _ARM_PARTS = tuple(
     PART_NAMES.index(f"{side}_{name}")
     for side in ("left", "right")
@@ -92,7 +86,7 @@ class TapeMeasure:
         found = []
         for side, sign in (("left", 1.0), ("right", -1.0)):
             x, y, _ = joints[PART_NAMES.index(f"{side}_upper_arm")]
-            found.append(_highest(vertices, body.faces, x + sign * _ACROMION * stature, y))
+            found.append(_highest(vertices, body.faces, x + sign * MEASURING.acromion * stature, y))
         corners, weights = (np.stack(part) for part in zip(*found, strict=True))
         trunk = body.faces[~np.isin(body.face_part, _ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)
@@ -109,15 +103,17 @@ class TapeMeasure:
         z = vertices_m[:, 2]
         sole, stature = float(z.min()), float(np.ptp(z))
         middle = z[self.seam]
-        crotch = float(middle[middle > sole + _LOWEST_CROTCH * stature].min())
+        crotch = float(middle[middle > sole + 0.25 * stature].min())
         lumbar = joints_m[PART_NAMES.index("lumbar"), 2]
-        hips = crotch + _HIP_FRACTIONS * (lumbar - crotch)
+        hips = crotch + np.linspace(0.05, 0.95, 13) * (lumbar - crotch)
+        nipples = _between(joints_m, "thorax", "upper_thorax", MEASURING.nipples)
+        waist = _between(joints_m, "abdomen", "thorax", MEASURING.waist)
         elbow, wrist = (joints_m[PART_NAMES.index(f"left_{n}")] for n in ("forearm", "hand"))
         acromion, other = np.einsum("nk,nkj->nj", self.acromia_weights, vertices_m[self.acromia])
         return BodyMeasurements(
             stature_m=stature,
-            chest_girth_m=self.girth(vertices_m, _between(joints_m, *_CHEST)),
-            waist_girth_m=self.girth(vertices_m, _between(joints_m, *_WAIST)),
+            chest_girth_m=self.girth(vertices_m, nipples),
+            waist_girth_m=self.girth(vertices_m, waist),
             hip_girth_m=max(self.girth(vertices_m, height) for height in hips),
             arm_length_m=float(np.linalg.norm(elbow - acromion) + np.linalg.norm(wrist - elbow)),
             leg_length_m=crotch - sole,

@@ -16,8 +16,7 @@ from silhouette_core.body.shape import ShapeSpace, vertex_normals
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.template_warp import Changes, warp_template
 from silhouette_core.body.volume import sample_volume
-
-_USUAL_CHEST = 0.55  # chest girth over stature, both templates
+from silhouette_core.tuning import MEASURING
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,22 +95,13 @@ class BodyModel:
         body = template._scaled(scale, sizes)
         if sizes.chest_girth_m is None or any(sizes.changes):
             return body
-        stout = (
-            sizes.chest_girth_m
-            / ((template.sizes.chest_girth_m or _USUAL_CHEST * template.sizes.stature_m) * scale)
-            - 1
-        )
+        stout = sizes.chest_girth_m / ((template.sizes.chest_girth_m or np.nan) * scale) - 1
         shape = np.zeros(len(SHAPE_AXES))
         for k, axis in enumerate(SHAPE_AXES):
-            # Limbs grow with the chest, but less: the regression slope of limb girths on chest
-            # girth is about one half.
-            shape[k] = (
-                stout
-                if axis.name in ("trunk_width", "trunk_depth")
-                else 0.5 * stout
-                if axis.name.endswith("_girth")
-                else 0.0
-            )
+            if axis.name in ("trunk_width", "trunk_depth"):
+                shape[k] = stout
+            elif axis.name.endswith("_girth"):
+                shape[k] = MEASURING.chest_slope * stout
         return body.reshaped(shape)
 
     @classmethod

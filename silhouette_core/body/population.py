@@ -16,33 +16,31 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.body.mesh_measurements import BodyMeasurements
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.tuning import MEASURING
 
-# Stature, then mean and standard deviation over stature (mass over stature cubed) there.
-_ROWS: dict[str, dict[str, tuple[tuple[float, float, float], ...]]] = {
+# Stature, then mean and standard deviation over stature (mass over stature cubed) there, in
+# thousandths: of a metre, of the stature, of kg/m³.
+_ROWS = {
     "male": {
-        "chest_girth_m": ((1.10, 0.518, 0.027), (1.756, 0.602, 0.050)),
-        "waist_girth_m": ((1.10, 0.482, 0.033), (1.756, 0.536, 0.064)),
-        "hip_girth_m": ((1.10, 0.536, 0.036), (1.756, 0.581, 0.043)),
-        "arm_length_m": ((1.10, 0.312, 0.012), (1.756, 0.320, 0.012)),
-        "leg_length_m": ((1.10, 0.430, 0.016), (1.756, 0.482, 0.018)),
-        "shoulder_breadth_m": ((1.10, 0.220, 0.010), (1.756, 0.237, 0.011)),
-        "mass_kg": ((1.10, 14.3, 1.7), (1.756, 15.8, 2.5)),
+        "chest_girth_m": ((1100, 518, 27), (1756, 602, 50)),
+        "waist_girth_m": ((1100, 482, 33), (1756, 536, 64)),
+        "hip_girth_m": ((1100, 536, 36), (1756, 581, 43)),
+        "arm_length_m": ((1100, 312, 12), (1756, 320, 12)),
+        "leg_length_m": ((1100, 430, 16), (1756, 482, 18)),
+        "shoulder_breadth_m": ((1100, 220, 10), (1756, 237, 11)),
+        "mass_kg": ((1100, 14300, 1700), (1756, 15800, 2500)),
     },
     "female": {
-        "chest_girth_m": ((1.10, 0.509, 0.027), (1.629, 0.581, 0.051)),
-        "waist_girth_m": ((1.10, 0.477, 0.033), (1.629, 0.528, 0.061)),
-        "hip_girth_m": ((1.10, 0.541, 0.036), (1.629, 0.627, 0.047)),
-        "arm_length_m": ((1.10, 0.308, 0.012), (1.629, 0.310, 0.012)),
-        "leg_length_m": ((1.10, 0.430, 0.016), (1.629, 0.474, 0.018)),
-        "shoulder_breadth_m": ((1.10, 0.218, 0.010), (1.629, 0.224, 0.011)),
-        "mass_kg": ((1.10, 14.1, 1.8), (1.629, 15.7, 2.5)),
+        "chest_girth_m": ((1100, 509, 27), (1629, 581, 51)),
+        "waist_girth_m": ((1100, 477, 33), (1629, 528, 61)),
+        "hip_girth_m": ((1100, 541, 36), (1629, 627, 47)),
+        "arm_length_m": ((1100, 308, 12), (1629, 310, 12)),
+        "leg_length_m": ((1100, 430, 16), (1629, 474, 18)),
+        "shoulder_breadth_m": ((1100, 218, 10), (1629, 224, 11)),
+        "mass_kg": ((1100, 14100, 1800), (1629, 15700, 2500)),
     },
 }
-_ADULTS_M = {"male": (1.756, 0.0686), "female": (1.629, 0.0642)}
-_MOST_ODDS = 3.0  # of the logarithm: nobody's sex is certain by the stature, and children have one
-_TALL_M = 2.1  # girths grow less than statures do beyond the adults' mean
-_TALL_GIRTH = 0.92
-_FARTHEST = 6.0  # standard deviations, beyond which a measurement is taken for a mistake
+_ADULTS = {"male": (17560, 686), "female": (16290, 642)}  # statures, tenths of a millimetre
 
 
 def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
@@ -57,10 +55,11 @@ def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
         Both in the measurement's unit.
     """
     power = 3 if name == "mass_kg" else 1
-    rows = np.array(_ROWS["female" if sex == "female" else "male"][name])
+    rows = np.array(_ROWS["female" if sex == "female" else "male"][name]) / 1000
     if name.endswith("girth_m") or name == "mass_kg":
-        shrink = _TALL_GIRTH if name != "mass_kg" else _TALL_GIRTH**2
-        rows = np.vstack([rows, [_TALL_M, *(rows[-1, 1:] * shrink)]])
+        # Girths grow less than statures do beyond the adults' mean.
+        shrink = MEASURING.tall_girth if name != "mass_kg" else MEASURING.tall_girth**2
+        rows = np.vstack([rows, [MEASURING.tall_m, *(rows[-1, 1:] * shrink)]])
     mean, deviation = (float(np.interp(stature_m, rows[:, 0], rows[:, k])) for k in (1, 2))
     return mean * stature_m**power, deviation * stature_m**power
 
@@ -69,9 +68,9 @@ def sex_probability(sex: str, stature_m: float) -> float:
     """Probability that somebody of a stature is "male" or "female", of whom there are as many."""
     men, women = (
         0.5 * ((stature_m - mean) / deviation) ** 2 + np.log(deviation)
-        for mean, deviation in (_ADULTS_M["male"], _ADULTS_M["female"])
+        for mean, deviation in (np.array(_ADULTS[own]) / 10_000 for own in ("male", "female"))
     )
-    women_odds = float(np.clip(men - women, -_MOST_ODDS, _MOST_ODDS))
+    women_odds = float(np.clip(men - women, -MEASURING.most_odds, MEASURING.most_odds))
     return 1 / (1 + np.exp(-women_odds if sex == "female" else women_odds))
 
 
@@ -86,7 +85,8 @@ def check_measurements(measurements: BodyMeasurements, sex: str) -> None:
         if name == "stature_m":
             continue
         mean, deviation = usual_range(name, measurements.stature_m, sex)
-        low, high = max(mean - _FARTHEST * deviation, 0.45 * mean), mean + _FARTHEST * deviation
+        reach = MEASURING.absurd_sigmas * deviation
+        low, high = max(mean - reach, 0.45 * mean), mean + reach
         if not low <= value <= high:
             unit = "kg" if name == "mass_kg" else "m"
             raise InputError(

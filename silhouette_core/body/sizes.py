@@ -6,15 +6,14 @@ import numpy as np
 
 from calib.checks import check_array
 from calib.errors import InputError
+from silhouette_core.tuning import SHAPE
 
-STATURES_M = 0.5, 2.6
+STATURES_M = 50 / 100, 260 / 100
 """Smallest and largest stature of a person."""
-CHESTS_M = 0.4, 1.8
+CHESTS_M = 40 / 100, 180 / 100
 """Smallest and largest chest girth of a person."""
-TEMPLATE_CHANGES = -0.8, 2.0
+TEMPLATE_CHANGES = -80 / 100, 200 / 100
 """Smallest and largest change of the template's chest, waist and hips; thighs only up to 0.95."""
-
-_MOST_THIGH = 0.95
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class BodySizes:
             raise InputError(f"sex {self.sex!r} is not known: give male, female or unknown")
         low, high = TEMPLATE_CHANGES
         for name, change in zip(("chest", "waist", "hip", "thigh"), self.changes, strict=True):
-            most = _MOST_THIGH if name == "thigh" else high
+            most = 0.95 if name == "thigh" else high
             if not low <= change <= most:
                 raise InputError(
                     f"{name}_change {change} is beyond what a body has: give {low} to {most}"
@@ -100,28 +99,32 @@ class ShapeAxis:
 
 _TORSO = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax")
 SHAPE_AXES = (
-    ShapeAxis("trunk_length", _TORSO, "z", 0.04),
-    ShapeAxis("head_length", ("neck", "head"), "z", 0.05),
-    ShapeAxis("shoulder_width", ("clavicle",), "x", 0.08),
-    ShapeAxis("hip_width", ("pelvis",), "x", 0.06, flesh=False),
-    ShapeAxis("upper_arm_length", ("upper_arm",), "length", 0.05),
-    ShapeAxis("forearm_length", ("forearm",), "length", 0.05),
-    ShapeAxis("hand_length", ("hand", "fingers", "thumb"), "length", 0.06),
-    ShapeAxis("thigh_length", ("thigh",), "length", 0.045),
-    ShapeAxis("shin_length", ("shin",), "length", 0.045),
-    ShapeAxis("foot_length", ("foot", "toes"), "y", 0.05),
-    ShapeAxis("trunk_width", _TORSO, "x", 0.08, joints=False),
-    ShapeAxis("trunk_depth", _TORSO, "y", 0.10, joints=False),
-    ShapeAxis("neck_girth", ("neck",), "girth", 0.10, joints=False),
-    ShapeAxis("head_girth", ("head",), "girth", 0.06, joints=False),
-    ShapeAxis("upper_arm_girth", ("upper_arm", "clavicle"), "girth", 0.12, joints=False),
-    ShapeAxis("forearm_girth", ("forearm",), "girth", 0.10, joints=False),
-    ShapeAxis("hand_girth", ("hand", "fingers"), "girth", 0.10, joints=False),
-    ShapeAxis("thigh_girth", ("thigh",), "girth", 0.10, joints=False),
-    ShapeAxis("shin_girth", ("shin",), "girth", 0.10, joints=False),
-    ShapeAxis("foot_girth", ("foot", "toes"), "x", 0.10, joints=False),
-    ShapeAxis("shirt", (*_TORSO[1:], "clavicle", "upper_arm"), "normal", 0.010, joints=False),
-    ShapeAxis("trousers", ("pelvis", "thigh", "shin"), "normal", 0.010, joints=False),
+    ShapeAxis("trunk_length", _TORSO, "z", SHAPE.trunk_length),
+    ShapeAxis("head_length", ("neck", "head"), "z", SHAPE.length),
+    ShapeAxis("shoulder_width", ("clavicle",), "x", SHAPE.shoulder_width),
+    ShapeAxis("hip_width", ("pelvis",), "x", SHAPE.width, flesh=False),
+    ShapeAxis("upper_arm_length", ("upper_arm",), "length", SHAPE.length),
+    ShapeAxis("forearm_length", ("forearm",), "length", SHAPE.length),
+    ShapeAxis("hand_length", ("hand", "fingers", "thumb"), "length", SHAPE.width),
+    ShapeAxis("thigh_length", ("thigh",), "length", SHAPE.leg_length),
+    ShapeAxis("shin_length", ("shin",), "length", SHAPE.leg_length),
+    ShapeAxis("foot_length", ("foot", "toes"), "y", SHAPE.length),
+    ShapeAxis("trunk_width", _TORSO, "x", SHAPE.shoulder_width, joints=False),
+    ShapeAxis("trunk_depth", _TORSO, "y", SHAPE.girth, joints=False),
+    ShapeAxis("neck_girth", ("neck",), "girth", SHAPE.girth, joints=False),
+    ShapeAxis("head_girth", ("head",), "girth", SHAPE.width, joints=False),
+    ShapeAxis(
+        "upper_arm_girth", ("upper_arm", "clavicle"), "girth", SHAPE.upper_arm_girth, joints=False
+    ),
+    ShapeAxis("forearm_girth", ("forearm",), "girth", SHAPE.girth, joints=False),
+    ShapeAxis("hand_girth", ("hand", "fingers"), "girth", SHAPE.girth, joints=False),
+    ShapeAxis("thigh_girth", ("thigh",), "girth", SHAPE.girth, joints=False),
+    ShapeAxis("shin_girth", ("shin",), "girth", SHAPE.girth, joints=False),
+    ShapeAxis("foot_girth", ("foot", "toes"), "x", SHAPE.girth, joints=False),
+    ShapeAxis(
+        "shirt", (*_TORSO[1:], "clavicle", "upper_arm"), "normal", SHAPE.clothing, joints=False
+    ),
+    ShapeAxis("trousers", ("pelvis", "thigh", "shin"), "normal", SHAPE.clothing, joints=False),
 )
 SHAPE_SIGMA = np.array([axis.sigma for axis in SHAPE_AXES])
 IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])

@@ -14,19 +14,20 @@ from silhouette_core.body.joints import PART_NAMES
 Changes = tuple[float, float, float, float]
 """Relative growth of chest, waist, hips and thighs; above -1, of the thighs below 1."""
 
-# Heights over stature: below the first and above the last nothing grows, between the two in the
-# middle the whole change counts.
-_THIGH = (0.245, 0.37, 0.425, 0.49)
-_HIP = (0.425, 0.49, 0.525, 0.625)
-_WAIST = (0.525, 0.625, 0.65, 0.725)
-_CHEST = (0.65, 0.72, 0.745, 0.83)
-_FLANKS = (0.65, 0.715, 0.72, 0.775)  # less far up: arms and flanks would run into each other
-# Bands of the growth in breadth and in depth, and how much of the change each is. Chests vary more
-# in depth: ANSUR II, chest depth has a standard deviation of 10 % of its mean, breadth one of 6 %.
-_BREADTHS = ((_FLANKS, 0.65), (_WAIST, 0.9), (_HIP, 1.0))
-_DEPTHS = ((_CHEST, 1.35), (_WAIST, 1.1), (_HIP, 1.0))
-# Line of the trunk from which flesh grows to the front and to the back: height and y over stature.
-_LINE = np.array([(0.46, 0.0), (0.52, 0.010), (0.60, 0.014), (0.745, 0.020)]).T
+# Heights in thousandths of the stature: below the first and above the last nothing grows, between
+# the two in the middle the whole change counts.
+_THIGH = (245, 370, 425, 490)
+_HIP = (425, 490, 525, 625)
+_WAIST = (525, 625, 650, 725)
+_CHEST = (650, 720, 745, 830)
+_FLANKS = (650, 715, 720, 775)  # less far up: arms and flanks would run into each other
+# Bands of the growth in breadth and in depth, and how much of the change each is, per cent. Chests
+# vary more in depth: ANSUR II, chest depth has a standard deviation of 10 % of its mean, breadth
+# one of 6 %.
+_BREADTHS = ((_FLANKS, 65), (_WAIST, 90), (_HIP, 100))
+_DEPTHS = ((_CHEST, 135), (_WAIST, 110), (_HIP, 100))
+# Line of the trunk from which flesh grows to the front and to the back: height and y, likewise.
+_LINE = np.array([(460, 0), (520, 10), (600, 14), (745, 20)]).T / 1000
 _ARMS = tuple(
     PART_NAMES.index(f"{side}_{name}")
     for side in ("left", "right")
@@ -57,7 +58,7 @@ def warp_template(
     x, y, z = vertices_m.T / stature
     breadth, depth = (
         sum(
-            change * part * _plateau(z, band)
+            change * (part / 100) * _plateau(z, band)
             for change, (band, part) in zip(changes[:3], bands, strict=True)
         )
         * offset
@@ -75,10 +76,8 @@ def warp_template(
     return vertices_m + stature * np.column_stack([own * breadth, own * depth, np.zeros_like(z)])
 
 
-def _plateau(
-    z: NDArray[np.float64], band: tuple[float, float, float, float]
-) -> NDArray[np.float64]:
+def _plateau(z: NDArray[np.float64], band: tuple[int, int, int, int]) -> NDArray[np.float64]:
     """One between the two middle heights, zero beyond the outer ones, smooth between."""
-    low, bottom, top, high = band
+    low, bottom, top, high = (height / 1000 for height in band)
     t = np.clip(np.minimum((z - low) / (bottom - low), (high - z) / (high - top)), 0, 1)
     return t * t * (3 - 2 * t)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,6 @@ from silhouette_core.image.cast_shadow import count_shadows
 from silhouette_core.image.difference import (
     Background,
     Exposure,
-    RefinedSettings,
     measure_exposure,
     measure_gain,
 )
@@ -21,30 +20,11 @@ from silhouette_core.image.empty_scene import EmptyScene
 from silhouette_core.image.foreground import SoftSilhouette, refined_mask, refined_soft_silhouette
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
+from silhouette_core.tuning import BACKGROUND
 
+Method = Literal["refined", "paper"]
+"""Okada and Stenger's section 5.1 as written, without any clean-up, or `image.foreground`."""
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
-
-
-@dataclass(frozen=True)
-class BackgroundSettings:
-    """Thresholds of background subtraction, the same for all cameras.
-
-    Attributes:
-        method: "paper" is Okada and Stenger's section 5.1 as written, without any clean-up;
-            "refined" extends it, see `silhouette_core.image.foreground`.
-        noise: least standard deviation of a colour channel (of 255); also that assumed for a still.
-        log_likelihood: the paper's threshold, as the logarithm of the density of the normalised
-            colour.
-        raw_difference: the paper's clear difference: length of the difference of the un-normalised
-            colours (of 255).
-        refined: thresholds of the refined method.
-    """
-
-    method: Literal["refined", "paper"] = "refined"
-    noise: float = 1.0
-    log_likelihood: float = -30.0
-    raw_difference: float = 90.0
-    refined: RefinedSettings = field(default_factory=RefinedSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +45,22 @@ class _ColourStatistics:
 
 
 class BackgroundModel:
-    """Background of one camera. Construct it with `from_frames`, `from_still` or `from_occupied`.
+    """Background of one camera. Construct it with `from_frames` or `from_occupied`.
 
-    Source: Okada and Stenger, section 5.1. `from_still`, `from_occupied`, the lower bound of
-    the noise and the refined method are ours.
+    Source: Okada and Stenger, section 5.1. `from_occupied`, the lower bound of the noise and the
+    refined method are ours.
     """
 
-    def __init__(self, statistics: _ColourStatistics, settings: BackgroundSettings | None = None):
+    def __init__(self, statistics: _ColourStatistics, method: Method):
         """Prepares the model; use the constructors `from_...`."""
-        self.settings = settings or BackgroundSettings()
+        self.method: Method = method
         self.mean: NDArray[np.float32] = np.ascontiguousarray(statistics.mean, np.float32)
-        noise = np.maximum(np.sqrt(statistics.variance.mean(axis=2)), self.settings.noise)
+        noise = np.maximum(np.sqrt(statistics.variance.mean(axis=2)), BACKGROUND.noise)
         self._background = Background.from_noise(self.mean, noise)
         # Noise of the channels turns a colour of length L by noise / L: the direction of dark
         # pixels is uncertain.
         length = np.maximum(np.linalg.norm(statistics.mean, axis=2, keepdims=True), 1.0)
-        variance = np.maximum(statistics.unit_variance, (self.settings.noise / length) ** 2)
+        variance = np.maximum(statistics.unit_variance, (BACKGROUND.noise / length) ** 2)
         self._unit_mean = np.ascontiguousarray(statistics.unit_mean, np.float32)
         self._half_precision = np.ascontiguousarray(0.5 / variance, np.float32)
         self._log_peak = np.ascontiguousarray(
@@ -94,13 +74,13 @@ class BackgroundModel:
 
     @classmethod
     def from_frames(
-        cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
+        cls, frames: Iterable[np.ndarray], method: Method = "refined"
     ) -> "BackgroundModel":
         """Background from frames of the empty scene, read one after the other.
 
         Args:
             frames: each (H, W, 3) uint8, BGR; at least one.
-            settings: thresholds; None for the defaults.
+            method: see `Method`.
 
         Raises:
             ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
@@ -117,34 +97,21 @@ class BackgroundModel:
         if not count:
             raise ValueError("frames must hold at least one picture of the empty scene, got none")
         mean, square, unit_mean, unit_square = (total / count for total in sums)
-        assumed = (settings or BackgroundSettings()).noise ** 2
-        variance = (count * np.maximum(square - mean**2, 0) + _PRIOR_FRAMES * assumed) / (
-            count + _PRIOR_FRAMES
-        )
-        return cls(
-            _ColourStatistics(mean, variance, unit_mean, np.maximum(unit_square - unit_mean**2, 0)),
-            settings,
-        )
-
-    @classmethod
-    def from_still(
-        cls, frame: np.ndarray, settings: BackgroundSettings | None = None
-    ) -> "BackgroundModel":
-        """Background from one frame of the empty scene, (H, W, 3) uint8, BGR; the noise is assumed
-        to be `settings.noise`.
-        """
-        return cls.from_frames([frame], settings)
+        measured, assumed = np.maximum(square - mean**2, 0), BACKGROUND.noise**2
+        variance = (count * measured + _PRIOR_FRAMES * assumed) / (count + _PRIOR_FRAMES)
+        unit_variance = np.maximum(unit_square - unit_mean**2, 0)
+        return cls(_ColourStatistics(mean, variance, unit_mean, unit_variance), method)
 
     @classmethod
     def from_occupied(
-        cls, frames: Iterable[np.ndarray], settings: BackgroundSettings | None = None
+        cls, frames: Iterable[np.ndarray], method: Method = "refined"
     ) -> "BackgroundModel":
         """Background from frames in which a person is always somewhere; see `EmptyScene`.
 
         Args:
             frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
                 40 over the recording.
-            settings: thresholds; None for the defaults.
+            method: see `Method`.
 
         Raises:
             ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
@@ -159,10 +126,8 @@ class BackgroundModel:
         scene = EmptyScene.from_frames(np.stack(stack))
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
-        return cls(
-            _ColourStatistics(mean, variance, mean / length, variance / length**2),
-            settings,
-        )
+        statistics = _ColourStatistics(mean, variance, mean / length, variance / length**2)
+        return cls(statistics, method)
 
     def silhouette(
         self,
@@ -184,7 +149,7 @@ class BackgroundModel:
 
         with mean :math:`\mu` and diagonal variance :math:`\sigma^2` of :math:`u` at that pixel (no
         unit), mean colour :math:`\bar c` (of 255), :math:`\log \theta` = `log_likelihood` and
-        :math:`\tau` = `raw_difference` of the settings.
+        :math:`\tau` = `raw_difference` of `tuning.BACKGROUND`.
 
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
@@ -200,10 +165,10 @@ class BackgroundModel:
         """
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        if self.settings.method == "refined":
-            return refined_mask(frame, self._background, self.settings.refined, region, exposure)
+        if self.method == "refined":
+            return refined_mask(frame, self._background, region, exposure)
         mask = np.empty(frame.shape[:2], np.bool_)
-        limits = np.float32(self.settings.log_likelihood), np.float32(self.settings.raw_difference)
+        limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
         kernels.paper_mask(
             frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask
         )
@@ -223,11 +188,11 @@ class BackgroundModel:
             ValueError: the frame has another size than the model.
             TypeError: the frame is not uint8.
         """
-        if self.settings.method == "paper":
+        if self.method == "paper":
             return SoftSilhouette.of(self.silhouette(frame, region))
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return refined_soft_silhouette(frame, self._background, self.settings.refined, region)
+        return refined_soft_silhouette(frame, self._background, region)
 
     def coloured_silhouette(
         self,
@@ -249,8 +214,8 @@ class BackgroundModel:
             TypeError: the frame is not uint8.
         """
         check_array("frame", frame, self.mean.shape, np.uint8)
-        settings, frame = self.settings.refined, np.ascontiguousarray(frame)
-        return find_colours(frame, self._background, settings, density, region, least_odds)
+        frame = np.ascontiguousarray(frame)
+        return find_colours(frame, self._background, density, region, least_odds)
 
     def silhouette_near(
         self,
@@ -276,27 +241,25 @@ class BackgroundModel:
         """
         check_array("part", part, self.mean[window].shape, np.uint8)
         part = np.ascontiguousarray(part)
-        settings = self.settings.refined
-        return refined_mask(part, self._background, settings, region, exposure, window)
+        return refined_mask(part, self._background, region, exposure, window)
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return count_shadows(frame, self._background, self.settings.refined)
+        return count_shadows(frame, self._background)
 
     def with_shadow(self, darkest: float) -> "BackgroundModel":
-        """The same background with another darkest cast shadow, see `RefinedSettings.shadow`."""
+        """The same background with another darkest cast shadow, see `difference.Background`."""
         model = copy(self)
-        refined = replace(self.settings.refined, shadow=darkest)
-        model.settings = replace(self.settings, refined=refined)
+        model._background = replace(self._background, shadow=darkest)
         return model
 
     def exposure(self, frame: np.ndarray) -> Exposure:
         """Exposure of a frame (H, W, 3) uint8, BGR, of the model's size."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return measure_exposure(frame, self._background, self.settings.refined)
+        return measure_exposure(frame, self._background)
 
     def gain(self, frame: np.ndarray) -> np.ndarray:
         """Each channel's gain, (3,) float32, of a frame uint8, BGR, of this size or larger."""

@@ -42,10 +42,8 @@ def clean(
         check_array("region", region, mask.shape, np.bool_)
     kept = mask.copy() if region is None else mask & region
     if min_area_px > 1 or min_share > 0:
-        rows, columns = (np.flatnonzero(kept.any(axis=axis)) for axis in (1, 0))
-        if len(rows):
-            box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-            kept[box] = _large_components(kept[box], min_area_px, min_share)
+        box = bounding_box(kept)
+        kept[box] = _large_components(kept[box], min_area_px, min_share)
     if max_hole_px > 0:
         _fill_holes(kept, max_hole_px)
     return kept
@@ -61,12 +59,11 @@ def _large_components(mask: np.ndarray, min_area_px: int, min_share: float) -> n
 
 def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
     """Fills small holes in place."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
+    if not mask.any():
         return
     # A rim of one pixel around the silhouette distinguishes its surroundings, which reach that rim,
     # from holes, which do not.
-    inner = mask[max(rows[0] - 1, 0) : rows[-1] + 2, max(columns[0] - 1, 0) : columns[-1] + 2]
+    inner = mask[bounding_box(mask, 1)]
     background = label_components(~inner, diagonal=False)
     labels = background.labels
     small = background.sizes <= max_hole_px
@@ -74,6 +71,19 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
         small[edge] = False
     small[0] = True  # the silhouette itself
     inner[:] = small.take(labels, mode="clip")
+
+
+def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of the bounding box of a mask (H, W) bool and a margin, px; of an empty
+    mask all.
+    """
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return slice(None), slice(None)
+    return (
+        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
+        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+    )
 
 
 def dilated(mask: NDArray[np.bool_], side_px: int) -> NDArray[np.bool_]:

@@ -1,4 +1,7 @@
-"""How a frame differs from the background: exposure, noise, and evidence pooled over windows."""
+"""How a frame differs from the background: exposure, noise, and evidence pooled over windows.
+
+"Noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -7,50 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.kernels import foreground as kernels
+from silhouette_core.tuning import FOREGROUND
 
 _GRID = 16  # px between the pixels from which gain and noise are estimated
 UNIT = 1000  # integer steps of the pooled evidence in one noise
-_USUAL_CHROMA = 0.7  # pooled chromatic residual of an empty scene whose noise is known
-
-
-@dataclass(frozen=True)
-class RefinedSettings:
-    """Thresholds of the refined method.
-
-    "Noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
-
-    Attributes:
-        chroma: limit of the pooled chromatic residual, in noise.
-        possible: least limit of the pooled chromatic residual where clothes may resemble the
-            background.
-        shaded: least limit of the pooled difference of brightness where clothes or a shadow may be.
-        chroma_pixel: limit of a single pixel's chromatic residual, in noise.
-        brightness: distance of a foreground brightness from shadow and highlight, in noise.
-        shadow: darkest cast shadow, as a fraction of the background's brightness, where it is not
-            measured.
-        highlight: brightest reflection, as a fraction of the background's brightness.
-        colours: least mean log odds that a colour is the person's (or is not), where the background
-            does not decide.
-        colours_gap: the same in narrow gaps of the silhouette.
-        contrast: edges between colours closer than this (of 255) are not moved.
-        min_area_share: components smaller than this fraction of the image are removed.
-        min_body_share: components smaller than this fraction of the largest one are removed.
-        max_hole_share: holes up to this fraction of the image are filled.
-    """
-
-    chroma: float = 3.0
-    possible: float = 1.2
-    shaded: float = 3.0
-    chroma_pixel: float = 6.0
-    brightness: float = 8.0
-    shadow: float = 0.5
-    highlight: float = 1.1
-    colours: float = 2.0
-    colours_gap: float = 0.5
-    contrast: float = 10.0
-    min_area_share: float = 3e-4
-    min_body_share: float = 0.01
-    max_hole_share: float = 4e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +24,13 @@ class Background:
         mean: (H, W, 3) float32, BGR of 255.
         planes: (3, H, W) float32, the same, channel by channel.
         scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
+        shadow: darkest cast shadow, as a fraction of the background's brightness.
     """
 
     mean: NDArray[np.float32]
     planes: NDArray[np.float32]
     scales: NDArray[np.float32]
+    shadow: float = FOREGROUND.shadow
 
     @classmethod
     def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":
@@ -79,7 +44,7 @@ class Background:
         planes, scales = (
             np.ascontiguousarray(array[:, *window]) for array in (self.planes, self.scales)
         )
-        return Background(self.mean[window], planes, scales)
+        return replace(self, mean=self.mean[window], planes=planes, scales=scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +63,7 @@ class Exposure:
 @dataclass(frozen=True, eq=False)
 class FrameView:
     """A frame (H, W, 3), or a window of it, the same channel by channel (3, H, W), background, gain
-    (3,), radius (px) and thresholds.
+    (3,) and radius (px).
     """
 
     frame: NDArray[np.uint8]
@@ -106,7 +71,6 @@ class FrameView:
     background: Background
     gain: NDArray[np.float32]
     radius: int
-    settings: RefinedSettings
 
     @property
     def arrays(
@@ -127,11 +91,10 @@ class FrameView:
         background: Background,
         gain: NDArray[np.float32],
         radius: int,
-        settings: RefinedSettings,
     ) -> "FrameView":
         """FrameView of a frame (H, W, 3), or of a window of it, and of its background."""
         planes = np.asarray(cv2.split(frame), np.uint8)
-        return cls(frame, planes, background, gain, radius, settings)
+        return cls(frame, planes, background, gain, radius)
 
     def part(self, window: tuple[slice, slice]) -> "FrameView":
         """FrameView of a window of rows and columns."""
@@ -143,12 +106,10 @@ class FrameView:
         )
 
 
-def measure_exposure(
-    frame: NDArray[np.uint8], background: Background, settings: RefinedSettings
-) -> Exposure:
+def measure_exposure(frame: NDArray[np.uint8], background: Background) -> Exposure:
     """Exposure of a whole frame (H, W, 3) uint8."""
-    gain, radius = measure_gain(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, gain, radius, settings)
+    gain = measure_gain(frame, background)
+    view = FrameView.of(frame, background, gain, radius_of(background))
     return Exposure(gain, noise_scale(view))
 
 
@@ -192,37 +153,26 @@ def noise_scale(view: FrameView) -> float:
     """Ratio of the frame's noise to the model's, at least 1."""
     height, width = view.frame.shape[:2]
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
-    clip = np.float32(view.settings.chroma_pixel)
+    clip = np.float32(FOREGROUND.chroma_pixel)
     kernels.sampled_chroma(*view.arrays, clip, view.radius, _GRID, sampled)
-    return max(1.0, float(np.median(sampled)) / _USUAL_CHROMA)
+    return max(1.0, float(np.median(sampled)) / FOREGROUND.usual_chroma)
 
 
 def detect(view: FrameView, scale: float) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
     """Mask (H, W) and pooled evidence (4, H, W) in 1 / UNIT of the frame's noise."""
-    settings, radius = view.settings, view.radius
+    side = 2 * view.radius + 1
     height, width = view.frame.shape[:2]
     parts, strong = np.empty((4, height, width), np.int16), np.empty((height, width), np.bool_)
     unit, clip, beyond = (
         np.float32(value)
-        for value in (UNIT / scale, settings.chroma_pixel * scale, settings.brightness * scale)
+        for value in (UNIT / scale, FOREGROUND.chroma_pixel * scale, FOREGROUND.brightness * scale)
     )
-    kernels.evidence(
-        *view.arrays,
-        unit,
-        clip,
-        np.float32(settings.shadow),
-        np.float32(settings.highlight),
-        beyond,
-        parts,
-        strong,
-    )
-    pooled = np.asarray(
-        [cv2.blur(part, (2 * radius + 1, 2 * radius + 1)) for part in parts], np.int16
-    )
+    light = np.float32(view.background.shadow), np.float32(FOREGROUND.highlight)
+    kernels.evidence(*view.arrays, unit, clip, *light, beyond, parts, strong)
+    pooled = np.asarray([cv2.blur(part, (side, side)) for part in parts], np.int16)
     mask = np.empty((height, width), np.bool_)
-    kernels.decide(
-        pooled, strong, round(settings.chroma * UNIT), round(settings.brightness * UNIT), mask
-    )
+    limits = round(FOREGROUND.chroma * UNIT), round(FOREGROUND.brightness * UNIT)
+    kernels.decide(pooled, strong, *limits, mask)
     return mask, pooled
 
 

@@ -25,18 +25,9 @@ from calib.components import label_components
 from silhouette_core.image.difference import Background, measure_gain
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
+from silhouette_core.tuning import SCENE
 
-_DEVIATION = 1.4826  # standard deviations of a Gaussian in one median distance from its mean
-_CHANGED = 8.0  # of the noise: the least difference between frames that is no noise
 _MODES = 5
-_SEEN_SHARE = 0.05  # of the frames: least share of a mode
-_TOLERANCE = 2.0  # of the noise: steps between neighbours that cost nothing
-_APART_LEAST = 0.1  # weight of steps between colours that are always seen together
-_RARITY = 30.0  # cost of a mode that is hardly ever seen, in squared grey levels
-_STEP = 5.0  # of the noise: a step from the background to something in front of it
-_MOVING = 0.1  # of a region's edge: least part that must move
-_SMALL_SHARE = 1e-3  # of the image: changed regions smaller than this are no person
-_GUESS = 6.0  # standard deviation of a continued colour, grey levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +51,8 @@ class EmptyScene:
         stack = stack[:64]
         median, deviation = (np.empty(stack.shape[1:], np.float32) for _ in range(2))
         medians.median_and_deviation(stack, median, deviation)
-        variance = np.square(_DEVIATION * deviation)
+        # The standard deviation of a Gaussian is so many of its median distances from the mean.
+        variance = np.square(1.4826 * deviation)
         nowhere = np.zeros(median.shape[:2], np.bool_)
         background = Background.from_noise(median, np.ones(nowhere.shape))
         gains = np.stack([measure_gain(frame, background) for frame in stack])
@@ -72,17 +64,19 @@ class EmptyScene:
         # One more pixel on each side, from which the background is continued.
         window = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in window)
         inside, smooth = changed[window], _smooth(stack[:, *window], gains)
-        modes = _Modes.of(smooth, inside, _CHANGED * noise)
+        modes = _Modes.of(smooth, inside, SCENE.changed * noise)
         colour = np.asarray(cv2.blur(median[window], (3, 3)), np.float32)
         step = np.zeros(inside.shape, np.float32)
         every = np.uint64((1 << len(stack)) - 1)
-        limits = _TOLERANCE * noise, _APART_LEAST, _RARITY
+        limits = SCENE.tolerance * noise, SCENE.apart, SCENE.rarity
         kernels.grow_background(
             colour, inside, modes.index, modes.mean, modes.share, modes.shown, every, limits, step
         )
-        seen = _mean_of_mode(stack[:, *window], gains, smooth, colour, _CHANGED * noise)
+        seen = _mean_of_mode(stack[:, *window], gains, smooth, colour, SCENE.changed * noise)
         unseen = nowhere.copy()
-        behind = _behind_moving_edges(colour, step > _STEP * noise, modes, _CHANGED * noise)
+        behind = _behind_moving_edges(
+            colour, step > SCENE.step * noise, modes, SCENE.changed * noise
+        )
         unseen[window] = _opened(behind & inside, _radius(median))
         median[window][inside] = seen[inside]
         variance[changed] = np.median(variance)  # that of the median includes the person
@@ -92,7 +86,7 @@ class EmptyScene:
             5,
             cv2.INPAINT_TELEA,
         )
-        median[unseen], variance[unseen] = guess[unseen], _GUESS**2
+        median[unseen], variance[unseen] = guess[unseen], SCENE.guess**2
         return cls(median, variance, unseen)
 
 
@@ -124,11 +118,11 @@ def _changed(
         highest = np.maximum(highest, difference)
     noise = max(float(np.median(usual)), 0.5)
     radius = _radius(median)
-    near = cv2.dilate((second > _CHANGED * noise).view(np.uint8), _square(2 * radius + 1))
+    near = cv2.dilate((second > SCENE.changed * noise).view(np.uint8), _square(2 * radius + 1))
     joined = label_components(
         cv2.morphologyEx(near, cv2.MORPH_CLOSE, _square(10 * radius + 1)).view(np.bool_)
     )
-    large = joined.sizes >= _SMALL_SHARE * second.size
+    large = joined.sizes >= SCENE.small * second.size
     large[0] = False
     return _convex(large[joined.labels]), noise
 
@@ -182,7 +176,7 @@ class _Modes:
         shown = np.zeros(share.shape, np.uint64)
         kernels.colour_modes(samples, np.float32(radius), mean, share, shown)
         # What is seen once is a mixture: the edge of somebody in motion.
-        share[(share < _SEEN_SHARE) & (np.arange(_MODES) > 0)] = 0
+        share[(share < SCENE.seen) & (np.arange(_MODES) > 0)] = 0
         return cls(index, mean, share, shown)
 
 
@@ -211,7 +205,7 @@ def _behind_moving_edges(
     count = len(components.sizes)
     edges = np.bincount(components.labels[beyond & ~inner], minlength=count)
     moved = np.bincount(components.labels[moving], minlength=count)
-    found = moved > _MOVING * np.maximum(edges, 1)
+    found = moved > SCENE.moving * np.maximum(edges, 1)
     found[0] = False
     return found[components.labels]
 

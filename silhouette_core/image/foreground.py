@@ -23,13 +23,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.cleanup import clean
+from silhouette_core.image.cleanup import bounding_box, clean
 from silhouette_core.image.difference import (
     UNIT,
     Background,
     Exposure,
     FrameView,
-    RefinedSettings,
     detect,
     grown,
     measure_exposure,
@@ -39,11 +38,10 @@ from silhouette_core.image.difference import (
     radius_of,
 )
 from silhouette_core.image.kernels import foreground as kernels
+from silhouette_core.tuning import FOREGROUND
 
 _COLOUR_SHIFT = 4  # histograms of 16 x 16 x 16 colours
 _SPARSE = 4  # px between the pixels from which the usual difference is estimated
-_EMPTY_SHARE = 0.8  # quantile of the differences that a person does not reach
-_BEYOND = 2.0  # times that quantile, a difference is not noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +72,6 @@ class SoftSilhouette:
 def refined_mask(
     frame: NDArray[np.uint8],
     background: Background,
-    settings: RefinedSettings,
     region: NDArray[np.bool_] | None = None,
     exposure: Exposure | None = None,
     window: tuple[slice, slice] | None = None,
@@ -84,44 +81,39 @@ def refined_mask(
     Args:
         frame: the frame, or its part in the window.
         background: of the whole frame's size.
-        settings: thresholds.
         region: (H, W) bool, where the person may be; None: everywhere.
         exposure: of the whole frame, by `measure_exposure`; None: measured here, on a whole frame.
         window: rows and columns outside of which nothing is looked for; None: the whole frame.
     """
-    return _segmented(frame, background, settings, region, exposure, window)[0]
+    return _segmented(frame, background, region, exposure, window)[0]
 
 
 def refined_soft_silhouette(
-    frame: NDArray[np.uint8],
-    background: Background,
-    settings: RefinedSettings,
-    region: NDArray[np.bool_] | None = None,
+    frame: NDArray[np.uint8], background: Background, region: NDArray[np.bool_] | None = None
 ) -> SoftSilhouette:
     """Silhouette as `refined_mask`, and where else the frame differs from the background."""
-    exposure, radius = measure_exposure(frame, background, settings), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius, settings)
-    silhouette, pooled = _segmented(frame, background, settings, region, exposure, None)
+    exposure, radius = measure_exposure(frame, background), radius_of(background)
+    view = FrameView.of(frame, background, exposure.gain, radius)
+    silhouette, pooled = _segmented(frame, background, region, exposure, None)
     chroma = np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / UNIT
     brightness = np.abs(pooled_brightness(view)) / np.float32(exposure.noise)
 
     def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
-        usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], _EMPTY_SHARE))
-        # Averaging has widened it by the radius.
-        found = ~grown(difference <= max(least, _BEYOND * usual), radius, cv2.MORPH_RECT)
+        usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], FOREGROUND.empty_share))
+        limit = max(least, FOREGROUND.beyond * usual)
+        found = ~grown(difference <= limit, radius, cv2.MORPH_RECT)  # averaging widened it so
         return found if region is None else found & region
 
     return SoftSilhouette(
         silhouette,
-        beyond_noise(chroma, settings.possible),
-        beyond_noise(brightness, settings.shaded),
+        beyond_noise(chroma, FOREGROUND.possible),
+        beyond_noise(brightness, FOREGROUND.shaded),
     )
 
 
 def _segmented(
     frame: NDArray[np.uint8],
     background: Background,
-    settings: RefinedSettings,
     region: NDArray[np.bool_] | None,
     exposure: Exposure | None,
     window: tuple[slice, slice] | None,
@@ -134,19 +126,19 @@ def _segmented(
         background = background.part(window)
         region = None if region is None else region[window]
         silhouette = silhouette[window]
-    view = FrameView.of(frame, background, gain, radius, settings)
+    view = FrameView.of(frame, background, gain, radius)
     scale = noise_scale(view) if exposure is None else exposure.noise
     mask, pooled = detect(view, scale)
-    mask = _clean(mask, settings, region, everywhere.size)
+    mask = _clean(mask, region, everywhere.size)
     if not mask.any():
         return everywhere, pooled
-    box = _bounding_box(mask, margin=8 * radius)
+    box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
     mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
     mask = _sharpen(view, mask)
     region = None if region is None else region[box]
-    silhouette[box] = _clean(mask, settings, region, everywhere.size)
+    silhouette[box] = _clean(mask, region, everywhere.size)
     return everywhere, pooled
 
 
@@ -154,7 +146,7 @@ def _decide_by_colours(
     view: FrameView, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float
 ) -> NDArray[np.bool_]:
     """Mask in which the colours inside and around the silhouette decide the doubtful pixels."""
-    settings, radius = view.settings, view.radius
+    radius = view.radius
     near = grown(mask, 7 * radius, cv2.MORPH_RECT)
     odds = _log_fractions(view.frame, ~grown(~mask, 1)) - _log_fractions(
         view.frame, near & ~grown(mask, 2)
@@ -163,7 +155,7 @@ def _decide_by_colours(
     kernels.look_up(view.frame, np.clip(odds, -4, 4), _COLOUR_SHIFT, score)
     kernels.brightness(*view.arrays, bright)
     # Background of the usual brightness that was included because of subsampled colour.
-    surplus = (cv2.blur(score, (3, 3)) < -settings.colours) & (
+    surplus = (cv2.blur(score, (3, 3)) < -FOREGROUND.colours) & (
         np.abs(cv2.blur(bright, (3, 3))) < 3 * scale
     )
     window = (2 * radius + 1, 2 * radius + 1)
@@ -171,12 +163,12 @@ def _decide_by_colours(
     # The person where the difference is as small as a shadow's ...
     doubtful = np.empty(mask.shape, np.bool_)
     kernels.doubt(
-        pooled, bright, round(0.5 * settings.chroma * UNIT), np.float32(3 * scale), doubtful
+        pooled, bright, round(0.5 * FOREGROUND.chroma * UNIT), np.float32(3 * scale), doubtful
     )
     # ... or in a narrow gap of the silhouette, where clothes and background may be of one colour.
     gap = ~grown(~grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)
     added = near & (
-        (doubtful & (score > settings.colours)) | (gap & (score > settings.colours_gap))
+        (doubtful & (score > FOREGROUND.colours)) | (gap & (score > FOREGROUND.colours_gap))
     )
     return (mask & ~surplus) | added
 
@@ -202,28 +194,15 @@ def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     light = 0.2 * view.gain, 2 * view.gain  # largest effect of shadows and reflections
     images = view.planes, view.background.planes
     regions = near & ~shrunk, inside, outside
-    contrast = np.float32(view.settings.contrast)
+    contrast = np.float32(FOREGROUND.contrast)
     kernels.sharpen(*images, *light, *regions, 2 * radius, contrast, moved)
     return moved
 
 
 def _clean(
-    mask: NDArray[np.bool_],
-    settings: RefinedSettings,
-    region: NDArray[np.bool_] | None,
-    pixels: int,
+    mask: NDArray[np.bool_], region: NDArray[np.bool_] | None, pixels: int
 ) -> NDArray[np.bool_]:
     """Mask (H, W) without the components and holes that are small for an image of `pixels`."""
-    area, hole = round(settings.min_area_share * pixels), round(settings.max_hole_share * pixels)
-    return clean(
-        mask, min_area_px=area, min_share=settings.min_body_share, max_hole_px=hole, region=region
-    )
-
-
-def _bounding_box(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
-    """Rows and columns of the mask's bounding box and a margin."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return (
-        slice(max(int(rows[0]) - margin, 0), min(int(rows[-1]) + margin + 1, mask.shape[0])),
-        slice(max(int(columns[0]) - margin, 0), min(int(columns[-1]) + margin + 1, mask.shape[1])),
-    )
+    area, hole = round(FOREGROUND.area * pixels), round(FOREGROUND.hole * pixels)
+    share = FOREGROUND.body_share
+    return clean(mask, min_area_px=area, min_share=share, max_hole_px=hole, region=region)

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from silhouette_core.image.shading import chromaticity
+from silhouette_core.tuning import COLOURS
 
 _BINS = (8, 32, 32)  # of lightness and of the two axes of colour of CIELAB
 _SHIFTS = (5, 3, 3)
-_SMOOTHING = (0.7, 0.8, 0.8)  # bins
 _LEAST_PX = 200  # of the head, before anything is said
-_UNSEEN = 0.02  # density added to the clothes' colours, relative to an even one
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +96,9 @@ class HeadColours:
         """
         if self._head.sum() < _LEAST_PX or self._rest.sum() < _LEAST_PX:
             return None
+        smoothing = COLOURS.lightness_bins, COLOURS.smoothing_bins, COLOURS.smoothing_bins
         head, rest = (
-            gaussian_filter(counts.reshape(_BINS), _SMOOTHING).ravel() / counts.sum()
+            gaussian_filter(counts.reshape(_BINS), smoothing).ravel() / counts.sum()
             for counts in (self._head, self._rest)
         )
-        return (head / (head + rest + _UNSEEN / len(head))).astype(np.float32)
+        return (head / (head + rest + COLOURS.unseen / len(head))).astype(np.float32)

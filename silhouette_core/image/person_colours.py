@@ -19,19 +19,14 @@ from silhouette_core.image.cleanup import clean
 from silhouette_core.image.difference import (
     Background,
     FrameView,
-    RefinedSettings,
     measure_exposure,
     radius_of,
 )
 from silhouette_core.image.kernels import foreground as kernels
+from silhouette_core.tuning import COLOURS
 
 _SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
-_SMOOTHING = 0.8  # bins
-_ANY = 0.01  # of the person's pixels have any colour
-_OFTEN = 0.95  # of the person's pixels have a colour that counts as the person's
 _EDGE_PX = 5  # side of the window within which pixels near the edge are left out
-_MOST = np.float32(5.0)  # of the logarithm of a pixel's odds
-_SMALLEST, _HOLE = 2e-4, 3e-4  # of the image: smaller pieces are noise, smaller holes none
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,21 +77,20 @@ class PersonColours:
         if not total:
             return None
         even = 1 / 256**3
-        smooth = gaussian_filter(counts / total, _SMOOTHING) * _BINS**3 * even
-        density = (1 - _ANY) * smooth + _ANY * even
+        smooth = gaussian_filter(counts / total, COLOURS.smoothing_bins) * _BINS**3 * even
+        density = (1 - COLOURS.any_share) * smooth + COLOURS.any_share * even
         order = np.argsort(-density, axis=None, kind="stable")
         share = np.cumsum(counts.ravel()[order]) / total
-        last = order[min(int(np.searchsorted(share, _OFTEN)), len(order) - 1)]
+        last = order[min(int(np.searchsorted(share, COLOURS.own_share)), len(order) - 1)]
         return ColourDensity(np.log(density).astype(np.float32), float(density.ravel()[last]))
 
 
 def find_colours(
     frame: NDArray[np.uint8],
     background: Background,
-    settings: RefinedSettings,
     density: ColourDensity,
-    region: NDArray[np.bool_] | None = None,
-    least_odds: float = 0.0,
+    region: NDArray[np.bool_] | None,
+    least_odds: float,
 ) -> ColouredSilhouette:
     r"""Where a frame (H, W, 3) uint8, BGR, has a person's colours.
 
@@ -109,16 +103,15 @@ def find_colours(
     Args:
         frame: the whole frame.
         background: of the empty scene.
-        settings: thresholds; the darkest shadow.
         density: of the person's colours.
         region: (H, W) bool, where the person may be; None: everywhere.
         least_odds: :math:`\lambda`, nats.
     """
-    exposure, radius = measure_exposure(frame, background, settings), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius, settings)
-    odds = np.empty(frame.shape[:2], np.float32)
-    limits = np.float32(exposure.noise), np.float32(settings.shadow)
-    kernels.log_odds(*view.arrays, *limits, density.log_density, _SHIFT, _MOST, odds)
+    exposure, radius = measure_exposure(frame, background), radius_of(background)
+    view = FrameView.of(frame, background, exposure.gain, radius)
+    odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
+    limits = np.float32(exposure.noise), np.float32(background.shadow)
+    kernels.log_odds(*view.arrays, *limits, density.log_density, _SHIFT, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)
     kernels.look_up(np.ascontiguousarray(frame), density.log_density, _SHIFT, seen)
     window = (2 * radius + 1, 2 * radius + 1)
@@ -126,8 +119,8 @@ def find_colours(
     likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5
     pieces = clean(
         likely,
-        min_area_px=round(_SMALLEST * odds.size),
-        max_hole_px=round(_HOLE * odds.size),
+        min_area_px=round(COLOURS.smallest * odds.size),
+        max_hole_px=round(COLOURS.hole * odds.size),
         region=region,
     )
     return ColouredSilhouette(pieces, alike if region is None else alike & region)

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from silhouette_core.tuning import PLAUSIBILITY
 
 MOMENTS = 8
 """Number of moments of a recording that tell it."""
-_MOST = 0.7  # of the picture
-_SOLID = 0.3  # of the foreground, in places of three by three pixels
 
 
 def check_plausible(masks: Mapping[str, Sequence[NDArray[np.bool_]]], least: int) -> None:
@@ -38,10 +37,12 @@ def check_plausible(masks: Mapping[str, Sequence[NDArray[np.bool_]]], least: int
 def _fault(masks: Sequence[NDArray[np.bool_]]) -> str:
     shares = [float(mask.mean()) for mask in masks]
     share = float(np.median(shares))
-    if share > _MOST:
+    if share > PLAUSIBILITY.covered:
         return f"cover {100 * share:.0f} % of the picture"
     solid = [_solid(mask) for mask in masks if mask.any()]
-    return "are specks all over the picture" if solid and np.median(solid) < _SOLID else ""
+    return (
+        "are specks all over the picture" if solid and np.median(solid) < PLAUSIBILITY.solid else ""
+    )
 
 
 def _solid(mask: NDArray[np.bool_]) -> float:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from calib.checks import check_array, float_array, image_size
 from silhouette_core.image.kernels import raster as kernels
 
-NEAR_M = 0.05
+NEAR_M = 5 / 100
 
 
 def render_parts(

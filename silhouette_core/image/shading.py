@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
+from silhouette_core.tuning import COLOURS
 
 _BINS = 64  # of red's and of green's share of a colour
-_DARK = 8.0  # grey levels that are added, since noise of dark clothes is not their shading
-_LOG = np.log(np.arange(256) + _DARK).astype(np.float32)
-_SMOOTHING = 1.0  # bins
+_LOG = np.log(np.arange(256) + COLOURS.dark).astype(np.float32)
 _LEAST_PX = 200  # of a colour and those nearest to it, before anything is said of it
-_MOST = 1.0  # factor of e
 
 
 def chromaticity(picture: NDArray[np.uint8]) -> NDArray[np.uint16]:
@@ -61,7 +59,7 @@ class ColourBrightness:
         """
         count, total = (one.reshape(_BINS, _BINS) for one in (self._count, self._sum))
         seen = cv2.boxFilter(count, -1, (3, 3), normalize=False) >= _LEAST_PX
-        count, total = (cv2.GaussianBlur(one, (0, 0), _SMOOTHING) for one in (count, total))
+        count, total = (cv2.GaussianBlur(one, (0, 0), 1.0) for one in (count, total))
         mean = np.full((_BINS, _BINS), np.nan, np.float32)
         mean[seen] = total[seen] / count[seen]
         return mean.ravel()
@@ -84,4 +82,4 @@ def relative_shading(
     """
     relative = _LOG[grey] - mean[colours]
     relative[~inside | np.isnan(relative)] = 0
-    return np.clip(relative, -_MOST, _MOST)
+    return np.clip(relative, -COLOURS.shading, COLOURS.shading)

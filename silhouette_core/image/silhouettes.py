@@ -7,15 +7,15 @@ from copy import copy
 from dataclasses import dataclass, replace
 from itertools import islice
 from math import gcd
-from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.moments import even_moments
 from silhouette_core.estimator import Frame, FrameSource
-from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.background import BackgroundModel, Method
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.difference import Exposure
 from silhouette_core.image.foreground import SoftSilhouette
@@ -43,7 +43,7 @@ class Silhouettes:
     def __init__(
         self,
         source: FrameSource,
-        method: Literal["paper", "refined"] = "refined",
+        method: Method = "refined",
         long_side_px: int | None = None,
         *,
         ahead: bool = True,
@@ -52,7 +52,7 @@ class Silhouettes:
 
         Args:
             source: The recording.
-            method: See `BackgroundSettings`.
+            method: See `background.Method`.
             long_side_px: Size of the longer side to which larger frames, and with them their
                 silhouettes, are scaled down; None keeps all sizes.
             ahead: Whether the recording's own frames may be read beforehand, which tell how dark
@@ -71,7 +71,6 @@ class Silhouettes:
         if self._given:
             return
         backgrounds = source.backgrounds()
-        settings = BackgroundSettings(method=method)
         self.without_background = tuple(
             name for name in source.rig.names if name not in backgrounds
         )
@@ -79,13 +78,13 @@ class Silhouettes:
         def model(name: str) -> BackgroundModel:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
             return BackgroundModel.from_frames(
-                (self.scaled(name, frame) for frame in frames), settings
+                (self.scaled(name, frame) for frame in frames), method
             )
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
         if self.without_background:
             for name, frames in self._samples(source).items():
-                self._models[name] = BackgroundModel.from_occupied(frames, settings)
+                self._models[name] = BackgroundModel.from_occupied(frames, method)
         if ahead and method == "refined":
             self._measure_shadow(source)
 
@@ -230,7 +229,8 @@ class Silhouettes:
     def _samples(self, source: FrameSource) -> dict[str, list[Frame]]:
         """Frames of the cameras without background, few enough for memory."""
         samples: dict[str, list[Frame]] = {name: [] for name in self.without_background}
-        for frames in source.at(_spread(source.frame_count, _OCCUPIED_FRAMES)):
+        steps = even_moments(source.frame_count, _OCCUPIED_FRAMES, margin=0)
+        for frames in source.at(steps.tolist()):
             for name in samples:
                 samples[name].append(self.scaled(name, frames[name]))
         return samples
@@ -238,7 +238,8 @@ class Silhouettes:
     def _measure_shadow(self, source: FrameSource) -> None:
         """Measures the darkest cast shadow of all cameras together: they see the same light."""
         total = np.zeros(0, np.int64)
-        for frames in source.at(_spread(source.frame_count, _SHADOW_FRAMES)):
+        steps = even_moments(source.frame_count, _SHADOW_FRAMES, margin=0)
+        for frames in source.at(steps.tolist()):
 
             def counts(name: str, frames: Mapping[str, Frame] = frames) -> NDArray[np.int64]:
                 return self._models[name].shadow_counts(self.scaled(name, frames[name]))
@@ -264,11 +265,6 @@ def scaled_unknown(source: FrameSource, long_side_px: int | None) -> dict[str, N
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
         scaled[name] = image > 0
     return scaled
-
-
-def _spread(count: int, most: int) -> list[int]:
-    """At most so many numbers, spread over 0 to count - 1."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist()
 
 
 def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import even_moments
 from calib.camera import Camera
 from calib.errors import InputError
+from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView

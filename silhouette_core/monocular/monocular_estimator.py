@@ -8,9 +8,9 @@ from itertools import islice
 
 import numpy as np
 
-from calib.agreement import even_moments
 from calib.camera import Rig
 from calib.errors import InputError
+from calib.moments import even_moments
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.image.plausibility import MOMENTS, check_plausible

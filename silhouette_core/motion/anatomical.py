@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
     from silhouette_core.motion.motion import Motion
 
-LAB_FROM_WORLD = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+LAB_FROM_WORLD = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]], float)
 """Laboratory axes with y up: (x, y, z) of the world becomes (y, z, x)."""
 
-_RIGHT = np.array([-1.0, 0.0, 0.0])
+_RIGHT = np.array([-1, 0, 0], float)
 # Columns: forward, up, right, in the body frame at rest.
-_UPRIGHT = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-_MIRROR = np.diag([1.0, 1.0, -1.0])
+_UPRIGHT = np.array([[0, 0, -1], [-1, 0, 0], [0, 1, 0]], float)
+_MIRROR = np.diag([1, 1, -1]).astype(float)
 _SIDES = ("left", "right")
 
 # Joint: the part on its near side and the part on its far side.

@@ -17,6 +17,7 @@ from silhouette_core.motion.gaps import (
     poses_between,
 )
 from silhouette_core.motion.smoothing import LowPass, runs_of, smooth_runs
+from silhouette_core.tuning import DYNAMICS
 
 if TYPE_CHECKING:
     from silhouette_core.motion.motion import Motion
@@ -41,7 +42,7 @@ class Conditioning:
     """
 
     filter: str = "butterworth"
-    cutoff_hz: float = 7.0
+    cutoff_hz: float = DYNAMICS.cutoff_hz
     filter_order: int | None = None
     gap_limit: int | str = 0
     gap_method: str = "linear"

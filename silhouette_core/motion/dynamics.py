@@ -10,12 +10,10 @@ import numpy as np
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.pose import Pose
+from silhouette_core.tuning import DYNAMICS
 
-#: Frame rate, 1/s, to which all step sizes refer, and at which recorded motion is used.
-FPS = 30.0
-#: Fraction of the last step that the next one is expected to repeat.
-MOMENTUM = 0.8
-_SHORTEST_STEP = 0.5
+FPS, MOMENTUM = DYNAMICS.fps, DYNAMICS.momentum
+ROOT_STEP_M, ROOT_STEP_RAD = DYNAMICS.root_step_m, DYNAMICS.root_step_rad
 
 # Standard deviation of joint angles about the resting stance, degrees.
 _USUAL_DEG = {
@@ -47,16 +45,14 @@ _STEP_SIGMA_DEG = {
     "foot": 12,
 }
 _RELAXED_DEG = {
-    "upper_arm.abduction": -30.0,
-    "forearm.flexion": 20.0,
-    "shin.flexion": 8.0,
-    "thigh.flexion": 4.0,
+    "upper_arm.abduction": -30,
+    "forearm.flexion": 20,
+    "shin.flexion": 8,
+    "thigh.flexion": 4,
 }
-
-
-# Of bodies that are no person's, about which nothing is known: degrees.
-_ANY_USUAL_DEG, _ANY_STEP_DEG = 120.0, 12.0
-_ROOT_FIXED_SIGMA = 1e-5  # m and rad
+# The same of joints that are not in the tables, and of bodies that are no person's, about which
+# nothing is known.
+_OTHER_USUAL_DEG, _OTHER_STEP_DEG, _ANY_USUAL_DEG, _ANY_STEP_DEG = 10, 3, 120, 12
 
 
 def _per_dof_rad(
@@ -70,18 +66,10 @@ def _per_dof_rad(
     return np.radians(values)
 
 
-#: (D,) standard deviation of the joint angles about `RELAXED_RAD`.
-USUAL_RAD = _per_dof_rad(_USUAL_DEG, 10.0)
-#: (D,) joint angles of the resting stance.
-RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0.0)
-#: (D,) standard deviation of the joint angles' steps within 1 / `FPS`.
-STEP_SIGMA_RAD = _per_dof_rad(_STEP_SIGMA_DEG, 3.0)
-#: Standard deviation of the root's step along each axis within 1 / `FPS`, m.
-ROOT_STEP_M = 0.05
-#: Standard deviation of the root's turn about each axis within 1 / `FPS`, radians.
-ROOT_STEP_RAD = 0.12
-#: (6 + D,) standard deviations of all coordinates of a step, in the order of `Pose.minus`.
-POSE_STEP_SIGMA = np.concatenate([[ROOT_STEP_M] * 3, [ROOT_STEP_RAD] * 3, STEP_SIGMA_RAD])
+RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)
+"""(D,) joint angles of a person's resting stance."""
+STEP_SIGMA_RAD = _per_dof_rad(_STEP_SIGMA_DEG, _OTHER_STEP_DEG)
+"""(D,) standard deviation of a person's joint angles' steps within 1 / `FPS`."""
 
 
 def is_person_tree(tree: KinematicTree) -> bool:
@@ -95,7 +83,7 @@ def usual_rad(tree: KinematicTree) -> np.ndarray:
     no person's.
     """
     if is_person_tree(tree):
-        return _per_dof_rad(_USUAL_DEG, 10.0, tree)
+        return _per_dof_rad(_USUAL_DEG, _OTHER_USUAL_DEG, tree)
     return np.full(len(tree.dofs), np.radians(_ANY_USUAL_DEG))
 
 
@@ -105,7 +93,7 @@ def relaxed_rad(tree: KinematicTree) -> np.ndarray:
     near as the limits allow.
     """
     table = _RELAXED_DEG if is_person_tree(tree) else {}
-    return np.clip(_per_dof_rad(table, 0.0, tree), *tree.dof_limits_rad.T)
+    return np.clip(_per_dof_rad(table, 0, tree), *tree.dof_limits_rad.T)
 
 
 @lru_cache(maxsize=16)
@@ -114,16 +102,16 @@ def pose_step_sigma(tree: KinematicTree) -> np.ndarray:
     order of `Pose.minus`.
     """
     if is_person_tree(tree):
-        angles = _per_dof_rad(_STEP_SIGMA_DEG, 3.0, tree)
+        angles = _per_dof_rad(_STEP_SIGMA_DEG, _OTHER_STEP_DEG, tree)
     else:
         angles = np.full(len(tree.dofs), np.radians(_ANY_STEP_DEG))
-    root = [_ROOT_FIXED_SIGMA] * 6 if tree.root_fixed else [ROOT_STEP_M] * 3 + [ROOT_STEP_RAD] * 3
-    return np.concatenate([root, angles])
+    root = np.repeat([ROOT_STEP_M, ROOT_STEP_RAD], 3)
+    return np.concatenate([np.full(6, 1e-5) if tree.root_fixed else root, angles])
 
 
 def elapsed_steps(previous_s: float, current_s: float) -> float:
     """Time between two frames in units of 1 / `FPS`, at least half a step."""
-    return max(abs(current_s - previous_s) * FPS, _SHORTEST_STEP)
+    return max(abs(current_s - previous_s) * FPS, 0.5)
 
 
 def predict(

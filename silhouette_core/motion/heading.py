@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES, exchanged_sides
 from silhouette_core.motion.motion import Motion
 
 
@@ -45,13 +45,18 @@ def mirrored(motion: Motion) -> Motion:
         A motion whose landmarks are those of `motion`, reflected, with left and right exchanged.
     """
     model = motion.model
-    other = _exchange(model.dof_names)
+    other = exchanged_sides(model.dof_names)
     # Angles of the two sides have the same sign (a right axis is its left one reflected); in the
     # middle, turns about y and z change theirs.
     middle = np.array([not name.startswith(("left_", "right_")) for name in model.dof_names])
     sign = np.where(middle & (np.abs(model.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
-    columns = {"part_overlap": _exchange(model.names), "part_unsupported": _exchange(model.names)}
-    columns |= dict.fromkeys(("landmark_confidence", "joint_error_mm"), _exchange(LANDMARK_NAMES))
+    columns = {
+        "part_overlap": exchanged_sides(model.names),
+        "part_unsupported": exchanged_sides(model.names),
+    }
+    columns |= dict.fromkeys(
+        ("landmark_confidence", "joint_error_mm"), exchanged_sides(LANDMARK_NAMES)
+    )
     return replace(
         motion,
         root_m=motion.root_m * (-1, 1, 1),
@@ -63,12 +68,3 @@ def mirrored(motion: Motion) -> Motion:
             for name, array in motion.quality.items()
         },
     )
-
-
-def _exchange(names: tuple[str, ...]) -> list[int]:
-    swap = {"left": "right", "right": "left"}
-    side = [name.partition("_") for name in names]
-    return [
-        names.index(f"{swap[head]}_{rest}" if head in swap else head + mark + rest)
-        for head, mark, rest in side
-    ]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.kernels.kinematics import solve_angles
-
-_REST = 1e-3  # weight of rest where the directions leave angles free: a spine bends evenly
+from silhouette_core.tuning import RETARGETING
 
 
 @dataclass
@@ -68,7 +67,7 @@ class Targets:
             np.ascontiguousarray(root_rotation),
             (np.array(self.parts), np.array(self.axes), np.array(self.weights)),
             np.ascontiguousarray(np.stack(self.directions, axis=1)),
-            _REST,
+            RETARGETING.rest,
             angles,
         )
         result = np.zeros((len(angles), model.dof_count))

@@ -68,22 +68,19 @@ def place(
         root_rotation: (T, 3, 3) float64, world from body.
         angles_rad: (T, D) float64.
     """
-    count = len(root_m)
-    part_rotation = np.empty((count, len(model.names), 3, 3))
-    part_origin = np.empty((count, len(model.names), 3))
-    place_bodies(
-        model.parents,
-        model.joints_m,
-        model.dof_part,
-        model.dof_axis,
-        root_rotation,
-        root_m,
-        angles_rad,
-        part_rotation,
-        part_origin,
-        np.empty((count, model.dof_count, 3)),
-    )
-    return part_rotation, part_origin
+    return place_with_axes(model, root_m, root_rotation, angles_rad)[:2]
+
+
+def place_with_axes(
+    model: BodyModel, root_m: np.ndarray, root_rotation: np.ndarray, angles_rad: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `place`, with the world axes (T, D, 3) about which the angles turn."""
+    count, parts = len(root_m), len(model.names)
+    placed = np.empty((count, parts, 3, 3)), np.empty((count, parts, 3))
+    axes = np.empty((count, model.dof_count, 3))
+    body = model.parents, model.joints_m, model.dof_part, model.dof_axis
+    place_bodies(*body, root_rotation, root_m, angles_rad, *placed, axes)
+    return *placed, axes
 
 
 def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
@@ -108,13 +105,6 @@ def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -
     Source: textbook.
     """
     posed = np.empty_like(model.vertices_m)
-    skin_vertices(
-        model.vertices_m,
-        model.joints_m,
-        model.skin_parts,
-        model.skin_weights,
-        part_rotation,
-        part_origin,
-        posed,
-    )
+    skinned = model.vertices_m, model.joints_m, model.skin_parts, model.skin_weights
+    skin_vertices(*skinned, part_rotation, part_origin, posed)
     return posed

@@ -64,13 +64,13 @@ _UNFIT = (
 # Half a day at 60 frames a second; a pose takes some 1,400 bytes.
 _MOST_POSES = 12 * 3600 * 60
 _LARGEST = 1500 * _MOST_POSES
-_FARTHEST_M = 1e5
-_LARGEST_RAD = 50.0
-_LATEST_S = 1e10
-_LARGEST_QUALITY = 1e9
-_SLOWEST_FPS, _FASTEST_FPS = 1e-3, 1e5
-_UNIT_TOLERANCE = 0.01
-_GAP_FRAMES, _GAP_RATE = 1000, 4.0
+_FARTHEST_M = 100_000
+_LARGEST_RAD = 50
+_LATEST_S = 10**10
+_LARGEST_QUALITY = 10**9
+_SLOWEST_FPS, _FASTEST_FPS = 1 / 1000, 100_000
+_UNIT_TOLERANCE = 1 / 100
+_GAP_FRAMES, _GAP_RATE = 1000, 4
 
 
 def write_motion(motion: Motion, path: Path) -> None:

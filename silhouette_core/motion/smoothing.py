@@ -8,17 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.errors import InputError
+from silhouette_core.tuning import DYNAMICS
 
 FILTERS = "butterworth", "savgol", "gaussian", "none"
 
-# Voluntary human movement has little power above 6 Hz (Winter, Biomechanics and Motor Control).
-_CUTOFF_HZ = 7.0
-_CUTOFFS_HZ = 0.1, 1000.0
+_CUTOFFS_HZ = 1 / 10, 1000
 _ORDERS = {"butterworth": 2, "savgol": 3}
 _HIGHEST_ORDER = 8
 _SHORTEST = 16  # frames
-_OF_RATE = 0.4  # highest cut-off, as a fraction of the frame rate
-_HALF = 0.5  # of the amplitude is left at the cut-off
+_HALF = 1 / 2  # of the amplitude is left at the cut-off
 _SIGMA_HZ = math.sqrt(math.log(2) / 2) / math.pi  # of the Gaussian with that response at 1 Hz
 
 
@@ -35,7 +33,7 @@ class LowPass:
     """
 
     kind: str = "butterworth"
-    cutoff_hz: float = _CUTOFF_HZ
+    cutoff_hz: float = DYNAMICS.cutoff_hz
     order: int | None = None
 
     def __post_init__(self) -> None:
@@ -50,7 +48,7 @@ class LowPass:
         if not low <= self.cutoff_hz <= high:
             raise InputError(
                 f"a cut-off of {self.cutoff_hz:g} Hz cannot be used: give {low:g} to {high:g}, for"
-                f" example {_CUTOFF_HZ:g}"
+                f" example {DYNAMICS.cutoff_hz:g}"
             )
         if self.order is None:
             return
@@ -102,7 +100,7 @@ class LowPass:
 
     def too_slow(self, fps: float) -> bool:
         """Whether a frame rate is too low for the cut-off."""
-        return _OF_RATE * fps < self.cutoff_hz
+        return DYNAMICS.cutoff_share * fps < self.cutoff_hz
 
     def acts(self, count: int, fps: float) -> bool:
         """Whether signals of `count` frames are filtered."""

@@ -29,19 +29,13 @@ from silhouette_core.refinement.refine import (
     PosePriors,
     RefineSettings,
     add_pose_priors,
-    bounded_step,
     free_unknowns,
     refine,
     residuals,
+    solve_steps,
 )
 from silhouette_core.refinement.surface import Surface
-
-_REACHES_M = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
-# Of the prior with one camera: factors on SHAPE_SIGMA, and the deviation common to all girths.
-_GIRTH_SPREAD, _LENGTH_SPREAD, _BUILD_SIGMA = 1.7, 0.6, 0.20
-_NO_CLOTHES = 1e-4  # one view does not tell clothes from girth
-_LARGEST = 3.0  # largest deviation of a person's shape, in standard deviations
-_SETTLE_M = (0.08, 0.06, 0.05)
+from silhouette_core.tuning import REFINEMENT
 
 
 @dataclass(frozen=True)
@@ -86,12 +80,14 @@ def adapt_shape(
     model = surface.model
     settings = settings or RefineSettings()
     covariance = np.diag(SHAPE_SIGMA**2) if covariance is None else covariance
-    precision, largest = np.linalg.inv(covariance), _LARGEST * np.sqrt(np.diag(covariance))
+    precision, largest = (
+        np.linalg.inv(covariance),
+        REFINEMENT.largest_shape * np.sqrt(np.diag(covariance)),
+    )
     least = np.where(IS_CLOTHING, 0.0, expected - largest)
     every = np.arange(len(expected))
     priors = [None] * len(poses) if landmark_priors is None else landmark_priors
-    free = free_unknowns(model)
-    for reach in _REACHES_M:
+    for reach in REFINEMENT.body_reaches_m:
         at = surface, observations, poses, priors, reach, settings
         matrix, gradient, systems = _shape_equations(*at)
         matrix += precision
@@ -102,19 +98,13 @@ def adapt_shape(
         step = np.empty((1, len(gradient)))
         bounded_steps(matrix[None], gradient[None], every, low[None], high[None], step)
         change = step[0]
-        steps = [
-            bounded_step(
-                system.pose,
-                system.pose_gradient + system.cross @ change,
-                free,
-                pose.angles_rad,
-                model,
-            )
-            for system, pose in zip(systems, poses, strict=True)
-        ]
+        matrices = np.array([system.pose for system in systems])
+        gradients = np.array([one.pose_gradient + one.cross @ change for one in systems])
+        angles = np.array([pose.angles_rad for pose in poses])
+        steps = solve_steps(matrices, gradients, angles, model)
         poses = [pose.moved(step).clipped() for pose, step in zip(poses, steps, strict=True)]
         surface = surface.reshaped(shape + change)
-    settle = replace(settings, reaches_m=_SETTLE_M)
+    settle = replace(settings, reaches_m=REFINEMENT.body_reaches_m[2::2])
     poses = [
         refine(surface, observation, pose, settings=settle, landmark_prior=prior).pose
         for observation, pose, prior in zip(observations, poses, priors, strict=True)
@@ -127,7 +117,6 @@ def shape_covariance(
     observations: Sequence[Observation],
     poses: Sequence[Pose],
     stature: Stature,
-    settings: RefineSettings | None = None,
 ) -> np.ndarray:
     r"""Posterior covariance (K, K) of the shape that was adapted to some frames.
 
@@ -143,15 +132,12 @@ def shape_covariance(
         observations: the F frames.
         poses: their F poses.
         stature: the person's height.
-        settings: weights of the residuals.
 
     Source: textbook (marginal of a Gaussian, Laplace's approximation).
     """
-    none = [None] * len(poses)
-    settings = settings or RefineSettings()
-    matrix, gradient, _ = _shape_equations(
-        surface, observations, poses, none, _REACHES_M[-1], settings
-    )
+    reach, none = REFINEMENT.body_reaches_m[-1], [None] * len(poses)
+    at = surface, observations, poses, none, reach, RefineSettings()
+    matrix, gradient, _ = _shape_equations(*at)
     _add_stature(matrix, gradient, surface.model, stature)
     return np.linalg.inv(matrix + np.diag(1 / SHAPE_SIGMA**2))
 
@@ -170,9 +156,9 @@ def clothed_covariance() -> np.ndarray:
     the limbs, which a single view confounds with depth, vary less than over all adults.
     """
     girth = np.array([axis.flesh and not axis.joints for axis in SHAPE_AXES]) & ~IS_CLOTHING
-    sigma = SHAPE_SIGMA * np.where(girth, _GIRTH_SPREAD, _LENGTH_SPREAD)
-    sigma[IS_CLOTHING] = _NO_CLOTHES
-    return np.diag(sigma**2) + _BUILD_SIGMA**2 * np.outer(girth, girth)
+    sigma = SHAPE_SIGMA * np.where(girth, REFINEMENT.girth_sigma, REFINEMENT.length_sigma)
+    sigma[IS_CLOTHING] = 1e-4  # one view does not tell clothes from girth
+    return np.diag(sigma**2) + REFINEMENT.build_sigma**2 * np.outer(girth, girth)
 
 
 def _shape_equations(

@@ -15,7 +15,7 @@ from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 
-_PLACING = RefineSettings(reaches_m=(0.0,) * 7)  # no contour
+_PLACING = RefineSettings(reaches_m=(0,) * 7)  # no contour
 
 
 def place_bodies(

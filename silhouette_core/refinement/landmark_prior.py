@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.refinement.kernels.refine import fill_jacobian
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
-from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces
+from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, point_jacobian
+from silhouette_core.tuning import REFINEMENT
 
-DEGREES_OF_FREEDOM = 4.0
+DEGREES_OF_FREEDOM = REFINEMENT.student_freedom
 """Of Student's t distribution, which the proposal is trained with, too."""
 
 
@@ -96,21 +96,9 @@ def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float
     count = len(model.landmarks_m)
     skin_parts, skin_weights = np.zeros((count, 4), np.int32), np.zeros((count, 4))
     skin_parts[:, 0], skin_weights[:, 0] = model.landmark_part, 1.0
-    rows = np.empty((3 * count, 6 + model.dof_count))
-    fill_jacobian(
-        np.repeat(np.arange(count), 3),
-        np.tile(np.eye(3), (count, 1)),
-        model.landmarks_m,
-        model.joints_m,
-        skin_parts,
-        skin_weights,
-        posed.part_rotation,
-        posed.part_origin,
-        model.tree.descends,
-        model.dof_part,
-        posed.world_axis,
-        rows,
-    )
+    rest = model.landmarks_m, model.joints_m, skin_parts, skin_weights
+    index, direction = np.repeat(np.arange(count), 3), np.tile(np.eye(3), (count, 1))
+    rows = point_jacobian(model, posed, rest, index, direction)
     return rows.reshape(count, 3, -1)
 
 

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from calib.camera import Rig
+from silhouette_core.tuning import REFINEMENT
 
 _BORDER_PX = 2  # contour points this near the image border bound the view, not the body
-USUAL_SPACING_M = 0.025
-"""Distance between contour points on the body for which their weights are stated."""
+USUAL_SPACING_M = REFINEMENT.spacing_m
 _TANGENT_PX = 4  # half length of the contour piece whose direction is taken as the tangent
 _UNKNOWN_PX = _BORDER_PX + _TANGENT_PX  # contour points this near to what is unknown
 
@@ -99,7 +99,7 @@ class Observation:
         masks: list[np.ndarray],
         distance_m: float = 4.0,
         spacing_m: float = USUAL_SPACING_M,
-        margin: float = 0.5,
+        margin: float = REFINEMENT.margin,
     ) -> Observation:
         """Prepares the silhouettes of one frame.
 
@@ -132,7 +132,7 @@ class Observation:
         )
 
 
-def outside_distances(mask: np.ndarray, margin: float = 0.5) -> np.ndarray:
+def outside_distances(mask: np.ndarray, margin: float = REFINEMENT.margin) -> np.ndarray:
     """Distance (h, w) float32 of every pixel from a silhouette (h, w) bool, px; 0 inside.
 
     Beyond a margin about the silhouette, a fraction of its longer side, it stays what it is there:

@@ -9,8 +9,9 @@ from silhouette_core.refinement.landmark_prior import landmark_jacobian
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefineSettings, free_unknowns, refine
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.tuning import REFINEMENT
 
-_LAST = RefineSettings(reaches_m=(0.05,))
+_LAST = RefineSettings(reaches_m=REFINEMENT.body_reaches_m[-1:])
 
 
 def landmark_sigma_m(surface: Surface, observation: Observation, pose: Pose) -> np.ndarray:

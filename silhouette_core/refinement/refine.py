@@ -29,12 +29,9 @@ from silhouette_core.refinement.landmark_prior import (
     LandmarkPriors,
     add_landmark_priors,
 )
-from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation
+from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
-
-_LIMIT_RAD = np.radians(3.0)
-_OUTSIDE_M = 0.15  # scale of the robust weight of points outside a silhouette
-_TRUST_M, _TRUST_RAD = 0.10, 0.35  # largest step: beyond it the correspondences change
+from silhouette_core.tuning import REFINEMENT
 
 
 @dataclass(frozen=True)
@@ -46,18 +43,12 @@ class RefineSettings:
         contour_m: standard deviation of a contour residual with the right correspondence, m.
         independence: fraction of contour points that count as independent of their neighbours, for
             the usual spacing; of fewer points each counts for more.
-        outside_weight: weight of a surface point outside a silhouette, relative to a contour point.
         usual: weight of the prior around the resting stance.
     """
 
-    # fmt: off
-    reaches_m: tuple[float, ...] = (
-        0.30, 0.25, 0.20, 0.17, 0.14, 0.12, 0.10, 0.08, 0.07, 0.06, 0.06, 0.06,
-    )
-    # fmt: on
-    contour_m: float = 0.012
-    independence: float = 0.25
-    outside_weight: float = 0.5
+    reaches_m: tuple[float, ...] = REFINEMENT.reaches_m
+    contour_m: float = REFINEMENT.contour_m
+    independence: float = REFINEMENT.independence
     usual: float = 1.0
 
 
@@ -84,14 +75,12 @@ class Residuals:
         direction: (N, 3) float64, world direction along which the residual is measured.
         gap_m: (N,) float64, the residual.
         weight: (N,) float64, its robust weight, 1/m².
-        explained: fraction of contour points with a surface point within reach.
     """
 
     index: np.ndarray
     direction: np.ndarray
     gap_m: np.ndarray
     weight: np.ndarray
-    explained: float
 
 
 @dataclass(frozen=True)
@@ -100,14 +89,10 @@ class RefinedPose:
 
     Attributes:
         pose: the refined pose.
-        rms_m: root mean square of the residuals, robustly weighted, m.
-        explained: fraction of contour points with a surface point within reach.
         normal_matrix: (6 + D, 6 + D) float64, of the last step's normal equations.
     """
 
     pose: Pose
-    rms_m: float
-    explained: float
     normal_matrix: np.ndarray = field(repr=False)
 
 
@@ -196,8 +181,7 @@ def _refined_together(
         [start.landmark_prior for start in starts], len(model.landmarks_m)
     )
     size = 6 + model.dof_count
-    matrices, totals = np.tile(np.eye(size), (len(starts), 1, 1)), np.zeros((len(starts), 3))
-    free = free_unknowns(model)
+    matrices = np.tile(np.eye(size), (len(starts), 1, 1))
     for step in range(int(steps.max(initial=0))):
         count = int((steps > step).sum())
         reach = np.array([start.settings.reaches_m[step] for start in starts[:count]])
@@ -208,20 +192,13 @@ def _refined_together(
             settings = [start.settings for start in starts[:count]]
             weights = contour_weights(settings, reach)
             terms = matrices[:count], gradient
-            totals[:count] = add_silhouettes(surface, posed, observation, reach, weights, *terms)
+            add_silhouettes(surface, posed, observation, reach, weights, *terms)
         add_pose_priors(matrices[:count], gradient, moving, model, priors)
         add_landmark_priors(matrices[:count], gradient, model, posed, landmark_priors)
-        low, high = step_bounds(moving.angles_rad, model)
-        change = np.empty((count, size))
-        bounded_steps(matrices[:count], gradient, free, low, high, change)
+        change = solve_steps(matrices[:count], gradient, moving.angles_rad, model)
         move_poses(change, model.dof_limits_rad, *moving.arrays)
-    results: list[RefinedPose | None] = [None] * len(starts)
-    for k, pose, matrix, (square, weight, explained) in zip(
-        order, poses.poses(), matrices, totals, strict=True
-    ):
-        rms = float(np.sqrt(square / weight)) if weight else np.inf
-        results[k] = RefinedPose(pose, rms, float(explained), matrix)
-    return [result for result in results if result is not None]
+    refined = [RefinedPose(*one) for one in zip(poses.poses(), matrices, strict=True)]
+    return [refined[k] for k in np.argsort(order)]
 
 
 def free_unknowns(model: BodyModel) -> np.ndarray:
@@ -229,22 +206,24 @@ def free_unknowns(model: BodyModel) -> np.ndarray:
     return np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
 
 
-def step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+def _step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest steps (K, 6 + D) of poses with angles (K, D): trust region and limits."""
-    low = np.full((len(angles_rad), 6 + angles_rad.shape[1]), -_TRUST_RAD)
-    low[:, :3] = -_TRUST_M
+    trust = REFINEMENT.trust_rad
+    low = np.full((len(angles_rad), 6 + angles_rad.shape[1]), -trust)
+    low[:, :3] = -REFINEMENT.trust_m
     high = -low
     # An angle that starts beyond its limit may return by as much as the trust region allows.
     below, above = (limit - angles_rad for limit in model.dof_limits_rad.T)
-    low[:, 6:] = np.minimum(np.maximum(below, -_TRUST_RAD), 0.0)
-    high[:, 6:] = np.maximum(np.minimum(above, _TRUST_RAD), 0.0)
+    low[:, 6:] = np.minimum(np.maximum(below, -trust), 0.0)
+    high[:, 6:] = np.maximum(np.minimum(above, trust), 0.0)
     return low, high
 
 
-def bounded_step(
-    matrix: np.ndarray, gradient: np.ndarray, free: np.ndarray, angles: np.ndarray, model: BodyModel
+def solve_steps(
+    matrix: np.ndarray, gradient: np.ndarray, angles_rad: np.ndarray, model: BodyModel
 ) -> np.ndarray:
-    r"""Step that minimises the normal equations' quadratic in joint limits and a trust region.
+    r"""Steps of K poses that minimise the normal equations' quadratic in joint limits and a trust
+    region.
 
     .. math:: \min_\delta \tfrac{1}{2} \delta^T H \delta + g^T \delta
         \quad \text{subject to} \quad l \le \delta \le u
@@ -254,19 +233,18 @@ def bounded_step(
     pelvis and lumbar spine.
 
     Args:
-        matrix: (n, n) float64, H, positive definite on the free unknowns; n = 6 + D.
-        gradient: (n,) float64, g.
-        free: indices of the unknowns that may change.
-        angles: (D,) float64, current joint angles, rad.
+        matrix: (K, n, n) float64, H, positive definite on the free unknowns; n = 6 + D.
+        gradient: (K, n) float64, g.
+        angles_rad: (K, D) float64, current joint angles.
         model: for the limits.
 
     Returns:
-        (n,) float64, the step; zero where not free.
+        (K, n) float64; zero for what is held fixed.
     """
-    steps = np.empty((1, len(gradient)))
-    low, high = step_bounds(angles[None], model)
-    bounded_steps(np.ascontiguousarray(matrix)[None], gradient[None], free, low, high, steps)
-    return steps[0]
+    steps = np.empty_like(gradient)
+    low, high = _step_bounds(angles_rad, model)
+    bounded_steps(matrix, gradient, free_unknowns(model), low, high, steps)
+    return steps
 
 
 def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> np.ndarray:
@@ -278,13 +256,13 @@ def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> 
         if reach:
             largest = own.independence / own.contour_m**2
             scale = max(0.5 * reach, 2 * own.contour_m)
-            row[:] = scale, largest, own.outside_weight * largest
+            row[:] = scale, largest, REFINEMENT.outside * largest
     return weights
 
 
 def _of_spacing(observation: Observation) -> np.ndarray:
     """Factors (3,) on `contour_weights`: of fewer contour points each counts for more."""
-    factor = observation.spacing_m / USUAL_SPACING_M
+    factor = observation.spacing_m / REFINEMENT.spacing_m
     return np.array([1.0, factor, factor])
 
 
@@ -296,7 +274,7 @@ def add_silhouettes(
     weights: np.ndarray,
     matrix: np.ndarray,
     gradient: np.ndarray,
-) -> np.ndarray:
+) -> None:
     r"""Adds the residuals of K poses to their normal equations, in place; see `residuals`.
 
     A residual along :math:`n` of a point that part p moves with weight :math:`\omega_p` to
@@ -315,27 +293,19 @@ def add_silhouettes(
         weights: (K, 3), see `contour_weights`.
         matrix: (K, 6 + D, 6 + D) float64.
         gradient: (K, 6 + D) float64.
-
-    Returns:
-        (K, 3) float64: weighted sum of squared residuals, sum of weights, and the fraction of
-        contour points that were matched.
     """
     matched, gap, away, toward = _correspondences(posed, observation, reach_m)
     weights = weights * _of_spacing(observation)
-    totals = np.empty((len(matrix), 3))
     add_silhouette_terms(
         (matched, gap, observation.normal),
         (away, toward),
         weights,
-        _OUTSIDE_M,
+        REFINEMENT.outside_m,
         surface.arrays,
         posed.placed,
         matrix,
         gradient,
-        totals,
     )
-    totals[:, 2] /= max(len(observation.camera), 1)
-    return totals
 
 
 def _correspondences(
@@ -411,13 +381,12 @@ def residuals(
         index.append(out)
         direction.append(along[out])
         gaps.append(far[out])
-        weight.append(base_outside / (1 + (far[out] / _OUTSIDE_M) ** 2) ** 2)
+        weight.append(base_outside / (1 + (far[out] / REFINEMENT.outside_m) ** 2) ** 2)
     return Residuals(
         np.concatenate(index),
         np.concatenate(direction),
         np.concatenate(gaps),
         np.concatenate(weight),
-        len(hits) / max(len(matched), 1),
     )
 
 
@@ -486,7 +455,7 @@ def add_pose_priors(
         priors.precision[:count],
         (priors.usual_precision[:count], relaxed_rad(model.tree)),
         model.dof_limits_rad,
-        1 / _LIMIT_RAD**2,
+        1 / np.radians(REFINEMENT.limit_deg) ** 2,
         matrix,
         gradient,
     )

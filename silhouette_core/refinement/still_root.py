@@ -13,8 +13,7 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefinedPose, RefineSettings, free_unknowns, refine
 from silhouette_core.refinement.surface import Surface
-
-_FAR_M = 0.15  # roots of single frames farther than this from their median do not count
+from silhouette_core.tuning import REFINEMENT
 
 
 def still_root(
@@ -46,7 +45,7 @@ def still_root(
         lambda k: refine(surface, observations[k], poses[k], None, settings), range(len(poses))
     )
     places = np.array([one.pose.root_m for one in refined])
-    near = np.linalg.norm(places - np.median(places, axis=0), axis=1) < _FAR_M
+    near = np.linalg.norm(places - np.median(places, axis=0), axis=1) < REFINEMENT.same_root_m
     refined = [one for one, kept in zip(refined, near, strict=True) if kept] or refined
     middle = refined[0].pose
     steps = np.array([one.pose.minus(middle)[:6] for one in refined])

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.motion.kernels.kinematics import place_bodies
+from silhouette_core.motion.kinematics import place_with_axes
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.kernels.refine import (
     fill_jacobian,
@@ -99,38 +99,14 @@ class Surface:
 
     def posed_many(self, poses: PoseArrays, skinned: bool = True) -> PosedSurfaces:
         """Surface in K poses; without its points and normals if they are not to be `skinned`."""
-        model, count = self.model, len(poses)
-        rotation, origin = (
-            np.empty((count, len(model.names), 3, 3)),
-            np.empty((count, len(model.names), 3)),
-        )
-        axis = np.empty((count, model.dof_count, 3))
-        place_bodies(
-            model.parents,
-            model.joints_m,
-            model.dof_part,
-            model.dof_axis,
-            poses.root_rotation,
-            poses.root_m,
-            poses.angles_rad,
-            rotation,
-            origin,
-            axis,
-        )
-        shape = (count, *self.rest.shape) if skinned else (count, 0, 3)
+        model = self.model
+        rotation, origin, axis = place_with_axes(model, *poses.arrays)
+        shape = (len(poses), *self.rest.shape) if skinned else (len(poses), 0, 3)
         points, normals = np.empty(shape), np.empty(shape)
         if skinned:
-            pose_surfaces(
-                self.rest,
-                self.normals,
-                model.joints_m,
-                self.skin_parts,
-                self.skin_weights,
-                rotation,
-                origin,
-                points,
-                normals,
-            )
+            skin = self.skin_parts, self.skin_weights
+            at_rest = self.rest, self.normals, model.joints_m, *skin
+            pose_surfaces(*at_rest, rotation, origin, points, normals)
         return PosedSurfaces(rotation, origin, axis, points, normals)
 
     @property
@@ -142,22 +118,8 @@ class Surface:
 
     def jacobian(self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Derivatives (N, 6 + D) of direction (N, 3) . points[index] by a step of `Pose.moved`."""
-        rows = np.empty((len(index), 6 + self.model.dof_count))
-        fill_jacobian(
-            index,
-            direction,
-            self.rest,
-            self.model.joints_m,
-            self.skin_parts,
-            self.skin_weights,
-            posed.part_rotation,
-            posed.part_origin,
-            self.model.tree.descends,
-            self.model.dof_part,
-            posed.world_axis,
-            rows,
-        )
-        return rows
+        rest = self.rest, self.model.joints_m, self.skin_parts, self.skin_weights
+        return point_jacobian(self.model, posed, rest, index, direction)
 
     def shape_jacobian(
         self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray
@@ -173,23 +135,38 @@ class Surface:
                     + (joints[:, part] - joints[:, parent]) @ posed.part_rotation[parent].T
                 )
         rows = np.empty((len(index), len(joints)))
-        fill_shape_jacobian(
-            index,
-            direction,
-            self.skin_parts,
-            self.skin_weights,
-            posed.part_rotation,
-            self._rest_change,
-            joints,
-            origin,
-            rows,
-        )
+        moved = self.skin_parts, self.skin_weights, posed.part_rotation
+        change = self._rest_change, joints, origin
+        fill_shape_jacobian(index, direction, *moved, *change, rows)
         return rows
 
     @cached_property
     def _rest_change(self) -> np.ndarray:
         """Changes (V, K, 3) of the points at rest by the shape deviations."""
         return np.ascontiguousarray(self.model.space.vertices_change[:, self.taken].swapaxes(0, 1))
+
+
+def point_jacobian(
+    model: BodyModel,
+    posed: PosedSurface,
+    rest: tuple[np.ndarray, ...],
+    index: np.ndarray,
+    direction: np.ndarray,
+) -> np.ndarray:
+    """Derivatives (N, 6 + D) of direction (N, 3) . points[index] by a step of `Pose.moved`.
+
+    Args:
+        model: the body.
+        posed: where its parts are.
+        rest: the points (V, 3), joints (P, 3), parts (V, 4) that move each point and their weights.
+        index: (N,), points.
+        direction: (N, 3).
+    """
+    rows, tree = np.empty((len(index), 6 + model.dof_count)), model.tree
+    placed = posed.part_rotation, posed.part_origin
+    moved = tree.descends, tree.dof_part, posed.world_axis
+    fill_jacobian(index, direction, *rest, *placed, *moved, rows)
+    return rows
 
 
 def _even_points(model: BodyModel, count: int) -> np.ndarray:

@@ -35,11 +35,12 @@ from silhouette_core.refinement.refine import (
     free_unknowns,
 )
 from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
+from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
 _ANKLES = "left_ankle", "right_ankle"
-_TRUST_M, _TRUST_RAD = 0.10, 0.35
-_STILL = 0.3  # standard deviation of a standing foot's movement, as a fraction of slip_m
-_CONTOUR = RefineSettings(reaches_m=(0.15, 0.10, 0.08), contour_m=0.015, independence=0.3)
+_CONTOUR = RefineSettings(
+    TRAJECTORY.reaches_m, contour_m=TRAJECTORY.contour_m, independence=TRAJECTORY.independence
+)
 
 
 @dataclass(frozen=True)
@@ -53,27 +54,21 @@ class TrajectorySettings:
         root_m: the same of the pelvis's position, m.
         root_rad: the same of its orientation.
         slip_m: scale of the robust weight of a standing foot's movement, m.
-        stand_m: height of the ankle above the floor up to which a foot may stand, m.
-        floor_m: standard deviation of the lowest point's height above the floor, m.
-        hover_m: scale of its robust weight: somebody may jump, m.
     """
 
     contour: RefineSettings = _CONTOUR
-    acceleration: float = 0.35
-    root_m: float = 0.02
-    root_rad: float = 0.05
-    slip_m: float = 0.02
-    stand_m: float = 0.16
-    floor_m: float = 0.02
-    hover_m: float = 0.08
+    acceleration: float = TRAJECTORY.acceleration
+    root_m: float = TRAJECTORY.root_m
+    root_rad: float = TRAJECTORY.root_rad
+    slip_m: float = TRAJECTORY.slip_m
 
     def steadier(self) -> TrajectorySettings:
         """Settings for a body that is no person's, whose usual steps are wide."""
-        return replace(self, acceleration=0.12)
+        return replace(self, acceleration=TRAJECTORY.other_acceleration)
 
     def quicker(self) -> TrajectorySettings:
         """Settings that keep up with a camera: one round less."""
-        return replace(self, contour=replace(self.contour, reaches_m=(0.12, 0.08)))
+        return replace(self, contour=replace(self.contour, reaches_m=TRAJECTORY.live_reaches_m))
 
 
 def fit_trajectory(
@@ -196,7 +191,7 @@ def _own_terms(
             one, terms = posed.some(rows), (matrix[rows], gradient[rows])
             add_silhouettes(surface, one, observation, reach, weights, *terms)
             if floor:
-                _add_floor(matrix[t], gradient[t], surface, posed.one(t), settings)
+                _add_floor(matrix[t], gradient[t], surface, posed.one(t))
     stances = [settings.contour.usual] * count
     usual = PosePriors.from_priors(poses, [None] * count, stances, model.tree)
     add_pose_priors(matrix, gradient, poses, model, usual)
@@ -209,7 +204,6 @@ def _add_floor(
     gradient: NDArray[np.float64],
     surface: Surface,
     posed: PosedSurface,
-    settings: TrajectorySettings,
 ) -> None:
     """Adds the height of what is below the floor, and of the lowest point if it is a little above:
     with the outline, it decides the distance.
@@ -220,8 +214,8 @@ def _add_floor(
         touching = np.array([height.argmin()])
     up = np.tile([0.0, 0.0, 1.0], (len(touching), 1))
     # All points together count as one: they are of one foot.
-    weight = 1.0 / (settings.floor_m**2 * len(touching))
-    above = np.maximum(height[touching], 0.0) / settings.hover_m
+    weight = 1.0 / (TRAJECTORY.floor_m**2 * len(touching))
+    above = np.maximum(height[touching], 0.0) / TRAJECTORY.hover_m
     add_normal_equations(
         surface.jacobian(posed, touching, up),
         weight / (1 + above**2) ** 2,
@@ -277,10 +271,10 @@ def _add_standing(
     for t in range(len(posed) - 1):
         moved = ankles[t + 1] - ankles[t]
         for foot in range(len(feet)):
-            if max(ankles[t, foot, 2], ankles[t + 1, foot, 2]) > settings.stand_m:
+            if max(ankles[t, foot, 2], ankles[t + 1, foot, 2]) > TRAJECTORY.stand_m:
                 continue
             speed = float(moved[foot] @ moved[foot]) / settings.slip_m**2
-            weight = 1.0 / ((_STILL * settings.slip_m) ** 2 * (1 + speed) ** 2)
+            weight = 1.0 / ((TRAJECTORY.still * settings.slip_m) ** 2 * (1 + speed) ** 2)
             here, there = -jacobians[t][foot], jacobians[t + 1][foot]
             banded.add(t, t, weight * here.T @ here)
             banded.add(t + 1, t, weight * there.T @ here)
@@ -294,6 +288,6 @@ def _moved(
 ) -> Pose:
     whole = np.zeros(6 + model.dof_count)
     whole[free] = step
-    whole[:3] = np.clip(whole[:3], -_TRUST_M, _TRUST_M)
-    whole[3:] = np.clip(whole[3:], -_TRUST_RAD, _TRUST_RAD)
+    whole[:3] = np.clip(whole[:3], -REFINEMENT.trust_m, REFINEMENT.trust_m)
+    whole[3:] = np.clip(whole[3:], -REFINEMENT.trust_rad, REFINEMENT.trust_rad)
     return pose.moved(whole).clipped(model.dof_limits_rad)

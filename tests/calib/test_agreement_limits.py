@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from calib.agreement import (
-    Tolerance,
     _culprits,
     group_error,
     image_scale,
@@ -30,7 +29,7 @@ def pair_errors(
 
 
 def blamed(off_px: dict[str, float], rest_px: float = 0.2) -> tuple[str, ...]:
-    return _culprits(pair_errors(off_px, rest_px), NAMES, Tolerance(), 1.0)
+    return _culprits(pair_errors(off_px, rest_px), NAMES, 1.0)
 
 
 def test_a_minority_is_blamed():

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.board_scene import board_picture
 from calib.board import Board, BoardView
-from calib.board_sheet import PAPERS_M, board_picture, largest_square_m, write_pdf
+from calib.board_sheet import PAPERS_M, largest_square_m, write_pdf
 from calib.errors import InputError
 
 BOARDS = [Board(8, 5, 0.027), Board(7, 4, 0.027, marker_m=0.02025)]
@@ -55,7 +56,7 @@ def test_the_page_is_to_scale_and_is_found(tmp_path, board, paper):
 @pytest.mark.parametrize("board", BOARDS)
 def test_paper_and_picture_show_the_same(tmp_path, board):
     write_pdf(board, tmp_path / "board.pdf")
-    page, picture = printed(tmp_path / "board.pdf"), board_picture(board)
+    page, picture = printed(tmp_path / "board.pdf"), board_picture(board, 120)
     square = round(board.square_m * PX_PER_M)
     height, width = (board.rows + 3) * square, (board.columns + 3) * square
     rows, columns = np.indices((height, width)) * 120 // square

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from boards import CHECKERBOARD, FACE_UP, board_views, room, seen, without_poses
 
+from benchmarks.board_scene import align_rigs
 from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import align_rigs, calibrate_extrinsics, pose_difference
+from calib.extrinsics import calibrate_extrinsics, pose_difference
 from calib.files import read_rig
 from calib.rotation import matrix_from_rodrigues
 

@@ -60,7 +60,7 @@ def add_silhouette_terms(rng):
     contour = rng.integers(-1, 20, (3, 30)), 0.1 * rng.normal(size=(3, 30)), directions(rng, 30)
     outside = np.maximum(rng.normal(size=(3, 2, 20)), 0), rng.normal(size=(3, 2, 20, 3))
     size = 6 + DOFS
-    filled = np.zeros((3, size, size)), rng.normal(size=(3, size)), np.empty((3, 3))
+    filled = np.zeros((3, size, size)), rng.normal(size=(3, size))
     return Example(
         (
             contour,

@@ -129,13 +129,10 @@ def add_normal_equations(rows, weight, gap, matrix, gradient):
     gradient += rows.T @ (weight * gap)
 
 
-def add_silhouette_terms(
-    contour, outside, weights, outside_m, body, placed, matrix, gradient, totals
-):
+def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, matrix, gradient):
     """J^T W J and J^T W r of all contour points with a match and all points outside."""
     (matched, gap, normal), (away, toward) = contour, outside
     rest, joints, skin_parts, skin_weights, descends, dof_part = body
-    totals[:] = 0
     for k in np.flatnonzero(weights[:, 1]):
         hits = matched[k] >= 0
         _, out = np.nonzero(away[k] > 0)
@@ -162,7 +159,6 @@ def add_silhouette_terms(
             rows,
         )
         add_normal_equations(rows, weight, r, matrix[k], gradient[k])
-        totals[k] = weight @ r**2, weight.sum(), hits.sum()
 
 
 def add_pose_terms(poses, means, precision, usual, limits, limit_precision, matrix, gradient):

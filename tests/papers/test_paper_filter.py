@@ -14,7 +14,7 @@ from papers.paper_filter import (
     initial_prior,
     largest_component,
 )
-from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.making.build import build_library
@@ -128,9 +128,7 @@ def test_silhouettes_are_those_of_the_paper_unless_with_additions(tmp_path):
         SilhouetteVideo.from_recording(recording, 1.75, SilentReporter(), additions).mask(0)
         for additions in (False, True)
     )
-    model = BackgroundModel.from_frames(
-        recording.backgrounds()["cam_3"], BackgroundSettings(method="paper")
-    )
+    model = BackgroundModel.from_frames(recording.backgrounds()["cam_3"], "paper")
     (_, _, frames), *_ = recording
     expected = largest_component(model.silhouette(frames["cam_3"]))
     assert (own == expected).mean() > 0.999 and (own != refined).any()

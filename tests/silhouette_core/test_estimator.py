@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.estimator import GROUP, Settings, available_estimators, load_estimator
+from silhouette_core.entry_points import registered
+from silhouette_core.estimator import GROUP, Settings, load_estimator
 from silhouette_core.progress import SilentReporter
 
 OUTSIDE = """
@@ -43,7 +44,7 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_own_estimator_is_registered_like_any_other():
-    assert available_estimators()["multiview"].value == "voxelpose.multiview:MultiViewEstimator"
+    assert registered(GROUP)["multiview"].value == "voxelpose.multiview:MultiViewEstimator"
 
 
 @pytest.mark.usefixtures("outside")
@@ -55,7 +56,7 @@ def test_estimator_from_outside_is_found_and_runs():
 
 
 def test_listing_imports_nothing(outside):
-    assert "standing" in available_estimators()
+    assert "standing" in registered(GROUP)
     assert "somebodys_estimator" not in sys.modules
 
 

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import Agreement, agreement, even_moments
+from calib.agreement import Agreement, agreement
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import write_rig
+from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import Outline, OutlineTrack
 from calib.upright import axis_name, other_up
@@ -161,7 +162,7 @@ def _outlines(
     """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
-    shown = moments[np.linspace(0, len(moments) - 1, _SHOWN + 2).round().astype(int)[1:-1]]
+    shown = moments[even_moments(len(moments), _SHOWN, 1 / (_SHOWN + 1))]
     checked_frames: dict[int, dict[str, CheckedFrame]] = {}
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)

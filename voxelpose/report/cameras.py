@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.agreement import agreement
 from calib.camera import Camera
 from calib.errors import InputError
+from calib.moments import even_moments
 from calib.tangency import OutlineTrack
 from voxelpose.tuning import REPORT
 from voxelpose.view.images.figure import body_parts
@@ -69,8 +70,7 @@ def check_cameras(scenes: ResultScenes) -> CameraCheck:
     motion = scenes.motion
     if motion is None or scenes.recording is None:
         return CameraCheck()
-    count = min(_MOMENTS, len(motion))
-    rows = np.linspace(0, len(motion) - 1, count).round().astype(int)
+    rows = even_moments(len(motion), _MOMENTS, margin=0)
     masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in scenes.rig.names}
     compared: dict[str, list[tuple[float, float, float]]] = {name: [] for name in masks}
     cameras: dict[str, tuple[Camera, NDArray[np.bool_] | None]] = {}

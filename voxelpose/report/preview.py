@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.moments import even_moments
 from voxelpose.results import Result
 from voxelpose.view.images.canvas import encoded, hatched, reduced
 from voxelpose.view.images.figure import FigurePainter
@@ -47,8 +48,7 @@ class Preview:
 def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
     """Preview from the overlay videos, else from the recording; None where both are missing."""
     first, last = int(scenes.frames[0]), int(scenes.frames[-1])
-    count = min(_MOST, last - first + 1)
-    chosen = np.unique(np.linspace(first, last, count).round().astype(int)).tolist()
+    chosen = (first + even_moments(last - first + 1, _MOST, margin=0)).tolist()
     names = result.rig.names[:: -(-len(result.rig) // _MOST_CAMERAS)]
     if all((result.folder / f"overlay_{name}.webm").exists() for name in names):
         tiled = _from_overlays(result, names, first, set(chosen))

@@ -11,7 +11,7 @@ from calib.errors import InputError
 
 MOST_JOINTS = 1000
 """Joints of a recorded skeleton; those with all fingers and helpers have some two hundred."""
-LARGEST_VALUE = 1e7
+LARGEST_VALUE = 10_000_000
 """Below which every angle, in degrees, and position, in any unit, stays."""
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 _END_SITE = -2

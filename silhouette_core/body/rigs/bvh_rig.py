@@ -16,11 +16,11 @@ from silhouette_core.body.rigid_parts import Capsule, body_of_parts
 from silhouette_core.body.rigs.bvh_hierarchy import BvhJoint, split_bvh
 from silhouette_core.body.rigs.rig_checks import check_bones, check_rest, parents_first, short
 from silhouette_core.body.rigs.rig_dofs import FREE_DEG, UNITS_M, RigTable, read_rig_table
+from silhouette_core.tuning import MEASURING
 
 _LARGEST = 300_000_000
-_RADIUS = 0.12  # of a bone's length
-_TURNS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 0.0, 1.0), "Z": (0.0, -1.0, 0.0)}  # y up to z up
-_TABLE_AXES = {"X": ("x", 1.0), "Y": ("z", 1.0), "Z": ("y", -1.0)}
+_TURNS = {"X": (1, 0, 0), "Y": (0, 0, 1), "Z": (0, -1, 0)}  # y up to z up
+_TABLE_AXES = {"X": ("x", 1), "Y": ("z", 1), "Z": ("y", -1)}
 
 
 def read_bvh_rig(path: Path) -> BodyModel:
@@ -117,4 +117,4 @@ def _capsule(
 ) -> Capsule:
     length = float(np.linalg.norm(end - start))
     first, last = tuple(start.tolist()), tuple(end.tolist())
-    return Capsule(first, last, _RADIUS * length if radius_m is None else radius_m)
+    return Capsule(first, last, MEASURING.bone_radius * length if radius_m is None else radius_m)

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-_SAME = 1e-6  # of the extent: vertices so near are one
-
 
 def close_surface(
     vertices: NDArray[np.float64], faces: NDArray[np.integer]
@@ -33,7 +31,8 @@ def close_surface(
     """
     faces = np.asarray(faces, np.int64)
     if len(_open_edges(faces)):
-        grid = np.round(vertices / (_SAME * max(float(np.ptp(vertices, axis=0).max()), 1e-12)))
+        extent = max(float(np.ptp(vertices, axis=0).max()), 1e-12)
+        grid = np.round(vertices / (1e-6 * extent))
         _, first, joined = np.unique(grid, axis=0, return_index=True, return_inverse=True)
         faces = first[joined.reshape(-1)][faces]
         ends = faces, np.roll(faces, 1, axis=1)

@@ -18,7 +18,6 @@ MESH_SUFFIXES = ".stl", ".dae", ".obj", ".ply"
 _LARGEST_MESH = 100_000_000
 _FOLDERS_ABOVE = 3
 _SECTIONS, _EDGES = 24, 8
-_THINNEST_M = 1e-5
 
 
 def link_shapes(path: Path, link: Any, world: NDArray[np.float64]) -> list[ClosedMesh]:
@@ -69,7 +68,7 @@ def _geometry(
 
 def _sizes(path: Path, link: str, sizes: Any, count: int) -> NDArray[np.float64]:
     values = np.array([np.nan if size is None else size for size in np.ravel(sizes)], float)
-    if len(values) != count or not ((values > _THINNEST_M) & (values < LARGEST_M)).all():
+    if len(values) != count or not ((values > 1e-5) & (values < LARGEST_M)).all():
         raise InputError(
             f"{path}: the link {short(link)} has a shape of the size {short(values.tolist())}: give"
             " metres above zero"

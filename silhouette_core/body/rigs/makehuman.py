@@ -38,7 +38,7 @@ from silhouette_core.body.rigs.rig_dofs import ball_joint
 
 CMU = "cmu_mb"
 ORIGINS = ("african", "asian", "caucasian")
-_FREE_DEG = 120.0
+_FREE_DEG = 120
 
 
 @dataclass(frozen=True)

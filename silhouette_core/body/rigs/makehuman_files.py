@@ -23,9 +23,8 @@ from calib.errors import InputError
 from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short
 
 _LARGEST = 60_000_000  # bytes of a file; the largest, skin weights, have 3 MB
-_FARTHEST_DM = 1e4
+_FARTHEST_DM = 10_000
 _BODY = "body"  # group of the faces that are the body; the others are helpers
-_METRES = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,4 +250,4 @@ def _check_positions(path: Path, numbers: NDArray[np.float64]) -> None:
 def _metres(decimetres: NDArray[np.float64]) -> NDArray[np.float64]:
     """From decimetres, y up, facing +z, to metres, z up, facing -y."""
     x, y, z = decimetres.T
-    return _METRES * np.stack([x, -z, y], axis=1)
+    return 0.1 * np.stack([x, -z, y], axis=1)

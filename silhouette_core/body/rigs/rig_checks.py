@@ -14,11 +14,9 @@ MOST_PARTS = 250
 """Parts of a body; the image of part numbers holds 254."""
 MOST_VERTICES = 400_000
 """Vertices or triangles of a body."""
-SMALLEST_M, LARGEST_M = 0.01, 100.0
+SMALLEST_M, LARGEST_M = 1 / 100, 100
 """Smallest and largest extent of a body."""
 LONGEST_NAME = 80
-_SHORTEST_BONE = 1e-6  # of the extent
-_WEIGHT_TOLERANCE = 0.02  # weights in 8 bits, four of them
 
 
 def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS) -> list[str]:
@@ -110,7 +108,7 @@ def check_bones(
         return
     length = np.linalg.norm(joints_m[here] - joints_m[parents[here]], axis=1)
     shortest = int(length.argmin())
-    if length[shortest] < _SHORTEST_BONE * max(float(np.ptp(joints_m, axis=0).max()), 1e-9):
+    if length[shortest] < 1e-6 * max(float(np.ptp(joints_m, axis=0).max()), 1e-9):
         child = here[shortest]
         raise InputError(
             f"{path}: the bone from {names[parents[child]]!r} to {names[child]!r} has no length:"
@@ -138,12 +136,12 @@ def normalised_weights(
     if len(parts) and not (parts.min() >= 0 and parts.max() < count):
         raise InputError(f"{path} has skin weights of joint {parts.max()}, but {count} joints")
     sums = weights.sum(1, dtype=float)
-    off = np.abs(sums - 1)
-    if len(off) and off.max() > _WEIGHT_TOLERANCE:
+    off, tolerance = np.abs(sums - 1), 0.02  # weights in 8 bits, four of them
+    if len(off) and off.max() > tolerance:
         worst = int(off.argmax())
         raise InputError(
             f"{path}: the skin weights of vertex {worst} sum to {sums[worst]:.3g} and not to 1 (so"
-            f" {np.count_nonzero(off > _WEIGHT_TOLERANCE)} vertices): normalise the weights"
+            f" {np.count_nonzero(off > tolerance)} vertices): normalise the weights"
         )
     return weights.astype(float) / sums[:, None]
 

@@ -9,18 +9,19 @@ from typing import Any
 
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.files.fields import METRES
 from silhouette_core.body.kinematic_tree import Dof
 from silhouette_core.body.rigs.rig_checks import short
 
-TURNS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+TURNS = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 """Name of a turn about an axis of the body frame -> that axis."""
-FREE_DEG = 150.0
+FREE_DEG = 150
 """Limits of a joint of which nothing is known: so far to either side."""
-UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+UNITS_M = METRES | {"in": 254 / 10_000, "ft": 3048 / 10_000}
 """Units of length that a table can name, in metres."""
 _KEYS = "unit", "radius", "root_fixed", "limits"
 _LARGEST_TABLE = 1_000_000
-_LARGEST_DEG = 360.0
+_LARGEST_DEG = 360
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,8 @@ _LARGEST = 20_000_000
 _MOST_LINKS = 2000
 _TURNS = "revolute", "continuous"
 _STILL = "fixed", "prismatic", "floating", "planar"
-_WHOLE_TURN_DEG = 180.0
-_APART_M = 1e-3
-_FACING = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # x forward to -y
+_WHOLE_TURN_DEG = 180
+_FACING = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # x forward to -y
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +206,5 @@ def _chain_ends(robot: _Robot) -> list[str]:
         for link in robot.order
         if robot.part[link] != link
         and link not in carrying
-        and np.linalg.norm(robot.world[link][:3, 3] - robot.world[robot.part[link]][:3, 3])
-        > _APART_M
+        and np.linalg.norm(robot.world[link][:3, 3] - robot.world[robot.part[link]][:3, 3]) > 1e-3
     ]

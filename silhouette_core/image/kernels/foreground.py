@@ -7,12 +7,13 @@ Source: own, see `silhouette_core.image.foreground`, which calls them. Reference
 import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.tuning import COLOURS
 
 # How often a pixel of the background is lit as it was, in a shadow, or of any colour, over the
 # constants of the densities: of three Gaussians, of two, and of 256 values of each channel.
-_LIT = np.float32(0.85 * (2 * np.pi) ** -1.5)
-_SHADED = np.float32(0.15 / (2 * np.pi))
-_OTHERWISE = np.float32(1e-3 / 256**3)
+_LIT = np.float32(COLOURS.lit / np.sqrt(2 * np.pi) ** 3)
+_SHADED = np.float32((1 - COLOURS.lit) / (2 * np.pi))
+_OTHERWISE = np.float32(COLOURS.otherwise / 256**3)
 
 
 @kernel

@@ -37,12 +37,6 @@ def _edge(dx, dy, start_x, start_y, row):
 
 
 @kernel
-def _sign(e, f, g):
-    """A negative number if one of three is negative."""
-    return e | f | g
-
-
-@kernel
 def _row_span(constant, slope, first, last):
     """Pixels of [first, last] on the inner side of an edge in a row."""
     if slope > 0:

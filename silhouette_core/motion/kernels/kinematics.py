@@ -8,10 +8,10 @@ Reference: `tests.oracles.motion`.
 import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.tuning import RETARGETING
 
 _STEPS = 30
-_TRUST_RAD = 0.6  # largest change of an angle in one step: beyond it the linearisation is wrong
-_POOR = 0.05  # cost from which a frame is also started from the rest pose
+_TRUST_RAD, _POOR = RETARGETING.trust_rad, RETARGETING.poor
 
 
 @kernel

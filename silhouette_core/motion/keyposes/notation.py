@@ -32,22 +32,13 @@ from numpy.typing import NDArray
 MIDDLE = ("tip", "lean", "side", "twist", "look", "nod", "yaw")
 LIMBS = ("arm", "out", "elbow", "turn", "lift", "hip", "straddle", "knee", "toe", "heel")
 COLUMNS = MIDDLE + tuple(f"{side}.{limb}" for side in "lr" for limb in LIMBS)
-_STANDING = {
-    "out": 9.0,
-    "elbow": 14.0,
-    "arm": 2.0,
-    "turn": 10.0,
-    "hip": 2.0,
-    "knee": 4.0,
-    "straddle": 3.0,
-    "toe": 6.0,
-}
-STANDING = np.array([_STANDING.get(column.rpartition(".")[2], 0.0) for column in COLUMNS])
+_STANDING = dict(out=9, elbow=14, arm=2, turn=10, hip=2, knee=4, straddle=3, toe=6)
+STANDING = np.array([_STANDING.get(column.rpartition(".")[2], 0) for column in COLUMNS], float)
 _EXCHANGED = [
     COLUMNS.index(c.replace("l.", "?.").replace("r.", "l.").replace("?.", "r.")) if "." in c else k
     for k, c in enumerate(COLUMNS)
 ]
-_TURNED = np.where(np.isin(COLUMNS, ["side", "twist", "look", "yaw"]), -1.0, 1.0)
+_TURNED = np.where(np.isin(COLUMNS, ["side", "twist", "look", "yaw"]), -1, 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.inverse_kinematics import Targets, lowest_foot
-from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement, movements
+from silhouette_core.motion.keyposes.notation import COLUMNS, LIMBS, STANDING, Movement, movements
 from silhouette_core.motion.motion import Motion
 
 _VARIANTS = 2
@@ -105,21 +105,7 @@ def _targets(
         targets.add("thorax", axis, chest.apply(axis), 1.0)
         targets.add("neck", axis, head.apply(axis), 0.5)
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        own = {
-            name: curves[f"{side[0]}.{name}"]
-            for name in (
-                "arm",
-                "out",
-                "elbow",
-                "turn",
-                "lift",
-                "hip",
-                "straddle",
-                "knee",
-                "toe",
-                "heel",
-            )
-        }
+        own = {name: curves[f"{side[0]}.{name}"] for name in LIMBS}
         shoulder = chest * _turns(y=-sign * own["lift"])
         collar = joint(f"{side}_upper_arm") - joint(f"{side}_clavicle")
         targets.add(

@@ -108,14 +108,23 @@ def _numbers(path: Path, text: str) -> NDArray[np.float64]:
         raise InputError(
             f"{path} has something in its frames that is no number: {str(error)[:100]}; mend it"
         ) from error
+    check_numbers(path, numbers)
+    return numbers
+
+
+def check_numbers(path: Path, numbers: NDArray[np.float64]) -> None:
+    """Checks that the numbers of a file can be angles and positions.
+
+    Raises:
+        InputError: one cannot.
+    """
     if not np.isfinite(numbers).all():
         raise InputError(f"{path} has frames with NaN or infinity: leave them out")
-    if len(numbers) and np.abs(numbers).max() >= LARGEST_VALUE:
+    largest = np.abs(numbers).max(initial=0)
+    if largest >= LARGEST_VALUE:
         raise InputError(
-            f"{path} has frames with {np.abs(numbers).max():.3g}, which is no angle or position:"
-            " leave them out"
+            f"{path} has frames with {largest:.3g}, which is no angle or position: leave them out"
         )
-    return numbers
 
 
 def _rate(path: Path, frame_time: str) -> float:

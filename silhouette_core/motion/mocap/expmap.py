@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, MOST_JOINTS
-from silhouette_core.motion.mocap.bvh import LARGEST_CLIP
+from silhouette_core.motion.mocap.bvh import LARGEST_CLIP, check_numbers
 
 # The CMU skeleton of the motion-prediction literature, for a skeleton.json without "names".
 _CMU = tuple(
@@ -23,7 +23,6 @@ _CMU = tuple(
     " RightIndexEnd RightThumb RightThumbEnd".split()
 )
 _LARGEST_SKELETON = 10_000_000
-_CMU_ROOT_SCALE = 2.54 / 0.45  # the database's unit of length, in centimetres
 
 
 def read_expmap(
@@ -57,7 +56,7 @@ def read_expmap(
         offsets = np.array(skeleton["offset"], float).reshape(len(parents), 3)
         fps = float(skeleton["fps"])
         names = tuple(skeleton.get("names", _CMU))
-        scale = float(skeleton.get("root_scale", _CMU_ROOT_SCALE))
+        scale = float(skeleton.get("root_scale", 2.54 / 0.45))  # CMU's unit, in centimetres
         if not all(isinstance(name, str) for name in names) or parents.ndim != 1:
             raise ValueError("names or parent is no list of such")
         if len(parents) > MOST_JOINTS or not 0.1 <= fps <= 1e5:
@@ -95,11 +94,5 @@ def _rows(path: Path, columns: int) -> NDArray[np.float64]:
             f"{path} has {rows.shape[1] if len(rows) else 0} numbers a row, its skeleton.json wants"
             f" {columns}"
         )
-    if not np.isfinite(rows).all():
-        raise InputError(f"{path} has frames with NaN or infinity: leave them out")
-    if np.abs(rows).max() >= LARGEST_VALUE:
-        raise InputError(
-            f"{path} has frames with {np.abs(rows).max():.3g}, which is no angle or position: leave"
-            " them out"
-        )
+    check_numbers(path, rows)
     return rows

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
+from silhouette_core.tuning import RETARGETING
 
 SIDES = ("left", "right")
 _TRUNK = ("pelvis", "lumbar", "thorax", "neck", "head", "left_clavicle", "right_clavicle")
-_STRAIGHT_DEG = 15.0
-_UPRIGHT_FRACTION = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +72,18 @@ def find_joint_frames(recorded: MocapClip) -> JointFrames:
         up = up_axis(clip)
         bends = _crookedness(clip, up)
         frame = int(bends.argmin())
-        if bends[frame] <= _STRAIGHT_DEG and (best is None or bends[frame] < best.doubt_deg):
+        if bends[frame] <= RETARGETING.straight_deg and (
+            best is None or bends[frame] < best.doubt_deg
+        ):
             best = _mean_axes(clip, up, np.array([frame]), float(bends[frame]))
     if best is not None:
         return best
     up = up_axis(recorded)
     lean = np.degrees(_angle(_trunk(recorded), up))
-    upright = np.argsort(lean, kind="stable")[: max(1, round(_UPRIGHT_FRACTION * len(recorded)))]
-    return _mean_axes(recorded, up, upright, _STRAIGHT_DEG + float(lean[upright].mean()))
+    count = max(1, round(RETARGETING.upright * len(recorded)))
+    upright = np.argsort(lean, kind="stable")[:count]
+    doubt_deg = RETARGETING.straight_deg + float(lean[upright].mean())
+    return _mean_axes(recorded, up, upright, doubt_deg)
 
 
 def hinge_axis(

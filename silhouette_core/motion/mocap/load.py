@@ -43,16 +43,16 @@ def _is_motion(file: Path) -> bool:
 
 
 def load_motions(
-    paths: Sequence[Path], model: BodyModel, names: Path | None = None, target_fps: float = FPS
+    paths: Sequence[Path], model: BodyModel, names: Path | None = None
 ) -> list[Motion]:
     """Recorded motions, retargeted to a body; clips of one skeleton share the axes of its trunk.
+
+    Recordings faster than `FPS` are reduced to it by taking the nearest frames.
 
     Args:
         paths: files and folders.
         model: the body.
         names: joint-name map for all files; None chooses a shipped one for each.
-        target_fps: faster recordings are reduced to it by taking the nearest frames; slower ones
-            are unchanged.
 
     Returns:
         One motion for each of `motion_files(paths)`.
@@ -60,7 +60,7 @@ def load_motions(
     Raises:
         InputError: as `read_clip`.
     """
-    clips = [read_clip(path, names).at_rate(target_fps) for path in motion_files(paths)]
+    clips = [read_clip(path, names).at_rate(FPS) for path in motion_files(paths)]
     best: dict[tuple, JointFrames] = {}
     for clip in clips:
         reference = find_joint_frames(clip)

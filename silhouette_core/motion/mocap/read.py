@@ -16,14 +16,13 @@ from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 SUFFIXES = (".bvh", ".csv")
 
 
-def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -> MocapClip:
+def read_clip(path: Path, names: Path | None = None) -> MocapClip:
     """Recorded motion of a file.
 
     Args:
         path: a BVH file of any skeleton, or a CSV of exponential maps with skeleton.json beside it.
         names: joint-name map in TOML; None: the shipped map (CMU, CC_Base, Mixamo, plain) that
             covers the skeleton.
-        fps: frames per second, if those in the file are wrong; None: as in the file.
 
     Returns:
         The clip in the file's unit and axes: the joints that have a role, and their ancestors.
@@ -31,14 +30,10 @@ def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -
     Raises:
         InputError: the file cannot be read, contradicts itself, or has joints without a known name.
     """
-    if fps is not None and fps <= 0:
-        raise InputError(f"{fps} frames per second cannot be")
     if path.suffix.lower() == ".bvh":
         hierarchy, numbers, rate = read_bvh(path)
-        joints, parents = (
-            tuple(joint.name for joint in hierarchy),
-            np.array([joint.parent for joint in hierarchy], np.int64),
-        )
+        joints = tuple(joint.name for joint in hierarchy)
+        parents = np.array([joint.parent for joint in hierarchy], np.int64)
         roles = find_roles(path.name, joints, names)
         selected = _with_ancestors(roles, parents)
         local, positions_in_parent = local_transforms(path, hierarchy, numbers, selected)
@@ -62,13 +57,9 @@ def read_clip(path: Path, names: Path | None = None, fps: float | None = None) -
     new = {-1: -1} | {int(joint): index for index, joint in enumerate(selected)}
     parents = np.array([new[parent] for parent in parents[selected].tolist()], np.int64)
     rotations, positions = place_joints(parents, positions_in_parent, local)
-    names_left, roles_left = (
-        tuple(joints[joint] for joint in selected),
-        {role: new[joint] for role, joint in roles.items()},
-    )
-    return MocapClip(
-        path.name, fps or rate, names_left, parents, offsets, rotations, positions, roles_left
-    )
+    kept = tuple(joints[joint] for joint in selected)
+    roles = {role: new[joint] for role, joint in roles.items()}
+    return MocapClip(path.name, rate, kept, parents, offsets, rotations, positions, roles)
 
 
 def _with_ancestors(roles: dict[str, int], parents: NDArray[np.int64]) -> NDArray[np.int64]:

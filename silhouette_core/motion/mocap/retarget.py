@@ -30,13 +30,10 @@ from silhouette_core.motion.mocap.joint_frames import (
 )
 from silhouette_core.motion.mocap.skeleton import MocapClip
 from silhouette_core.motion.motion import Motion
+from silhouette_core.tuning import RETARGETING
 
 _BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
 _HINGES = ("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot")
-# Weights of the directions. The turn of a limb about its axis (its hinge) is inaccurate, and
-# matters little while the limb is straight.
-_BONE, _HINGE, _TRUNK, _LUMBAR = 1.0, 0.02, 1.0, 0.2
-_HEAD, _CLAVICLE, _FOOT, _HAND = 0.3, 0.3, 0.03, 0.1
 _X, _Y, _Z = np.eye(3)
 
 
@@ -94,34 +91,34 @@ def _targets(
             )
 
     for axis in (_X, _Z):
-        turn("lumbar", "lumbar", axis, _LUMBAR)
-        turn("thorax", "thorax", axis, _TRUNK)
+        turn("lumbar", "lumbar", axis, RETARGETING.lumbar)
+        turn("thorax", "thorax", axis, 1.0)
     for axis in (_Y, _Z):
-        turn("neck", "head" if "head" in recorded.roles else "neck", axis, _HEAD)
+        turn("neck", "head" if "head" in recorded.roles else "neck", axis, RETARGETING.end)
     for side in SIDES:
         clavicle, hand, foot = (f"{side}_{name}" for name in ("clavicle", "hand", "foot"))
-        turn(clavicle, clavicle, unit(joint(f"{side}_upper_arm") - joint(clavicle)), _CLAVICLE)
+        turn(
+            clavicle, clavicle, unit(joint(f"{side}_upper_arm") - joint(clavicle)), RETARGETING.end
+        )
         for near, far in _BONES.items():
             own, far = f"{side}_{near}", f"{side}_{far}"
-            targets.add(
-                own, joint(far) - joint(own), direction(recorded, own, far) @ world.T, _BONE
-            )
+            targets.add(own, joint(far) - joint(own), direction(recorded, own, far) @ world.T, 1.0)
         for bones in _HINGES:
             own, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
             if hinge is not None:
                 flexion = model.dof_axis[model.dof_names.index(f"{side}_{bones[1]}.flexion")]
-                targets.add(own, flexion, _in_world(recorded, own, hinge, world), _HINGE)
+                targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.hinge)
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
         targets.add(
             hand,
             joint(f"{side}_fingers") - joint(hand),
             _in_world(recorded, hand, along, world),
-            _HAND,
+            RETARGETING.hand,
         )
         flat = _in_world(recorded, foot, sole(recorded, side), world)
         toes = joint(f"{side}_toes") - joint(foot)
-        targets.add(foot, toes * (1, 1, 0), -flat[:, :, 1], _FOOT)
-        targets.add(foot, _Z, flat[:, :, 2], _FOOT)
+        targets.add(foot, toes * (1, 1, 0), -flat[:, :, 1], RETARGETING.foot)
+        targets.add(foot, _Z, flat[:, :, 2], RETARGETING.foot)
     return targets
 
 

@@ -9,10 +9,11 @@ tangent planes and the choice of the rim are ours. Reference:
 import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.tuning import REFINEMENT
 
 _CHUNK = 256  # contour points that are matched together
 _BINS = 128
-_FIRST_M = 0.04  # distance within which the match is looked for first
+_FIRST_M = REFINEMENT.first_match_m
 
 
 @kernel

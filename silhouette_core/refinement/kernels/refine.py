@@ -342,9 +342,7 @@ def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradien
 
 
 @parallel_kernel
-def add_silhouette_terms(
-    contour, outside, weights, outside_m, body, placed, matrix, gradient, totals
-):
+def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, matrix, gradient):
     """Adds J^T W J to matrix (K, n, n) and J^T W r to gradient (K, n) of K poses: contours as
     `match_contours` matched them, then points as `measure_outside` found them outside.
 
@@ -352,8 +350,7 @@ def add_silhouette_terms(
     (K, C, V, 3). weights (K, 3) are the scale of a contour residual's robust weight (m), its
     largest weight and that of a point outside, 1/m², whose scale is outside_m; a pose of weight 0
     is left out. body is rest, joints, skin_parts, skin_weights, descends and dof_part of
-    `fill_jacobian`; placed is part_rotation, part_origin and world_axis, each of K poses. Fills
-    totals (K, 3): sums of w r² and of w, and the number of matched contour points.
+    `fill_jacobian`; placed is part_rotation, part_origin and world_axis, each of K poses.
 
     The residuals are summed by the parts that move them before they are related to the unknowns,
     of which they depend on many more.
@@ -363,21 +360,16 @@ def add_silhouette_terms(
     rotations, origins, axes = placed
     parts = rotations.shape[1]
     for k in prange(matched.shape[0]):
-        totals[k] = 0.0
         if weights[k, 1] == 0.0:
             continue
         wrench = np.empty((4, 6))
         moments, forces = np.zeros((parts, parts, 6, 6)), np.zeros((parts, 6))
-        square, total, hits = 0.0, 0.0, 0
         for i in range(matched.shape[1]):
             v = matched[k, i]
             if v < 0:
                 continue
-            hits += 1
             r = gap[k, i]
             w = weights[k, 1] / (1 + (r / weights[k, 0]) ** 2) ** 2
-            square += w * r * r
-            total += w
             _add_residual(
                 v, normal[i], w, r, body, rotations[k], origins[k], wrench, moments, forces
             )
@@ -387,11 +379,8 @@ def add_silhouette_terms(
                 if r <= 0.0:
                     continue
                 w = weights[k, 2] / (1 + (r / outside_m) ** 2) ** 2
-                square += w * r * r
-                total += w
                 n = toward[k, c, v]
                 _add_residual(v, n, w, r, body, rotations[k], origins[k], wrench, moments, forces)
-        totals[k, 0], totals[k, 1], totals[k, 2] = square, total, hits
         _add_moments(moments, forces, body, origins[k], axes[k], matrix[k], gradient[k])
         for a in range(matrix.shape[1]):
             for b in range(a):

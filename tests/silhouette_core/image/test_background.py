@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.background import BackgroundModel
+from silhouette_core.tuning import BACKGROUND
 from tests.oracles import image as reference
 
 SIZE = (48, 64)
@@ -23,36 +24,32 @@ def noisy(picture: np.ndarray, rng: np.random.Generator, noise: float = 1.5) -> 
     return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
 
 
-def paper_reference(
-    frames: list[np.ndarray], frame: np.ndarray, settings: BackgroundSettings
-) -> np.ndarray:
+def paper_reference(frames: list[np.ndarray], frame: np.ndarray) -> np.ndarray:
     """Okada and Stenger, section 5.1, in NumPy."""
     colours = np.stack(frames).astype(np.float64)
     units = colours / np.linalg.norm(colours, axis=3, keepdims=True)
     mean, unit_mean = colours.mean(0), units.mean(0)
-    variance = np.maximum(
-        units.var(0), (settings.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2
-    )
+    least = (BACKGROUND.noise / np.linalg.norm(mean, axis=2, keepdims=True)) ** 2
+    variance = np.maximum(units.var(0), least)
     log_peak = np.log(1 / np.sqrt(2 * np.pi * variance)).sum(axis=2)
-    limits, mask = (settings.log_likelihood, settings.raw_difference), np.empty(SIZE, bool)
+    limits, mask = (BACKGROUND.log_likelihood, BACKGROUND.raw_difference), np.empty(SIZE, bool)
     reference.paper_mask(frame, mean, unit_mean, 0.5 / variance, log_peak, *limits, mask)
     return mask
 
 
 def test_the_paper_method_equals_the_formula():
     rng = np.random.default_rng(0)
-    settings = BackgroundSettings(method="paper")
     frames = [noisy(scene(rng), rng) for _ in range(20)]
     frame = noisy(scene(rng), rng)
     frame[10:30, 20:30] = (40, 40, 180)
     frame[10:30, 40:50] = (frame[10:30, 40:50] * 0.4).astype(np.uint8)
-    result = BackgroundModel.from_frames(frames, settings).silhouette(frame)
-    np.testing.assert_array_equal(result, paper_reference(frames, frame, settings))
+    result = BackgroundModel.from_frames(frames, "paper").silhouette(frame)
+    np.testing.assert_array_equal(result, paper_reference(frames, frame))
 
 
 def test_a_single_frame_suffices():
     rng = np.random.default_rng(1)
-    model = BackgroundModel.from_still(noisy(scene(rng), rng))
+    model = BackgroundModel.from_frames([noisy(scene(rng), rng)])
     picture = scene(rng)
     picture[10:34, 20:36] = (40, 40, 180)
     truth = np.zeros(SIZE, bool)
@@ -63,7 +60,7 @@ def test_a_single_frame_suffices():
 
 def test_wrong_frames_are_refused():
     rng = np.random.default_rng(3)
-    model = BackgroundModel.from_still(noisy(scene(rng), rng))
+    model = BackgroundModel.from_frames([noisy(scene(rng), rng)])
     with pytest.raises(ValueError, match=r"\(48, 64, 3\) uint8, got \(48, 64\)"):
         model.silhouette(np.zeros(SIZE, np.uint8))
     with pytest.raises(ValueError, match=r"\(48, 64, 3\) uint8, got \(20, 20, 3\)"):

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from silhouette_core.image.background import BackgroundModel, BackgroundSettings
+from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.jit import cores, set_threads
@@ -170,9 +170,7 @@ def test_the_refined_method_is_better_than_the_paper(room, person):
     frames = [noisy(room, rng) for _ in range(20)]
     picture, truth = composed(room, person, CLOTHES["grey"])
     frame = noisy(picture, rng)
-    paper = BackgroundModel.from_frames(frames, BackgroundSettings(method="paper")).silhouette(
-        frame
-    )
+    paper = BackgroundModel.from_frames(frames, "paper").silhouette(frame)
     assert (
         overlap(BackgroundModel.from_frames(frames).silhouette(frame), truth)
         > overlap(paper, truth) + 0.05
@@ -190,7 +188,7 @@ def test_exposure_and_white_balance_may_change(room, model, person, gain):
 
 def test_a_single_frame_suffices_even_under_more_noise(room, person):
     rng = np.random.default_rng(5)
-    still = BackgroundModel.from_still(noisy(room, rng))
+    still = BackgroundModel.from_frames([noisy(room, rng)])
     picture, truth = composed(room, person, CLOTHES["blue"])
     assert overlap(still.silhouette(noisy(picture, rng)), truth) > 0.94
     assert overlap(still.silhouette(noisy(picture, rng, noise=5)), truth) > 0.88

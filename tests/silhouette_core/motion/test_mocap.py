@@ -288,7 +288,7 @@ def test_files_and_folders(bvh, tmp_path):
     (tmp_path / "joints.csv").write_text(
         "frame,joint\n"
     )  # not motion, since no skeleton.json is beside it
-    motions = load_motions([tmp_path, bvh], model, target_fps=30)
+    motions = load_motions([tmp_path, bvh], model)
     assert [(len(motion), motion.fps) for motion in motions] == [(5, 30), (6, pytest.approx(25))]
     with pytest.raises(InputError, match="nowhere does not exist"):
         load_motions([tmp_path / "nowhere"], model)

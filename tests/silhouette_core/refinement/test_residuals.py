@@ -5,20 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouette_core.motion.dynamics import RELAXED_RAD, USUAL_RAD
+from silhouette_core.motion.dynamics import RELAXED_RAD, usual_rad
 from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
     PosePrior,
     RefineSettings,
     RefineStart,
+    Residuals,
     add_silhouettes,
-    bounded_step,
     contour_weights,
     free_unknowns,
     refine,
     refine_many,
     residuals,
+    solve_steps,
 )
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
@@ -45,6 +46,11 @@ def seen() -> Observation:
     return observe(views(4), body, stance(body, {"left_upper_arm.abduction": 20.0}))
 
 
+def contour_points(rows: Residuals, seen: Observation) -> int:
+    """Number of residuals of contour points, which come first."""
+    return int((rows.direction[:, None] == seen.normal).all(-1).any(1).sum())
+
+
 def step(index: int, size: float) -> np.ndarray:
     return size * np.eye(SIZE)[index]
 
@@ -53,7 +59,7 @@ def step(index: int, size: float) -> np.ndarray:
 def test_a_residual_weighs_less_the_larger_it_is(seen, reach):
     posed = SURFACE.posed(stance(MODEL))
     rows = residuals(SURFACE, posed, seen, reach, SETTINGS)
-    points = round(rows.explained * len(seen.camera))
+    points = contour_points(rows, seen)
     contour, outside = (
         (np.abs(rows.gap_m[part]), rows.weight[part] / LARGEST)
         for part in (slice(points), slice(points, None))
@@ -71,14 +77,12 @@ def test_the_normal_equations_are_those_of_the_residuals(seen):
     posed = SURFACE.posed_many(PoseArrays.from_poses([pose]))
     matrix, gradient, reach = np.zeros((1, SIZE, SIZE)), np.zeros((1, SIZE)), np.array([0.2])
     weights = contour_weights([SETTINGS], reach)
-    totals = add_silhouettes(SURFACE, posed, seen, reach, weights, matrix, gradient)
+    add_silhouettes(SURFACE, posed, seen, reach, weights, matrix, gradient)
     rows = residuals(SURFACE, posed.one(0), seen, 0.2, SETTINGS)
     jacobian = SURFACE.jacobian(posed.one(0), rows.index, rows.direction)
     weighed = rows.weight[:, None] * jacobian
     np.testing.assert_allclose(matrix[0], weighed.T @ jacobian, rtol=1e-6, atol=1e-3)
     np.testing.assert_allclose(gradient[0], weighed.T @ rows.gap_m, rtol=1e-6, atol=1e-3)
-    expected = rows.weight @ rows.gap_m**2, rows.weight.sum(), rows.explained
-    np.testing.assert_allclose(totals[0], expected)
 
 
 def test_of_half_as_many_contour_points_each_weighs_twice(seen):
@@ -87,7 +91,7 @@ def test_of_half_as_many_contour_points_each_weighs_twice(seen):
     for spacing_m in (0.025, 0.05):
         fewer = Observation.from_masks(seen.views, list(seen.masks), 3.5, spacing_m)
         rows = residuals(SURFACE, posed, fewer, 0.1, SETTINGS)
-        points = round(rows.explained * len(fewer.camera))
+        points = contour_points(rows, fewer)
         sums.append([points, rows.weight[:points].sum()])
     assert sums[1][0] < 0.55 * sums[0][0]
     assert sums[1][1] == pytest.approx(sums[0][1], rel=0.1)
@@ -117,7 +121,9 @@ def test_without_silhouettes_a_pose_goes_where_the_prior_expects_it():
 
 def test_two_beliefs_of_one_strength_meet_half_way():
     """The prior's and that of the resting stance, where both are as sure."""
-    prior = PosePrior(stance(MODEL).moved(step(FLEXION, 0.4)), np.r_[np.full(6, np.inf), USUAL_RAD])
+    prior = PosePrior(
+        stance(MODEL).moved(step(FLEXION, 0.4)), np.r_[np.full(6, np.inf), usual_rad(MODEL.tree)]
+    )
     settings = RefineSettings(reaches_m=(0.0, 0.0, 0.0))
     found = refine(SURFACE, None, stance(MODEL), prior, settings).pose  # type: ignore[arg-type]
     bent = found.angles_rad[FLEXION - 6] - RELAXED_RAD[FLEXION - 6]
@@ -127,9 +133,8 @@ def test_two_beliefs_of_one_strength_meet_half_way():
 def test_an_angle_beyond_its_limit_may_return_but_need_not():
     angles, unknown = stance(MODEL).angles_rad.copy(), FLEXION
     angles[unknown - 6] = MODEL.dof_limits_rad[unknown - 6, 0] - 0.2
-    free = free_unknowns(MODEL)
     for asked, taken in ((0.0, 0.0), (0.1, 0.1), (9.0, 0.35), (-0.1, 0.0)):
-        found = bounded_step(np.eye(SIZE), -step(unknown, asked), free, angles, MODEL)
+        found = solve_steps(np.eye(SIZE)[None], -step(unknown, asked)[None], angles[None], MODEL)[0]
         assert found[unknown] == pytest.approx(taken, abs=1e-6)
 
 
@@ -142,4 +147,3 @@ def test_poses_refined_together_are_refined_as_each_alone(seen):
     for start, found in zip(starts, together, strict=True):
         (alone,) = refine_many(SURFACE, seen, [start])
         np.testing.assert_allclose(found.pose.minus(alone.pose), 0, atol=1e-8)
-        assert found.rms_m == pytest.approx(alone.rms_m)

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.agreement import even_moments
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
+from calib.moments import even_moments
 from calib.rotation import matrix_from_rodrigues
 from tests.sources import figure_masks, ring, write_figure
 from voxelpose.calibration.check import CheckSettings, check_recording, exchanged
@@ -153,6 +153,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
 
 def test_the_parts(rig):
     np.testing.assert_array_equal(even_moments(101, 3), [4, 50, 96])
+    np.testing.assert_array_equal(even_moments(101, 3, margin=0), [0, 50, 100])
     assert len(even_moments(5, 12)) <= 5
     other = exchanged(rig, "cam_1", "cam_3")
     assert other.names == rig.names

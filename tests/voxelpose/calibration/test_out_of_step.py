@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.board_scene import BoardCamera, carried, room, without_poses
+from benchmarks.board_scene import BoardCamera, align_rigs, carried, room, without_poses
 from benchmarks.board_scene import seen as seen_board
 from calib.board import Board, BoardView, view_between
 from calib.camera import Camera, Rig
 from calib.correlation import SignalSettings
-from calib.extrinsics import align_rigs, pose_difference
+from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
 from calib.signals import offsets_from_signals
 from tests.sources import figure_masks, ring, write_figure

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import agreement, even_moments
+from calib.agreement import agreement
 from calib.camera import Rig
 from calib.errors import InputError
+from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import OutlineTrack
 from voxelpose.multiview.silhouettes.mask_store import MaskStore

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib.agreement import even_moments
 from calib.camera import Rig
 from calib.checks import FloatArray
+from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.plausibility import MOMENTS, check_plausible

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.moments import even_moments
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from voxelpose.view.images.canvas import (
@@ -53,8 +54,7 @@ class ContactSheet:
         """
         self.motion = motion
         self.rotation, self.origin = rotation, origin
-        rows = np.linspace(0, len(motion) - 1, min(6, len(motion))).round().astype(int)
-        self.rows = rows.tolist()
+        self.rows = even_moments(len(motion), 6, margin=0).tolist()
         boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
         aspects = [width / height for _, _, width, height in boxes]
         aspect = float(np.clip(np.median(aspects), 0.55, 1.4))

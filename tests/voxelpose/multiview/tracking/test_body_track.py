@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from silhouette_core.motion.dynamics import FPS, POSE_STEP_SIGMA
+from silhouette_core.body.joints import HUMAN
+from silhouette_core.motion.dynamics import FPS, pose_step_sigma
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import fitting_model, photograph, stance, views
@@ -70,8 +71,8 @@ def test_a_longer_time_between_frames_is_given_longer_steps_and_reaches(refined)
     errors += [0.1, 0.1]
     for frames in (1, 4):
         step(track_at(0.1), frames)
-    np.testing.assert_allclose(priors[0].sigma, POSE_STEP_SIGMA)
-    np.testing.assert_allclose(priors[1].sigma, 4 * POSE_STEP_SIGMA)
+    np.testing.assert_allclose(priors[0].sigma, pose_step_sigma(HUMAN))
+    np.testing.assert_allclose(priors[1].sigma, 4 * pose_step_sigma(HUMAN))
     assert reaches == [0.18, 0.30]
 
 

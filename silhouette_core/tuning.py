@@ -1,0 +1,370 @@
+"""Numbers of the shared core that were tuned or chosen, each with its unit and where it comes from.
+
+"By eye" says that a number was chosen when its method was written and never varied on its own; what
+is told after it measures the method as a whole. "Noise" of an image is a colour channel's standard
+deviation at a pixel, as rescaled for the frame.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Background:
+    """Background model and the paper's subtraction (`image.background`)."""
+
+    noise: float = 1.0
+    """Of 255. Least noise, and that assumed of a single picture. By eye."""
+    log_likelihood: float = -30.0
+    """Logarithm of a density. The paper's first threshold; the paper gives no value: by eye."""
+    raw_difference: float = 90.0
+    """Of 255. The paper's second threshold, likewise."""
+
+
+@dataclass(frozen=True)
+class Foreground:
+    """The refined subtraction (`image.foreground`, `image.difference`).
+
+    Source unknown but where said: chosen by eye, not ablated. As a whole: `python -m
+    benchmarks.silhouettes`.
+    """
+
+    chroma: float = 3.0
+    """Noise. Limit of the pooled chromatic residual."""
+    possible: float = 1.2
+    """Noise. The same where clothes may resemble the background: in seed 322, 99 % of the missing
+    pixels exceed it, and 1 % of those outside."""
+    shaded: float = 3.0
+    """Noise. Limit of the pooled difference of brightness where clothes or a shadow may be."""
+    chroma_pixel: float = 6.0
+    """Noise. Limit of a single pixel's chromatic residual."""
+    brightness: float = 8.0
+    """Noise. Distance of a foreground brightness from shadow and highlight."""
+    shadow: float = 0.5
+    """1. Darkest cast shadow over the background's brightness, where it is not measured."""
+    highlight: float = 1.1
+    """1. Brightest reflection over the background's brightness."""
+    colours: float = 2.0
+    """Nats. Mean log odds from which a colour is the person's, or is not."""
+    colours_gap: float = 0.5
+    """Nats. The same in narrow gaps of the silhouette."""
+    contrast: float = 10.0
+    """Of 255. Edges between colours closer than this are not moved."""
+    area: float = 3e-4
+    """1. Of the image: smaller components are removed."""
+    body_share: float = 0.01
+    """1. Of the largest component: smaller ones are removed."""
+    hole: float = 4e-5
+    """1. Of the image: holes up to this are filled."""
+    empty_share: float = 0.8
+    """1. Quantile of a frame's differences that a person does not reach."""
+    beyond: float = 2.0
+    """1. Multiple of that quantile from which a difference is not noise."""
+    usual_chroma: float = 0.7
+    """Noise. Pooled chromatic residual of an empty scene whose noise is known."""
+
+
+@dataclass(frozen=True)
+class CastShadow:
+    """The darkest cast shadow of a recording (`image.cast_shadow`).
+
+    Source unknown: chosen by eye, not ablated. As a whole: docs/results.md, "Ordinary rooms".
+    """
+
+    chroma: float = 1.0
+    """Noise. Largest pooled chromatic residual of what only the light explains."""
+    brightness: float = 5.0
+    """Noise. Least difference of its brightness."""
+    margin: float = 0.1
+    """1. Darkest shadow below the peak of the ratios of brightness."""
+    core: float = 0.05
+    """1. Share of the pixels that may be the core of a soft shadow."""
+    core_margin: float = 0.03
+    """1. Darkest shadow below the core's ratio."""
+    lowest: float = 0.25
+    """1. Ratio below which nothing is a cast shadow."""
+    highest: float = 0.65
+    """1. Ratio that the darkest shadow does not exceed, however soft."""
+
+
+@dataclass(frozen=True)
+class EmptyScene:
+    """The empty scene from occupied frames (`image.empty_scene`).
+
+    Source unknown: chosen by eye, not ablated. As a whole: `python -m
+    benchmarks.without_empty_view`.
+    """
+
+    changed: float = 8.0
+    """Noise. Least difference between frames that is no noise."""
+    seen: float = 0.05
+    """1. Of the frames: least share of a mode."""
+    tolerance: float = 2.0
+    """Noise. Steps between neighbours that cost nothing."""
+    apart: float = 0.1
+    """1. Least weight of steps, between colours that are always seen together."""
+    rarity: float = 30.0
+    """Squared grey levels. Cost of a mode that is hardly ever seen."""
+    step: float = 5.0
+    """Noise. A step from the background to something in front of it."""
+    moving: float = 0.1
+    """1. Of a region's edge: least part that must move."""
+    small: float = 1e-3
+    """1. Of the image: changed regions smaller than this are no person."""
+    guess: float = 6.0
+    """Grey levels. Standard deviation of a continued colour."""
+
+
+@dataclass(frozen=True)
+class Colours:
+    """Colours of a person, a head, and their shading (`image.*_colours`, `image.shading`).
+
+    Source unknown: chosen by eye, not ablated. As a whole, the person's: `python -m
+    benchmarks.completed`.
+    """
+
+    smoothing_bins: float = 0.8
+    """Bins. Smoothing of histograms of colours."""
+    lightness_bins: float = 0.7
+    """Bins. The same along a head's lightness."""
+    any_share: float = 0.01
+    """1. Of the person's pixels have any colour."""
+    own_share: float = 0.95
+    """1. Of the person's pixels have a colour that counts as the person's."""
+    most_odds: float = 5.0
+    """Nats. Largest logarithm of a single pixel's odds."""
+    smallest: float = 2e-4
+    """1. Of the image: smaller pieces are noise."""
+    hole: float = 3e-4
+    """1. Of the image: smaller holes are none."""
+    lit: float = 0.85
+    """1. How often a pixel of the background is lit as it was; else it lies in a shadow."""
+    otherwise: float = 1e-3
+    """1. How often it has any colour."""
+    unseen: float = 0.02
+    """1. Density added to the clothes' colours, relative to an even one."""
+    dark: float = 8.0
+    """Grey levels. Added to brightness, since noise of dark clothes is not their shading."""
+    shading: float = 1.0
+    """Nats. Largest shading that is told."""
+
+
+@dataclass(frozen=True)
+class Plausibility:
+    """Whether silhouettes can be a person's (`image.plausibility`). By eye."""
+
+    covered: float = 0.7
+    """1. Of the picture: what covers more is no person."""
+    solid: float = 0.3
+    """1. Of the foreground, left by an opening of 3 x 3 px: less is specks."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Standard deviations of the axes of the shape space, relative, over adults (`body.sizes`).
+
+    Source unknown: not compared with a table, not ablated.
+    """
+
+    trunk_length: float = 0.04
+    """1."""
+    length: float = 0.05
+    """1. Lengths of head, upper arm, forearm and foot."""
+    leg_length: float = 0.045
+    """1. Lengths of thigh and shin."""
+    width: float = 0.06
+    """1. Length of the hand, width between the hips, girth of the head."""
+    shoulder_width: float = 0.08
+    """1. Width between the shoulders, and of the trunk."""
+    girth: float = 0.10
+    """1. Girths and depths but for those named here."""
+    upper_arm_girth: float = 0.12
+    """1."""
+    clothing: float = 0.010
+    """1. Thickness of shirt and trousers over the stature."""
+    hollow: float = 6.0
+    """1. How much shorter clothes stand off, the hollower the surface. By eye."""
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """Tape measures, and bodies with given measurements (`body.*_m*`)."""
+
+    nipples: float = 0.78
+    """1. From the thorax's joint to the upper thorax's. By eye on the templates."""
+    waist: float = 0.3
+    """1. From the abdomen's joint to the thorax's, where the templates are narrowest."""
+    acromion: float = 0.012
+    """1. Of the stature, outward of the shoulder joint: so the man's template has the mean
+    biacromial breadth of ANSUR II."""
+    tolerance: float = 0.005
+    """1. Largest relative difference of a body's measurement from the wanted one. By eye."""
+    limb_slope: float = 0.9
+    """1. Growth of the limbs' girths with the trunk's. By eye."""
+    chest_slope: float = 0.5
+    """1. The same with the chest's girth alone: a regression over adults, its data not recorded."""
+    adult_m: float = 1.60
+    """m. Stature from which heads are adults'."""
+    child_m: float = 1.10
+    """m. Stature at six years (Snyder et al. 1977, recalled)."""
+    most_odds: float = 3.0
+    """Nats. Nobody's sex is more certain than this by the stature, and children have one."""
+    tall_m: float = 2.1
+    """m. Stature to which girths of tall people are extrapolated."""
+    tall_girth: float = 0.92
+    """1. Their girths over those of the adults' mean, relative to the stature. By eye."""
+    absurd_sigmas: float = 6.0
+    """1. Standard deviations beyond which a measurement is taken for a mistake. By eye."""
+    bone_radius: float = 0.12
+    """1. Radius of a bone without a surface, of its length. By eye."""
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Movement from frame to frame (`motion.dynamics`, `motion.floor`)."""
+
+    fps: float = 30.0
+    """1/s. Frame rate to which all step sizes refer, and at which recorded motion is used."""
+    momentum: float = 0.8
+    """1. Fraction of the last step that the next one is expected to repeat. By eye."""
+    root_step_m: float = 0.05
+    """m. Standard deviation of the root's step along each axis. By eye."""
+    root_step_rad: float = 0.12
+    """Radians. The same of its turn about each axis. By eye."""
+    standing: float = 0.3
+    """1. Quantile of the lowest points that is the floor: jumps are above, bad frames below."""
+    floor_m: float = 0.1
+    """m. So near, the floor is where the world says: feet are found less well."""
+    cutoff_hz: float = 7.0
+    """Hz. Usual cut-off: voluntary movement has little power above 6 Hz (Winter, Biomechanics and
+    Motor Control)."""
+    cutoff_share: float = 0.4
+    """1. Highest cut-off over the frame rate."""
+
+
+@dataclass(frozen=True)
+class Retargeting:
+    """Recorded motion on the body (`motion.mocap`, `motion.inverse_kinematics`).
+
+    Source unknown: chosen by eye, not ablated. Weights are relative to that of a limb's bone or the
+    thorax.
+    """
+
+    straight_deg: float = 15.0
+    """Degrees by which a standing skeleton deviates from straight."""
+    upright: float = 0.2
+    """1. Fraction of the frames, most upright, that show the trunk's axes."""
+    hinge: float = 0.02
+    """1. Weight of a limb's turn about its axis, which matters little while it is straight."""
+    lumbar: float = 0.2
+    """1. Weight of the lumbar spine."""
+    end: float = 0.3
+    """1. Weight of head and clavicles."""
+    foot: float = 0.03
+    """1. Weight of a foot's two directions."""
+    hand: float = 0.1
+    """1. Weight of the hand."""
+    rest: float = 1e-3
+    """1. Weight of rest where the directions leave angles free: a spine bends evenly."""
+    trust_rad: float = 0.6
+    """Radians. Largest change of an angle in one step."""
+    poor: float = 0.05
+    """1. Cost from which a frame is also started from the rest pose."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Poses and bodies refined on silhouettes (`refinement`).
+
+    Source unknown: chosen by eye, not ablated. As a whole: `python -m benchmarks.accuracy`. Reaches
+    are the largest accepted distances between contour and surface, one for each step: they shrink,
+    since the correspondences get better.
+    """
+
+    reaches_m: tuple[float, ...] = (
+        *(0.30, 0.25, 0.20, 0.17, 0.14, 0.12),
+        *(0.10, 0.08, 0.07, 0.06, 0.06, 0.06),
+    )
+    """m. Of a pose within 0.3 m at every joint."""
+    body_reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
+    """m. Of a body's proportions; every other one from the third on settles the poses then."""
+    first_match_m: float = 0.04
+    """m. Distance within which a match is looked for first: decides the speed alone."""
+    contour_m: float = 0.012
+    """m. Standard deviation of a contour residual with the right correspondence."""
+    independence: float = 0.25
+    """1. Fraction of contour points that count as independent, at the usual spacing."""
+    spacing_m: float = 0.025
+    """m. That spacing: distance between contour points on the body."""
+    outside: float = 0.5
+    """1. Weight of a surface point outside a silhouette, relative to a contour point."""
+    outside_m: float = 0.15
+    """m. Scale of its robust weight."""
+    limit_deg: float = 3.0
+    """Degrees. Standard deviation of an angle beyond its limit."""
+    trust_m: float = 0.10
+    """m. Largest step of the root: beyond it the correspondences change."""
+    trust_rad: float = 0.35
+    """Radians. The same of every angle."""
+    margin: float = 0.5
+    """1. Of a silhouette's longer side: how far around it distances are computed."""
+    student_freedom: float = 4.0
+    """1. Degrees of freedom of the proposal's t distribution, with which it is trained."""
+    largest_shape: float = 3.0
+    """1. Largest deviation of a person's shape, in standard deviations."""
+    girth_sigma: float = 1.7
+    """1. With one camera, multiple of the girths' standard deviations: clothes are loose."""
+    length_sigma: float = 0.6
+    """1. The same of the lengths, which one view confounds with depth."""
+    build_sigma: float = 0.20
+    """1. Deviation common to all girths, from slim to heavy."""
+    same_root_m: float = 0.15
+    """m. Roots of single frames farther than this from their median do not count."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Consecutive frames refined together (`refinement.trajectory_fit`).
+
+    Source unknown: chosen by eye, not ablated.
+    """
+
+    reaches_m: tuple[float, ...] = (0.15, 0.10, 0.08)
+    """m. Reaches, see `Refinement`."""
+    live_reaches_m: tuple[float, ...] = (0.12, 0.08)
+    """m. The same where a camera is kept up with."""
+    contour_m: float = 0.015
+    """m. Standard deviation of a contour residual."""
+    independence: float = 0.3
+    """1. Fraction of contour points that count as independent."""
+    acceleration: float = 0.35
+    """1. Standard deviation of angles' second differences, over `dynamics.pose_step_sigma`."""
+    other_acceleration: float = 0.12
+    """1. The same of bodies that are no person's, whose usual steps are wide."""
+    root_m: float = 0.02
+    """m. Standard deviation of the second difference of the root's position."""
+    root_rad: float = 0.05
+    """Radians. The same of its orientation."""
+    slip_m: float = 0.02
+    """m. Scale of the robust weight of a standing foot's movement."""
+    still: float = 0.3
+    """1. Standard deviation of that movement over its scale."""
+    stand_m: float = 0.16
+    """m. Height of the ankle above the floor up to which a foot may stand."""
+    floor_m: float = 0.02
+    """m. Standard deviation of the lowest point's height above the floor."""
+    hover_m: float = 0.08
+    """m. Scale of its robust weight: somebody may jump."""
+
+
+BACKGROUND = Background()
+FOREGROUND = Foreground()
+SHADOW = CastShadow()
+SCENE = EmptyScene()
+COLOURS = Colours()
+PLAUSIBILITY = Plausibility()
+SHAPE = Shape()
+MEASURING = Measuring()
+DYNAMICS = Dynamics()
+RETARGETING = Retargeting()
+REFINEMENT = Refinement()
+TRAJECTORY = Trajectory()
