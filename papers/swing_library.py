@@ -19,7 +19,7 @@ from silhouette_core.progress import Reporter
 NEIGHBOURS = 512
 SAMPLES = 3417  # the paper's
 # With them, the levels have about the paper's 693, 3,013 and 3,318 of 3,417 nodes.
-_THRESHOLDS = (0.00466, 0.000573, 0.000234)
+_NEAR, _FAR = (0.00466, 0.000573, 0.000234), (0.00379, 0.000416, 0.000078)
 _CLIPS, _KEYS, _BETWEEN_S = 6, 60, 0.7
 # Ranges in degrees of the columns of silhouette_core.motion.keyposes.notation. The right arm is
 # anywhere within its reach in profile;
@@ -88,7 +88,7 @@ def swing_library(
         yaw_step_deg=8.0,
         pitches_deg=(pitch_deg,),
         mirror=False,
-        thresholds=_THRESHOLDS,
+        thresholds=_NEAR if near else _FAR,
         middle_deg=90.0 if near else -90.0,
     )
     rng = np.random.default_rng(_SEED)
