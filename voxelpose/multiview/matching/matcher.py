@@ -13,6 +13,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.joint_search import best_together, interference_groups
 from voxelpose.multiview.matching.limbs import Limb, sample_angles
 from voxelpose.multiview.matching.voxel_set import VoxelSet
+from voxelpose.multiview.tuning import MATCHING
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,11 @@ class MatchSettings:
         taken_cost: cost of a voxel of a part inside a part that is already placed.
     """
 
-    step_rad: float = np.radians(15.0)
+    step_rad: float = np.radians(MATCHING.step_deg)
     around_rad: float | None = None
     interference: bool = True
-    empty_cost: float = 1.0
-    taken_cost: float = 0.7
+    empty_cost: float = MATCHING.empty_cost
+    taken_cost: float = MATCHING.taken_cost
 
 
 @dataclass(frozen=True, eq=False)
