@@ -136,16 +136,6 @@ def best_together(
     return JointChoice(choice, group_score(bits, costs, choice), not memory.exceeded)
 
 
-def enumerate_together(
-    bits: list[np.ndarray], costs: list[np.ndarray]
-) -> tuple[tuple[int, ...], float]:
-    """As `best_together`, by trying every combination. The reference for tests; exponential."""
-    choices = itertools.product(*(range(len(part)) for part in bits))
-    return max(
-        ((choice, group_score(bits, costs, choice)) for choice in choices), key=lambda it: it[1]
-    )
-
-
 def group_score(
     bits: Sequence[np.ndarray], costs: Sequence[np.ndarray], choice: Sequence[int]
 ) -> float:

@@ -45,7 +45,6 @@ OBJECTS, AGREES, UNCLEAR, CUT, BLIND = 0, 1, 2, 3, 64
 _BLIND_BITS = 6
 
 
-
 @kernel
 def _distort_unbounded(rows, c, kind, x, y):
     """Distorts ideal coordinates; operations and order are those of the reference."""
