@@ -38,7 +38,6 @@ def place_limb(
     observation: Observation,
     pose: Pose,
     chain: tuple[Limb, ...],
-    around_rad: float | None = None,
 ) -> Pose:
     """Pose with one arm, leg or other chain where it explains most of what the rest does not.
 
@@ -47,14 +46,13 @@ def place_limb(
         observation: The frame.
         pose: Everything but the limb is taken from it.
         chain: Upper and lower part, or one that carries none.
-        around_rad: Searches at most this far from `pose`; None: the whole range.
     """
     upper, tree = chain[0], body_volume.model.tree
     step_rad = np.radians(MATCHING.step_deg)
     covering = _Covering(body_volume.model, observation)
     searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
     images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
-    above = sample_angles(upper, pose.angles_rad, step_rad, around_rad, tree)
+    above = sample_angles(upper, pose.angles_rad, step_rad, tree)
     first = _scores(body_volume, observation, images, upper, pose, above)
     if len(chain) == 1:
         return Pose(pose.root_m, pose.root_rotation, above[int(first.argmax())])
@@ -63,7 +61,7 @@ def place_limb(
     likely = np.argsort(-first, kind="stable")[: max(len(first) // 2, 1)]
     above, first = above[likely], first[likely]
     sample_below = sample_grid if lower.angles else sample_hinge
-    below = sample_below(lower, above, step_rad, around_rad, tree)
+    below = sample_below(lower, above, step_rad, tree)
     possible = within_limits(below, tree)
     second = _scores(
         body_volume, observation, images, lower, pose, below.reshape(-1, below.shape[-1])
