@@ -48,7 +48,7 @@ def place_limb(
         chain: Upper and lower part, or one that carries none.
     """
     upper, tree = chain[0], body_volume.model.tree
-    step_rad = np.radians(MATCHING.step_deg)
+    step_rad = np.radians(MATCHING.limb_step_deg)
     covering = _Covering(body_volume.model, observation)
     searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
     images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
@@ -63,22 +63,21 @@ def place_limb(
     sample_below = sample_grid if lower.angles else sample_hinge
     below = sample_below(lower, above, step_rad, tree)
     possible = within_limits(below, tree)
-    second = _scores(
-        body_volume, observation, images, lower, pose, below.reshape(-1, below.shape[-1])
-    ).reshape(below.shape[:2])
-    bound = first + np.where(possible, second, -np.inf).max(1)
+    second = np.full(below.shape[:2], -np.inf)
+    second[possible] = _scores(body_volume, observation, images, lower, pose, below[possible])
+    bound = first + second.max(1)
     best, result = -np.inf, pose
     # Folded onto the upper part, the lower one would count the same pixels again: the likeliest
     # placements are scored again without those.
     for k in np.argsort(-bound, kind="stable")[:_FINALISTS]:
         if bound[k] <= best or not np.isfinite(bound[k]):
             break
-        placed = Pose(pose.root_m, pose.root_rotation, above[k])
+        placed, bent = Pose(pose.root_m, pose.root_rotation, above[k]), below[k, possible[k]]
         left = covering.explained(images, placed, (upper,), rest=False)
-        rest = _scores(body_volume, observation, left, lower, pose, below[k])
-        m = int(np.where(possible[k], rest, -np.inf).argmax())
+        rest = _scores(body_volume, observation, left, lower, pose, bent)
+        m = int(rest.argmax())
         if first[k] + rest[m] > best:
-            best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, below[k, m])
+            best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, bent[m])
     return result
 
 

@@ -179,16 +179,14 @@ def _ranked(
 def _different(
     positions: np.ndarray, rotations: np.ndarray, scores: np.ndarray, count: int
 ) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    kept: list[tuple[np.ndarray, np.ndarray, float]] = []
-    for position, rotation, score in zip(positions, rotations, scores, strict=True):
+    kept: list[int] = []
+    # Turns are apart by the angle whose cosine is half of what the trace exceeds one by.
+    least_trace = 1 + 2 * np.cos(np.radians(MATCHING.apart_deg))
+    for k in range(len(scores)):
         if len(kept) == count:
             break
-        near = (
-            np.linalg.norm(position - other) < MATCHING.apart_m
-            and np.arccos(np.clip((np.trace(rotation.T @ turn) - 1) / 2, -1, 1))
-            < np.radians(MATCHING.apart_deg)
-            for other, turn, _ in kept
-        )
-        if not any(near):
-            kept.append((position, rotation, float(score)))
-    return kept
+        near = np.linalg.norm(positions[kept] - positions[k], axis=1) < MATCHING.apart_m
+        traces = (rotations[kept] * rotations[k]).sum((1, 2))
+        if not (near & (traces > least_trace)).any():
+            kept.append(k)
+    return [(positions[k], rotations[k], float(scores[k])) for k in kept]
