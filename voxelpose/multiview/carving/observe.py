@@ -277,14 +277,14 @@ class HullObserver:
         strict_rule = self.rule
         if self.views.unknown is not None:  # what no other camera sees, none contradicts
             strict_rule = replace(self.rule, least_agreeing=1)
-        strict = self._confirmed(masks, grid, strict_rule)
+        wide = self._dilated(masks, grid)
+        strict = self._confirmed(masks, wide, grid, strict_rule)
         if len(masks) < 4:
             return strict
         tolerance = self.rule.tolerance + max(1, len(masks) // 4)
         least = _least(3 * len(masks) // 4 - tolerance + 1, self.views.partly_unknown)
-        loose = self._confirmed(
-            masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=least)
-        )
+        loose_rule = replace(self.rule, tolerance=tolerance, least_agreeing=least)
+        loose = self._confirmed(masks, wide, grid, loose_rule)
         missing = sorted(
             1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
             for a, b in zip(strict, loose, strict=True)
@@ -297,10 +297,10 @@ class HullObserver:
         ]
 
     def _confirmed(
-        self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
+        self, masks: list[np.ndarray], wide: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
-        wide, unknown = self._dilated(masks, grid), self.views.unknown
-        hull = carve(self.views.rig, wide, grid, rule, unknown)
+        """Pixels of silhouettes into which the hull of widened ones projects."""
+        hull = carve(self.views.rig, wide, grid, rule, self.views.unknown)
         hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
         for c, mask in enumerate(masks):
             footprint = np.zeros(mask.shape, np.uint8)
