@@ -157,9 +157,6 @@ class Matching:
 
     step_deg: float = 15.0
     """degrees. Distance between sampled angles. Chosen by eye; Iiyama does not state his."""
-    limb_step_deg: float = 20.0
-    """degrees. The same where an arm or a leg is searched on the silhouettes and refined. Of 15 it
-    finds as much in half the time, on walk4."""
     empty_cost: float = 1.0
     """Voxels. Cost of a part's voxel in empty space. Chosen by eye, not ablated."""
     taken_cost: float = 0.7

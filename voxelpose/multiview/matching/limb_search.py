@@ -48,7 +48,7 @@ def place_limb(
         chain: Upper and lower part, or one that carries none.
     """
     upper, tree = chain[0], body_volume.model.tree
-    step_rad = np.radians(MATCHING.limb_step_deg)
+    step_rad = np.radians(MATCHING.step_deg)
     covering = _Covering(body_volume.model, observation)
     searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
     images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
