@@ -7,6 +7,7 @@ placement shows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +146,7 @@ def sample_angles(
         samples = sample_grid(limb, angles_rad[None], step_rad, tree)[0]
     elif limb.swing:
         columns = [names.index(name) for name in limb.swing]
-        axes = [_ticks(*tree.dof_limits_rad[k], step_rad) for k in columns]
+        axes = [_ticks(tree.dof_limits_rad[k], step_rad) for k in columns]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
         samples = np.tile(angles_rad, (len(mesh), 1))
         samples[:, columns] = mesh
@@ -179,7 +180,7 @@ def sample_grid(
     columns = [tree.dof_names.index(name) for name in limb.angles]
     middle = angles_rad[0, columns]
     while True:
-        axes = [_ticks(*tree.dof_limits_rad[k], step_rad) for k in columns]
+        axes = [_ticks(tree.dof_limits_rad[k], step_rad) for k in columns]
         if np.prod([len(ticks) for ticks in axes]) <= _MOST_SAMPLES:
             break
         step_rad *= 1.2
@@ -227,8 +228,8 @@ def sample_hinge(
     axes = tree.dof_axis[above]
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
     reach = np.radians(100)
-    twists = _ticks(-reach, reach, 2 * step_rad)
-    bends = _ticks(*tree.dof_limits_rad[hinge], step_rad)
+    twists = _ticks((-reach, reach), 2 * step_rad)
+    bends = _ticks(tree.dof_limits_rad[hinge], step_rad)
     swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
     turned = (
         swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
@@ -247,7 +248,8 @@ def within_limits(angles_rad: np.ndarray, tree: KinematicTree = HUMAN) -> np.nda
     return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
 
-def _ticks(low: float, high: float, step: float) -> np.ndarray:
+def _ticks(limits: Sequence[float] | np.ndarray, step: float) -> np.ndarray:
     """Samples of one angle, at most `step` apart, both ends of its range included."""
+    low, high = limits
     count = max(int(np.ceil((high - low) / step - 1e-9)), 1)
     return np.linspace(low, high, count + 1)
