@@ -12,8 +12,7 @@ class Refining:
     searched_reach_m: float = 0.30
     """m. First reach of a refinement from a search, whose samples are so far off. By eye."""
     step_reach_m: float = 0.18
-    """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
-    follower on walk4 by `python -m benchmarks.follower`."""
+    """m. First reach from a pose that is predicted, or right but for a limb. As `spacing_m`."""
     smooth_reach_m: float = 0.08
     """m. First reach where nothing but the neighbours in time is new. Chosen by eye."""
     last_reach_m: float = 0.06
@@ -21,7 +20,8 @@ class Refining:
     shrinkage: float = 0.7
     """1. Each reach over the one before, about. Of the sequences that were tuned before."""
     spacing_m: float = 0.05
-    """m. Distance between contour points on the body. Tuned for the live follower on walk4."""
+    """m. Distance between contour points on the body. Tuned for the live follower, on walk4 and
+    seeds 221 to 228, by `python -m benchmarks.follower`."""
     margin: float = 0.25
     """1. Of a silhouette's longer side: distances from it are exact as far. As `spacing_m`."""
 
@@ -101,8 +101,6 @@ class Live:
     """Frames to which proportions are adapted. Chosen by eye."""
     apart_s: tuple[float, ...] = (0.4, 1.5, 4.0)
     """s. Time between these, for a first adaptation and for later ones. Chosen by eye."""
-    clear: float = 1.1
-    """1. Of the usual error, up to which a frame is one of these. Chosen by eye."""
     foreground: float = 0.002
     """1. Least fraction of a picture that a person takes. Chosen by eye."""
     caught_up: int = 2

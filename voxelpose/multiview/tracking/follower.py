@@ -132,12 +132,12 @@ class PoseFollower:
         person.least = min(person.least, track.usual)
         sampled_s = person.samples[-1][0].time_s if person.samples else -np.inf
         unfinished = person.adapted < len(LIVE.apart_s)
-        clear = unfinished and track.fit.error < LIVE.clear * track.usual
-        if clear and now - sampled_s > LIVE.apart_s[person.adapted]:
+        poor = track.is_poor(track.fit.error)
+        if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
         suspect = track.usual > TRACKING.suspect
         bad = suspect or track.usual > TRACKING.bad * person.least
-        limbs_again_s = LIVE.poor_again_s if track.is_poor(track.fit.error) else LIVE.limbs_again_s
+        limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
         if bad and now - person.searched_s > LIVE.poor_again_s:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
