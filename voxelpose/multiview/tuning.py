@@ -12,18 +12,19 @@ class Refining:
     searched_reach_m: float = 0.30
     """m. First reach of a refinement from a search, whose samples are so far off. By eye."""
     step_reach_m: float = 0.18
-    """m. First reach from a pose that is predicted, or right but for a limb. As `spacing_m`."""
+    """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
+    follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
     smooth_reach_m: float = 0.08
     """m. First reach where nothing but the neighbours in time is new. Chosen by eye."""
     last_reach_m: float = 0.06
     """m. Last reach of every refinement: five sigmas of a contour residual. Chosen by eye."""
     shrinkage: float = 0.7
     """1. Each reach over the one before, about. Of the sequences that were tuned before."""
-    spacing_m: float = 0.05
-    """m. Distance between contour points on the body. Tuned for the live follower, on walk4 and
-    seeds 221 to 228, by `python -m benchmarks.follower`."""
+    spacing_m: float = 0.035
+    """m. Distance between contour points on the body. Tuned on walk4 and seed 123 (40 frames of
+    true silhouettes, root_mm): 0.05 15.0 and 17.8, 0.035 14.6 and 17.4, 0.025 14.8 and 17.3."""
     margin: float = 0.25
-    """1. Of a silhouette's longer side: distances from it are exact as far. As `spacing_m`."""
+    """1. Of a silhouette's longer side: distances from it are exact as far. As `step_reach_m`."""
 
 
 @dataclass(frozen=True)

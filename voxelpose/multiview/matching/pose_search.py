@@ -133,7 +133,8 @@ def find_pose(
         body: the body.
         frame: silhouettes and hull.
         settings: of the matcher.
-        count: torso placements to try.
+        count: torso placements to try; of a third of them the limbs are matched again, of a fifth
+            they are searched on the silhouettes.
 
     Returns:
         Poses, best first, at most one per torso placement; empty where there is no hull.
@@ -144,12 +145,11 @@ def find_pose(
     first = sorted(_matches(body, frame, placements, settings), key=_error)
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = _matches(body, frame, [fit.pose for fit in first[:3]], settings)
+    again = _matches(body, frame, [fit.pose for fit in first[: count // 3 or 1]], settings)
     ranked = sorted([*again, *first], key=_error)
-    moved = [
-        replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in ranked[:2]
-    ]
-    return sorted([*moved, *ranked[2:]], key=_error)
+    best, rest = ranked[: count // 5], ranked[count // 5 :]
+    moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
+    return sorted([*moved, *rest], key=_error)
 
 
 def _placements(
