@@ -149,7 +149,7 @@ class Surface:
 def point_jacobian(
     model: BodyModel,
     posed: PosedSurface,
-    rest: tuple[np.ndarray, ...],
+    rest: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     index: np.ndarray,
     direction: np.ndarray,
 ) -> np.ndarray:

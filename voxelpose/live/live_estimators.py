@@ -25,6 +25,7 @@ from silhouette_core.monocular.monocular_stages import (
     library_for,
 )
 from silhouette_core.monocular.person import Person
+from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
@@ -305,7 +306,7 @@ def _load_kernels(rig: Rig, settings: FollowSettings, moment: Moment) -> None:
     """Runs once all that is done to follow a body."""
     track = search(rig, settings, None, moment, 1)
     if track is not None:
-        track = track.step(rig, moment.time_s + 0.03, moment.masks())
+        track = track.follow(rig, moment.time_s + 1 / FPS, moment.masks())
         search_limbs(rig, track, moment)
         adapt_body(rig, settings, track, [(moment, track.fit.pose)])
 

@@ -12,19 +12,17 @@ from scipy.optimize import linprog
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from voxelpose.multiview.carving.carver import CarveRule, carve
-from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.grid import LARGEST, VoxelGrid
 from voxelpose.multiview.carving.views import Masks, mask_list
+from voxelpose.multiview.tuning import CARVING
 
 _SEARCH_VOXELS = 64  # along the longest edge of the box while it shrinks
 _SEARCH_STEPS = 6
 LEAST_CAMERAS = 2
 """Number of cameras that bound a hull."""
 
-_LEAST_SHRINKAGE = 0.9  # ratio of volumes above which shrinking ends
 _MARGIN_VOXELS = 1
-_FAR_M = 1e4
-_LARGEST = 1 << 30  # voxels
-_OFF_AXIS = 1.5  # largest magnification toward the image's corners, relative to the axis
+_FAR_M = 10_000
 
 # A pyramid's planes, and which of them are image borders.
 _Sides = tuple[NDArray[np.float64], NDArray[np.bool_]]
@@ -100,8 +98,8 @@ def grid_within(
             f"the volume from {_metres(low_m)} to {_metres(high_m)} is empty: give low corner, then"
             " high corner"
         )
-    if np.ceil(edges / voxel_size_m + 1).prod() > _LARGEST:
-        fitting = float(np.cbrt(edges.prod() / _LARGEST))
+    if np.ceil(edges / voxel_size_m + 1).prod() > LARGEST:
+        fitting = float(np.cbrt(edges.prod() / LARGEST))
         raise InputError(
             f"voxels of {voxel_size_m:g} m in a volume of {_metres(edges)} are too many for memory:"
             f" choose at least {1.1 * fitting:.2g} m, or a smaller volume"
@@ -290,7 +288,7 @@ def _shrink(
         volume = (high - low).prod()
         low = np.maximum(low, cropped.origin_m)
         high = np.minimum(high, cropped.origin_m + cropped.size_m)
-        if (high - low).prod() / volume > _LEAST_SHRINKAGE:
+        if (high - low).prod() / volume > CARVING.least_shrinkage:
             break
     return low, high
 
@@ -302,7 +300,7 @@ def _dilated(camera: Camera, mask: NDArray[np.uint8], grid: VoxelGrid) -> NDArra
     half_m = 0.5 * np.sqrt(3) * grid.voxel_size_m
     radius = max(camera.size) // 8
     if depth_m > half_m:
-        image_px = _OFF_AXIS * half_m * camera.matrix[0, 0] / (depth_m - half_m)
+        image_px = CARVING.off_axis * half_m * camera.matrix[0, 0] / (depth_m - half_m)
         radius = min(radius, int(np.ceil(image_px)))
     return cv2.dilate(mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)).astype(bool)
 

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.checks import check_array, float_array
 
-_LARGEST = 1 << 30  # voxels: one gigabyte of bool
+LARGEST = 1 << 30
+"""Most voxels of a grid: one gigabyte of bool."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +43,9 @@ class VoxelGrid:
             raise ValueError(
                 f"shape must be three numbers of voxels, each at least 1, got {self.shape}"
             )
-        if shape[0] * shape[1] * shape[2] > _LARGEST:
+        if shape[0] * shape[1] * shape[2] > LARGEST:
             raise ValueError(
-                f"shape {shape} has more than {_LARGEST} voxels: choose larger voxels or a smaller"
+                f"shape {shape} has more than {LARGEST} voxels: choose larger voxels or a smaller"
                 " volume"
             )
         origin = np.rint(origin / size) * size

@@ -12,7 +12,6 @@ from calib.checks import check_array
 from voxelpose.multiview.carving.grid import VoxelGrid
 
 _RELAXATIONS = 5
-_LARGEST_SHIFT = 0.49  # of a vertex from the centre of its cell, in voxels
 
 
 def surface(
@@ -117,5 +116,6 @@ def _relaxed_shifts(quads: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArr
             mean[:, axis] = total + np.bincount(
                 ends[:, 1], weights=position[ends[:, 0], axis], minlength=count
             )
-        shift = np.clip(mean / degree - cells, -_LARGEST_SHIFT, _LARGEST_SHIFT)
+        # A vertex stays inside its cell.
+        shift = np.clip(mean / degree - cells, -0.49, 0.49)
     return shift

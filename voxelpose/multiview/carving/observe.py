@@ -17,19 +17,7 @@ from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
 from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
-
-_COARSE_M = 0.05
-_MARGIN_M = 0.10
-_LIMB_M = 1.0  # a leg's length, with the foot
-_EXPLAINED = 0.04  # largest unexplained fraction of a silhouette that the hull counts as explaining
-_SMALL = 0.02  # of a silhouette; a hand or a foot is smaller
-_CRUMB = 0.03  # of the largest component
-_GAP_M = 0.25  # height of a gap between pieces of one body
-_SMALLEST_M3 = 0.004  # a hull smaller than this is noise, not a body
-# A person's hull is up to so large, and in most poses at least so long; what is larger or shorter
-# counts for less beside it: a board or a box that came with the person.
-_PERSON_M3, _PERSON_M = 0.25, 1.6
-_NEAR_M = 1.0  # distance from the last position at which a component's weight falls to 1/e
+from voxelpose.multiview.tuning import CARVING, REFINING
 
 COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
 """A component of a hull, as a row of a table."""
@@ -55,8 +43,22 @@ class FrameObservation:
     def observation(self) -> Observation:
         """The silhouettes with contours and distances, for refinement; prepared when first used."""
         middle = self.grid.occupied_points(self.occupancy).mean(0)
-        distance = float(np.median(np.linalg.norm(self.views.center_m - middle, axis=1)))
-        return Observation.from_masks(self.views, self.masks, distance)
+        return observation_at(self.views, self.masks, middle)
+
+
+def observation_at(
+    views: PinholeViews, masks: list[np.ndarray], place_m: np.ndarray
+) -> Observation:
+    """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs.
+
+    Args:
+        views: the cameras.
+        masks: their silhouettes.
+        place_m: (3,) about where the body is.
+    """
+    distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
+    spacing = REFINING.spacing_m, REFINING.margin
+    return Observation.from_masks(views, masks, distance, *spacing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +109,15 @@ class HullComponents:
             return None
         if person:
             longest_m = np.ptp(self.bounds_m, axis=1).max(axis=1)
-            fitting = np.minimum(_PERSON_M3 / weight, 1) * np.minimum(longest_m / _PERSON_M, 1)
+            fitting = np.minimum(CARVING.person_m3 / weight, 1) * np.minimum(
+                longest_m / CARVING.person_m, 1
+            )
             weight = weight * fitting**2
         if near_m is not None and len(weight) > 1:
             distance = np.linalg.norm(self.center_m - near_m, axis=1)
-            weight = weight * np.exp(-((distance / _NEAR_M) ** 2))
+            weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
         best = int(weight.argmax())
-        return best if self.volume_m3[best] >= _SMALLEST_M3 else None
+        return best if self.volume_m3[best] >= CARVING.smallest_m3 else None
 
 
 def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
@@ -171,7 +175,9 @@ class HullObserver:
         self.rule = rule or CarveRule()
         self.volume = volume
         low = volume.origin_m
-        self._coarse = VoxelGrid.from_bounds(low, low + volume.size_m, max(_COARSE_M, voxel_size_m))
+        self._coarse = VoxelGrid.from_bounds(
+            low, low + volume.size_m, max(CARVING.coarse_m, voxel_size_m)
+        )
 
     def observe(
         self, masks: list[np.ndarray], near_m: np.ndarray | None = None
@@ -204,7 +210,9 @@ class HullObserver:
     def window(self, components: HullComponents, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""
         low, high = components.bounds_m[body]
-        return VoxelGrid.from_bounds(low - _MARGIN_M, high + _MARGIN_M, self.voxel_size_m)
+        return VoxelGrid.from_bounds(
+            low - 2 * CARVING.coarse_m, high + 2 * CARVING.coarse_m, self.voxel_size_m
+        )
 
     def carve(
         self, masks: list[np.ndarray], grid: VoxelGrid
@@ -225,8 +233,8 @@ class HullObserver:
         """
         if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
             return grid
-        low, high = grid.origin_m - _LIMB_M, grid.origin_m + grid.size_m + _LIMB_M
-        return VoxelGrid.from_bounds(low, high, _COARSE_M)
+        low, high = grid.origin_m - CARVING.limb_m, grid.origin_m + grid.size_m + CARVING.limb_m
+        return VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
 
     def select(
         self,
@@ -269,30 +277,30 @@ class HullObserver:
         strict_rule = self.rule
         if self.views.unknown is not None:  # what no other camera sees, none contradicts
             strict_rule = replace(self.rule, least_agreeing=1)
-        strict = self._confirmed(masks, grid, strict_rule)
+        wide = self._dilated(masks, grid)
+        strict = self._confirmed(masks, wide, grid, strict_rule)
         if len(masks) < 4:
             return strict
         tolerance = self.rule.tolerance + max(1, len(masks) // 4)
         least = _least(3 * len(masks) // 4 - tolerance + 1, self.views.partly_unknown)
-        loose = self._confirmed(
-            masks, grid, replace(self.rule, tolerance=tolerance, least_agreeing=least)
-        )
+        loose_rule = replace(self.rule, tolerance=tolerance, least_agreeing=least)
+        loose = self._confirmed(masks, wide, grid, loose_rule)
         missing = sorted(
             1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
             for a, b in zip(strict, loose, strict=True)
         )
-        if missing[1] >= _EXPLAINED:
+        if missing[1] >= CARVING.explained:
             return loose
         return [
-            sure | _small_components(likely & ~sure, _SMALL * np.count_nonzero(sure))
+            sure | _small_components(likely & ~sure, CARVING.small * np.count_nonzero(sure))
             for sure, likely in zip(strict, loose, strict=True)
         ]
 
     def _confirmed(
-        self, masks: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
+        self, masks: list[np.ndarray], wide: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
-        wide, unknown = self._dilated(masks, grid), self.views.unknown
-        hull = carve(self.views.rig, wide, grid, rule, unknown)
+        """Pixels of silhouettes into which the hull of widened ones projects."""
+        hull = carve(self.views.rig, wide, grid, rule, self.views.unknown)
         hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
         for c, mask in enumerate(masks):
             footprint = np.zeros(mask.shape, np.uint8)
@@ -314,7 +322,7 @@ def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> Ma
     a gap belongs to what is below it. People beside each other remain apart, unless pieces up to
     `joined_m` apart are one.
     """
-    reach = round(0.5 * _GAP_M / grid.voxel_size_m)
+    reach = round(0.5 * CARVING.gap_m / grid.voxel_size_m)
     columns = occupancy.reshape(-1, occupancy.shape[2]).view(np.uint8)
     line = np.ones((1, 2 * reach + 1), np.uint8)
     joined = np.asarray(cv2.dilate(columns, line)).view(np.bool_).reshape(occupancy.shape)
@@ -335,7 +343,7 @@ def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
     """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
     components = label_components(occupancy)
-    return (components.sizes >= _CRUMB * components.sizes.max(initial=1))[components.labels]
+    return (components.sizes >= CARVING.crumb * components.sizes.max(initial=1))[components.labels]
 
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:

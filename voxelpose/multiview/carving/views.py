@@ -22,7 +22,7 @@ Masks = Mapping[str, NDArray[np.bool_]] | Sequence[NDArray[np.bool_]]
 _MOST_CAMERAS = 62  # a set of cameras is the bits of an int64
 _BINS = 256
 _ANGLES = 24
-_WIDEST = 100.0  # tangent of 89.4 degrees
+_WIDEST = 100  # tangent of 89.4 degrees
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from voxelpose.multiview.matching.kernels.bits import count_common, count_new, find_dominated
+from voxelpose.multiview.tuning import MATCHING
 
-# Where less than this fraction of the placements remains, they are reduced again before the search.
-_REDUCE_AGAIN = 0.9
 MOST_BYTES = 200_000_000
 """Memory that partial choices of one search may take."""
 _MOST_EXTENDED = 100_000  # partial choices: minutes
@@ -137,16 +136,6 @@ def best_together(
     return JointChoice(choice, group_score(bits, costs, choice), not memory.exceeded)
 
 
-def enumerate_together(
-    bits: list[np.ndarray], costs: list[np.ndarray]
-) -> tuple[tuple[int, ...], float]:
-    """As `best_together`, by trying every combination. The reference for tests; exponential."""
-    choices = itertools.product(*(range(len(part)) for part in bits))
-    return max(
-        ((choice, group_score(bits, costs, choice)) for choice in choices), key=lambda it: it[1]
-    )
-
-
 def group_score(
     bits: Sequence[np.ndarray], costs: Sequence[np.ndarray], choice: Sequence[int]
 ) -> float:
@@ -229,7 +218,7 @@ def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
         solved = [_solve([fewer[i] for i in group], memory) for group in groups]
         return {number: row for group in solved for number, row in group.items()}
     reduced = [_undominated(part) for part in _contested(fewer)]
-    if sum(len(part.rows) for part in reduced) < _REDUCE_AGAIN * sum(
+    if sum(len(part.rows) for part in reduced) < MATCHING.reduce_again * sum(
         len(part.rows) for part in parts
     ):
         return _solve(reduced, memory)

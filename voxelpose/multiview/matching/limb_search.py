@@ -26,8 +26,8 @@ from voxelpose.multiview.matching.limbs import (
     sample_hinge,
     within_limits,
 )
+from voxelpose.multiview.tuning import MATCHING
 
-_STEP_RAD = np.radians(15.0)
 _UNEXPLAINED, _EXPLAINED, _OUTSIDE = 2, 0, -3
 _POINTS = 40
 _FINALISTS = 12
@@ -38,7 +38,6 @@ def place_limb(
     observation: Observation,
     pose: Pose,
     chain: tuple[Limb, ...],
-    around_rad: float | None = None,
 ) -> Pose:
     """Pose with one arm, leg or other chain where it explains most of what the rest does not.
 
@@ -47,13 +46,13 @@ def place_limb(
         observation: The frame.
         pose: Everything but the limb is taken from it.
         chain: Upper and lower part, or one that carries none.
-        around_rad: Searches at most this far from `pose`; None: the whole range.
     """
     upper, tree = chain[0], body_volume.model.tree
+    step_rad = np.radians(MATCHING.step_deg)
     covering = _Covering(body_volume.model, observation)
     searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
     images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
-    above = sample_angles(upper, pose.angles_rad, _STEP_RAD, around_rad, tree)
+    above = sample_angles(upper, pose.angles_rad, step_rad, tree)
     first = _scores(body_volume, observation, images, upper, pose, above)
     if len(chain) == 1:
         return Pose(pose.root_m, pose.root_rotation, above[int(first.argmax())])
@@ -62,24 +61,23 @@ def place_limb(
     likely = np.argsort(-first, kind="stable")[: max(len(first) // 2, 1)]
     above, first = above[likely], first[likely]
     sample_below = sample_grid if lower.angles else sample_hinge
-    below = sample_below(lower, above, _STEP_RAD, around_rad, tree)
+    below = sample_below(lower, above, step_rad, tree)
     possible = within_limits(below, tree)
-    second = _scores(
-        body_volume, observation, images, lower, pose, below.reshape(-1, below.shape[-1])
-    ).reshape(below.shape[:2])
-    bound = first + np.where(possible, second, -np.inf).max(1)
+    second = np.full(below.shape[:2], -np.inf)
+    second[possible] = _scores(body_volume, observation, images, lower, pose, below[possible])
+    bound = first + second.max(1)
     best, result = -np.inf, pose
     # Folded onto the upper part, the lower one would count the same pixels again: the likeliest
     # placements are scored again without those.
     for k in np.argsort(-bound, kind="stable")[:_FINALISTS]:
         if bound[k] <= best or not np.isfinite(bound[k]):
             break
-        placed = Pose(pose.root_m, pose.root_rotation, above[k])
+        placed, bent = Pose(pose.root_m, pose.root_rotation, above[k]), below[k, possible[k]]
         left = covering.explained(images, placed, (upper,), rest=False)
-        rest = _scores(body_volume, observation, left, lower, pose, below[k])
-        m = int(np.where(possible[k], rest, -np.inf).argmax())
+        rest = _scores(body_volume, observation, left, lower, pose, bent)
+        m = int(rest.argmax())
         if first[k] + rest[m] > best:
-            best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, below[k, m])
+            best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, bent[m])
     return result
 
 

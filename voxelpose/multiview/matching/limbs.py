@@ -126,7 +126,6 @@ def sample_angles(
     limb: Limb,
     angles_rad: np.ndarray,
     step_rad: float,
-    around: float | None = None,
     tree: KinematicTree = HUMAN,
 ) -> np.ndarray:
     """Samples of a limb's joint angles within their limits.
@@ -135,8 +134,6 @@ def sample_angles(
         limb: the limb.
         angles_rad: (D,) the angles decided so far.
         step_rad: distance between samples.
-        around: largest distance of samples from `angles_rad`, radians; None: the whole range of the
-            joints.
         tree: of the body.
 
     Returns:
@@ -146,20 +143,19 @@ def sample_angles(
     """
     names = tree.dof_names
     if limb.angles:
-        samples = sample_grid(limb, angles_rad[None], step_rad, around, tree)[0]
+        samples = sample_grid(limb, angles_rad[None], step_rad, tree)[0]
     elif limb.swing:
         columns = [names.index(name) for name in limb.swing]
-        axes = [_ticks(tree.dof_limits_rad[k], angles_rad[k], step_rad, around) for k in columns]
+        axes = [_ticks(tree.dof_limits_rad[k], step_rad) for k in columns]
         mesh = np.stack([grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")], 1)
         samples = np.tile(angles_rad, (len(mesh), 1))
         samples[:, columns] = mesh
-        if around is None:
-            # Over the whole range the present twist has no meaning at other placements.
-            for k, name in enumerate(names):
-                if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
-                    samples[:, k] = 0.0
+        # Over the whole range the present twist has no meaning at other placements.
+        for k, name in enumerate(names):
+            if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
+                samples[:, k] = 0.0
     else:
-        samples = sample_hinge(limb, angles_rad[None], step_rad, around, tree)[0]
+        samples = sample_hinge(limb, angles_rad[None], step_rad, tree)[0]
     return np.concatenate([angles_rad[None], samples[within_limits(samples, tree)]])
 
 
@@ -167,7 +163,6 @@ def sample_grid(
     limb: Limb,
     angles_rad: np.ndarray,
     step_rad: float,
-    around: float | None,
     tree: KinematicTree,
 ) -> np.ndarray:
     """Samples of all `angles` of a limb on a grid, which is coarser than asked for where it would
@@ -177,7 +172,6 @@ def sample_grid(
         limb: one with `angles`.
         angles_rad: (M, D), M placements of what carries it, with equal angles of the limb.
         step_rad: distance between samples.
-        around: as in `sample_angles`.
         tree: of the body.
 
     Returns:
@@ -186,10 +180,7 @@ def sample_grid(
     columns = [tree.dof_names.index(name) for name in limb.angles]
     middle = angles_rad[0, columns]
     while True:
-        axes = [
-            _ticks(tree.dof_limits_rad[k], at, step_rad, around)
-            for k, at in zip(columns, middle, strict=True)
-        ]
+        axes = [_ticks(tree.dof_limits_rad[k], step_rad) for k in columns]
         if np.prod([len(ticks) for ticks in axes]) <= _MOST_SAMPLES:
             break
         step_rad *= 1.2
@@ -216,7 +207,6 @@ def sample_hinge(
     limb: Limb,
     angles_rad: np.ndarray,
     step_rad: float,
-    around: float | None = None,
     tree: KinematicTree = HUMAN,
 ) -> np.ndarray:
     """Samples of a hinge's bend and of the twist of the bone above it.
@@ -226,7 +216,6 @@ def sample_hinge(
         angles_rad: (M, D), M placements of the bone above, with equal angles of the hinge.
         step_rad: distance between samples of the bend; the twist, which moves less, takes half as
             many.
-        around: as in `sample_angles`.
         tree: of the body.
 
     Returns:
@@ -238,9 +227,9 @@ def sample_hinge(
     # Orthonormal, so that angles are coordinates of the rotation vector.
     axes = tree.dof_axis[above]
     bone = np.asarray(_TWIST_AXIS[limb.twist_of or ""], float)
-    reach = np.radians(100) if around is None else around
-    twists = _ticks((-reach, reach), 0.0, 2 * step_rad, None)
-    bends = _ticks(tree.dof_limits_rad[hinge], angles_rad[0, hinge], step_rad, around)
+    reach = np.radians(100)
+    twists = _ticks((-reach, reach), 2 * step_rad)
+    bends = _ticks(tree.dof_limits_rad[hinge], step_rad)
     swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
     turned = (
         swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
@@ -259,12 +248,8 @@ def within_limits(angles_rad: np.ndarray, tree: KinematicTree = HUMAN) -> np.nda
     return ((angles_rad >= low - 1e-9) & (angles_rad <= high + 1e-9)).all(-1)
 
 
-def _ticks(
-    limits: Sequence[float] | np.ndarray, middle: float, step: float, around: float | None
-) -> np.ndarray:
+def _ticks(limits: Sequence[float] | np.ndarray, step: float) -> np.ndarray:
     """Samples of one angle, at most `step` apart, both ends of its range included."""
     low, high = limits
-    if around is not None:
-        low, high = max(low, middle - around), min(high, middle + around)
     count = max(int(np.ceil((high - low) / step - 1e-9)), 1)
     return np.linspace(low, high, count + 1)

@@ -13,6 +13,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.joint_search import best_together, interference_groups
 from voxelpose.multiview.matching.limbs import Limb, sample_angles
 from voxelpose.multiview.matching.voxel_set import VoxelSet
+from voxelpose.multiview.tuning import MATCHING
 
 
 @dataclass(frozen=True)
@@ -21,19 +22,16 @@ class MatchSettings:
 
     Attributes:
         step_rad: distance between sampled angles.
-        around_rad: largest distance of sampled angles from the given pose; None: the whole range
-            of every joint.
         interference: match parts jointly where their movable areas share voxels; False is the
             paper's plain matcher.
         empty_cost: cost of a voxel of a part in empty space, in explained voxels.
         taken_cost: cost of a voxel of a part inside a part that is already placed.
     """
 
-    step_rad: float = np.radians(15.0)
-    around_rad: float | None = None
+    step_rad: float = np.radians(MATCHING.step_deg)
     interference: bool = True
-    empty_cost: float = 1.0
-    taken_cost: float = 0.7
+    empty_cost: float = MATCHING.empty_cost
+    taken_cost: float = MATCHING.taken_cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +131,7 @@ def match(
         body_volume: the body.
         grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
-        start: places the root part; its other angles are the middle of a local search, or the
-            initial values of a full one.
+        start: places the root part; its other angles are the initial values.
         settings: see MatchSettings.
 
     Source: Iiyama, Kameda and Minoh, step (1): section 2, with section 3 for interfering parts.
@@ -223,9 +220,9 @@ class _Search:
     def selectable(self) -> list[LimbPlacements]:
         """Placements of each limb that is not decided yet, but whose parent is."""
         decided = {name for group in self.groups for name in group}
-        own = self.pose.angles_rad, self.settings.step_rad, self.settings.around_rad
+        own = self.pose.angles_rad, self.settings.step_rad, self.body_volume.model.tree
         return [
-            self.placements(limb, sample_angles(limb, *own, self.body_volume.model.tree))
+            self.placements(limb, sample_angles(limb, *own))
             for limb in self.body_volume.limbs
             if limb.name not in decided and limb.parent in decided
         ]

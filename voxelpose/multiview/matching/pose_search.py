@@ -10,7 +10,7 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.dynamics import relaxed_rad
+from silhouette_core.motion.dynamics import pose_step_sigma, relaxed_rad
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
@@ -28,12 +28,24 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.tuning import REFINING
 
-SEARCHED = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
+
+def refinement(first_reach_m: float) -> RefineSettings:
+    """Settings of a refinement whose reaches shrink evenly from a first one to the last.
+
+    Args:
+        first_reach_m: how far off the surface may be, m.
+    """
+    last = REFINING.last_reach_m
+    steps = 1 + round(np.log(first_reach_m / last) / -np.log(REFINING.shrinkage))
+    return RefineSettings(reaches_m=tuple(np.geomspace(first_reach_m, last, steps).tolist()))
+
+
+SEARCHED = refinement(REFINING.searched_reach_m)
 """For poses from a search, right to within a sampling step."""
-_HELD_SIGMA = 1e-5  # m and rad
-_COARSE_RAD = np.radians(30.0)
-_SHORT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
+STEP = refinement(REFINING.step_reach_m)
+"""For poses that are predicted, or right but for a limb."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +71,7 @@ class BodyGeometry:
         at = self.root.root_m, self.root.root_rotation
         prior = start.prior or PosePrior(start.pose, np.full(6 + self.model.dof_count, np.inf))
         sigma = prior.sigma.copy()
-        sigma[:6] = _HELD_SIGMA
+        sigma[:6] = pose_step_sigma(self.model.tree)[:6]  # of a root that stands still
         return replace(
             start,
             pose=Pose(*at, start.pose.angles_rad),
@@ -121,7 +133,8 @@ def find_pose(
         body: the body.
         frame: silhouettes and hull.
         settings: of the matcher.
-        count: torso placements to try.
+        count: torso placements to try; of a third of them the limbs are matched again, of a fifth
+            they are searched on the silhouettes.
 
     Returns:
         Poses, best first, at most one per torso placement; empty where there is no hull.
@@ -132,12 +145,11 @@ def find_pose(
     first = sorted(_matches(body, frame, placements, settings), key=_error)
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = _matches(body, frame, [fit.pose for fit in first[:3]], settings)
+    again = _matches(body, frame, [fit.pose for fit in first[: count // 3 or 1]], settings)
     ranked = sorted([*again, *first], key=_error)
-    moved = [
-        replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in ranked[:2]
-    ]
-    return sorted([*moved, *ranked[2:]], key=_error)
+    best, rest = ranked[: count // 5], ranked[count // 5 :]
+    moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
+    return sorted([*moved, *rest], key=_error)
 
 
 def _placements(
@@ -152,22 +164,20 @@ def _placements(
         return [Pose(*at, relaxed_rad(body.model.tree).copy())]
     if volume.is_person:
         return find_torso(volume, *hull, count)
-    coarse = replace(settings, step_rad=max(settings.step_rad, _COARSE_RAD))
+    coarse = replace(settings, step_rad=2 * settings.step_rad)
     roots = find_torso(volume, *hull, 3 * count)
     matched = [match(volume, *hull, root, coarse) for root in roots]
     order = np.argsort([-one.score for one in matched], kind="stable")
     return [roots[k] for k in order[:count]]
 
 
-def move_limbs(
-    body: BodyGeometry, observation: Observation, fit: PoseFit, prior: PosePrior | None = None
-) -> PoseFit:
+def move_limbs(body: BodyGeometry, observation: Observation, fit: PoseFit) -> PoseFit:
     """Searches each arm and leg on the silhouettes, and keeps what lowers the error."""
     chains = body.body_volume.chains
     while chains:
         volume = body.body_volume
         placed = [place_limb(volume, observation, fit.pose, chain) for chain in chains]
-        starts = [RefineStart(pose, _SHORT, prior) for pose in placed]
+        starts = [RefineStart(pose, STEP) for pose in placed]
         moved = refine_fits(body, observation, starts)
         # The best one moves first, and the others that would gain are searched again beside it.
         order = sorted(range(len(chains)), key=lambda k: moved[k].error)

@@ -14,10 +14,9 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.tuning import MATCHING
 
-_APART_M, _APART_RAD = 0.12, np.radians(40)
 _MOST_POSITIONS = 1500
-_UNUSUAL = 0.1  # cost of lying on the side, as a fraction of the torso: people mostly stand
 _STEPS = np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)
 
 
@@ -45,7 +44,7 @@ class _Overlap:
             rotations,
             positions - rotations @ self.middle,
         )
-        scores = inside - outside - _UNUSUAL * (1 - rotations[:, 2, 2])
+        scores = inside - outside - MATCHING.lying_cost * (1 - rotations[:, 2, 2])
         order = np.argsort(-scores, kind="stable")
         return positions[order], rotations[order], scores[order]
 
@@ -180,15 +179,14 @@ def _ranked(
 def _different(
     positions: np.ndarray, rotations: np.ndarray, scores: np.ndarray, count: int
 ) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    kept: list[tuple[np.ndarray, np.ndarray, float]] = []
-    for position, rotation, score in zip(positions, rotations, scores, strict=True):
+    kept: list[int] = []
+    # Turns are apart by the angle whose cosine is half of what the trace exceeds one by.
+    least_trace = 1 + 2 * np.cos(np.radians(MATCHING.apart_deg))
+    for k in range(len(scores)):
         if len(kept) == count:
             break
-        near = (
-            np.linalg.norm(position - other) < _APART_M
-            and np.arccos(np.clip((np.trace(rotation.T @ turn) - 1) / 2, -1, 1)) < _APART_RAD
-            for other, turn, _ in kept
-        )
-        if not any(near):
-            kept.append((position, rotation, float(score)))
-    return kept
+        near = np.linalg.norm(positions[kept] - positions[k], axis=1) < MATCHING.apart_m
+        traces = (rotations[kept] * rotations[k]).sum((1, 2))
+        if not (near & (traces > least_trace)).any():
+            kept.append(k)
+    return [(positions[k], rotations[k], float(scores[k])) for k in kept]

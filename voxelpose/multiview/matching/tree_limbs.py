@@ -15,9 +15,7 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
 from voxelpose.multiview.matching.limbs import CHAINS, LIMBS, Limb
-
-_TURN_RAD = np.radians(40.0)
-_SHOWN = 0.2  # share of a group's points that leave its volume
+from voxelpose.multiview.tuning import MATCHING
 
 
 def limbs_of(model: BodyModel, part_points: list[np.ndarray], spacing_m: float) -> tuple[Limb, ...]:
@@ -115,9 +113,11 @@ class _Builder:
         offsets, tree = points - self.model.joints_m[part], KDTree(points)
         shown = []
         for k in self.dofs(part):
-            turn = Rotation.from_rotvec(_TURN_RAD * self.model.dof_axis[k]).as_matrix()
+            turn = Rotation.from_rotvec(
+                np.radians(MATCHING.apart_deg) * self.model.dof_axis[k]
+            ).as_matrix()
             distance = tree.query(offsets @ turn.T + self.model.joints_m[part])[0]
-            if (distance > self.spacing_m).mean() > _SHOWN:
+            if (distance > self.spacing_m).mean() > MATCHING.shown:
                 shown.append(k)
         return shown
 

@@ -28,24 +28,19 @@ from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.posterior import landmark_sigma_m
-from silhouette_core.refinement.refine import RefineSettings, RefineStart
+from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings, match
-from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, refine_fits
+from voxelpose.multiview.matching.pose_search import SEARCHED, STEP, BodyGeometry, refine_fits
+from voxelpose.multiview.tuning import QUALITY
 
-NEAR_MM = 30.0
+NEAR_MM = 30
 """Error for which the probability of a joint is stated."""
-RIGHT_MM = 80.0
+RIGHT_MM = 80
 """Mean error of the joints relative to the pelvis up to which a frame counts as right."""
-_SQUARE_M = 0.12  # half the side of the square around a joint
-ADDED_MM = 3.0
-_LEAST_SEEN = 0.3  # of a square that must be known
-_LEAST = 0.01  # share below which a joint's surroundings count as alike
-_USUAL_SIGMA_M, _USUAL_CAMERAS = 0.01, 4
-_TURNS = (1.0, 4.0)  # range of the half-turn ratio
-_AT_LIMIT_RAD = 0.02
-_ANGLES_KEPT = RefineSettings(reaches_m=(0.15, 0.10, 0.08, 0.06))
+ADDED_MM = 3
+"""Added to errors before their logarithm is taken."""
 
 # Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
 # standard deviation over a centimetre, log of the mean share, log of the median one, log of the
@@ -117,12 +112,12 @@ def frame_evidence(
         pixels, depth_m = camera.project(joints_m)
         shares = np.full(len(joints_m), np.nan)
         for k in np.flatnonzero(np.isfinite(pixels).all(axis=1)):
-            reach = _SQUARE_M * camera.matrix[0, 0] / max(float(depth_m[k]), 0.3)
+            reach = QUALITY.square_m * camera.matrix[0, 0] / max(float(depth_m[k]), 0.3)
             low = np.maximum((pixels[k] - reach).astype(int), 0)
             high = np.maximum((pixels[k] + reach).astype(int) + 1, 0)
             square, area = (slice(low[1], high[1]), slice(low[0], high[0])), (2 * reach) ** 2
             seen = area if unknown is None else area - np.count_nonzero(unknown[square])
-            if seen >= _LEAST_SEEN * area:
+            if seen >= QUALITY.least_seen * area:
                 shares[k] = np.count_nonzero(apart[square]) / seen
         near.append(shares)
     known = np.isfinite(near)
@@ -160,7 +155,7 @@ def half_turn_ratio(
     other, own = refine_fits(
         body,
         frame.observation,
-        [RefineStart(found.pose, SEARCHED), RefineStart(pose, _ANGLES_KEPT)],
+        [RefineStart(found.pose, SEARCHED), RefineStart(pose, STEP)],
     )
     return other.error / max(own.error, 1e-6)
 
@@ -214,7 +209,7 @@ class MotionEvidence:
         quality = motion.quality
         low, high = motion.model.dof_limits_rad.T
         angles, free = motion.angles_rad, high > low
-        at_end = (angles <= low + _AT_LIMIT_RAD) | (angles >= high - _AT_LIMIT_RAD)
+        at_end = (angles <= low + QUALITY.at_limit_rad) | (angles >= high - QUALITY.at_limit_rad)
         at_limits = (at_end & free).mean(axis=1)
         clothes = float(motion.model.shape[IS_CLOTHING].sum())
         return cls(
@@ -243,13 +238,13 @@ def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
     camera_error = np.maximum(evidence.camera_error, 1e-3)
     mean = np.log(camera_error.mean(axis=1))
     middle = np.log(np.median(camera_error, axis=1))
-    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, *_TURNS)))
+    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, 1.0, QUALITY.most_turned)))
     clothes = np.full(len(mean), 100 * evidence.clothes)
-    cameras = np.full(len(mean), np.log(camera_error.shape[1] / _USUAL_CAMERAS))
+    cameras = np.full(len(mean), np.log(camera_error.shape[1] / 4))
     shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
     frames = np.stack([np.ones(len(mean)), *shared], axis=1)
-    near = np.log(evidence.joint_error + _LEAST)
-    sigma = np.log(evidence.joint_sigma_m / _USUAL_SIGMA_M)
+    near = np.log(evidence.joint_error + QUALITY.least)
+    sigma = np.log(evidence.joint_sigma_m / 0.01)
     constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
     of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)
     of_joint = np.stack([near, sigma], axis=2)

@@ -11,8 +11,7 @@ from silhouette_core.motion.pose import Pose
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.voxel_set import VoxelSet
-
-_UNSUPPORTED = 0.2  # overlap below which a part is unsupported
+from voxelpose.multiview.tuning import QUALITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,10 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
     covered[tuple(voxel_set.voxels(union).T)] = True
     unexplained = np.argwhere(frame.occupancy & ~_dilated(covered))
     return Quality(
-        overlap, overlap < _UNSUPPORTED, len(unexplained) / max(len(voxel_set), 1), unexplained
+        overlap,
+        overlap < QUALITY.unsupported,
+        len(unexplained) / max(len(voxel_set), 1),
+        unexplained,
     )
 
 

@@ -37,6 +37,7 @@ class FloorShadows:
         self._rig, self._unknown = rig, unknown
         self._from_floor = [camera.projection @ lift for camera in rig]
         self._above_m = [float(camera.center_m[2]) - floor_m for camera in rig]
+        self._places: dict[int, list[NDArray[np.float64]]] = {}
 
     def possible(self, dark: Masks, person_m: NDArray[np.float64]) -> Masks:
         """Pixels (h, w) bool of each camera that may be a shadow on the floor.
@@ -75,8 +76,10 @@ class FloorShadows:
             )
             allowed &= seen != 0
             unseen &= seen == _UNSEEN
-        x, y = np.arange(width), np.arange(height)[:, None]
-        floor_x, floor_y, scale = (row[0] * x + row[1] * y + row[2] for row in to_floor)
+        if c not in self._places:
+            x, y = np.arange(width), np.arange(height)[:, None]
+            self._places[c] = [row[0] * x + row[1] * y + row[2] for row in to_floor]
+        floor_x, floor_y, scale = self._places[c]
         # Compared without a division: the scale is negative above the horizon.
         across, along = floor_x - person_m[0] * scale, floor_y - person_m[1] * scale
         near = across**2 + along**2 < (_LONGEST_M * scale) ** 2

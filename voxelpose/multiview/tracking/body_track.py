@@ -1,9 +1,11 @@
-"""A body and its latest poses, and the step to its pose in the next frame."""
+"""A body and its latest poses, and the step to its pose in the next frame: the same off line,
+forward and backward, and live.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -11,22 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Rig
-from silhouette_core.motion.dynamics import FPS, MOMENTUM, pose_step_sigma
+from silhouette_core.body.kinematic_tree import KinematicTree
+from silhouette_core.motion.dynamics import MOMENTUM, elapsed_steps, pose_step_sigma
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.refine import PosePrior, RefineSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, refine_fit
+from silhouette_core.refinement.refine import PosePrior
+from voxelpose.multiview.carving.observe import observation_at
+from voxelpose.multiview.matching.pose_search import (
+    SEARCHED,
+    STEP,
+    BodyGeometry,
+    PoseFit,
+    move_limbs,
+    refine_fit,
+)
+from voxelpose.multiview.tuning import REFINING, TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
 
-STEP = RefineSettings(reaches_m=(0.18, 0.12, 0.08, 0.06))
-_AGAIN = RefineSettings(reaches_m=(0.30, 0.20, 0.15, 0.10, 0.07, 0.06))
-_LONG, _LONGEST = 2.5, 6.0  # in units of 1 / FPS: a long time between frames, and the longest
-_POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
-_MARGIN = 0.25  # about a silhouette, see `outside_distances`
-_SPACING_M = 0.05  # between contour points: half as many as off line
-_RECENT = 12  # frames whose median error is the usual one
-_NEAR_M, _REDUCED = 0.30, 8
+_REDUCED = 8  # of the images in which the surroundings of a body are drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +62,14 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class BodyTrack:
-    """A body and its latest poses.
+    """A body and its latest poses, in the order in which they were tracked.
 
     Attributes:
         body: the body.
         time_s: of the latest frame.
         fit: its pose and error.
         before: time and pose of the frame before it.
-        errors: of recent frames.
+        errors: of recent frames, the latest included.
     """
 
     body: BodyGeometry
@@ -78,41 +83,74 @@ class BodyTrack:
         """Median error of recent frames."""
         return float(np.median(self.errors)) if self.errors else self.fit.error
 
-    def predicted(self, time_s: float) -> Pose:
-        """Pose expected at a damped constant velocity."""
-        if self.before is None:
-            return self.fit.pose
-        before_s, before = self.before
-        ahead = MOMENTUM * (time_s - self.time_s) / max(self.time_s - before_s, 1e-3)
-        ahead_pose = self.fit.pose.moved(min(ahead, 3.0) * self.fit.pose.minus(before))
-        return ahead_pose.clipped(self.body.model.dof_limits_rad)
+    def is_poor(self, error: float) -> bool:
+        """Whether an error is clearly larger than usual."""
+        return error > TRACKING.poor * self.usual + TRACKING.poor_by
 
-    def step(
-        self, rig: Rig, time_s: float, masks: Masks, settings: RefineSettings = STEP
-    ) -> BodyTrack:
+    def predict(self, time_s: float) -> PosePrior:
+        r"""Pose expected at a damped constant velocity, with the process noise of the time since.
+
+        .. math:: \mu = x_k + 0.8 \, \frac{t - t_k}{t_k - t_{k-1}} (x_k - x_{k-1}), \qquad
+            \sigma = |t - t_k| \, f \, \sigma_1
+
+        with the standard deviations :math:`\sigma_1` (6 + D,) of a step within :math:`1 / f`
+        (`pose_step_sigma`). Time may run backward.
+
+        Args:
+            time_s: of the frame that is expected.
+        """
+        model, pose = self.body.model, self.fit.pose
+        elapsed = elapsed_steps(self.time_s, time_s)
+        sigma = process_noise(model.tree, elapsed)
+        if self.before is not None:
+            before_s, before = self.before
+            # The last step is repeated three times at most: nobody moves on straight for longer.
+            ratio = min(elapsed / elapsed_steps(before_s, self.time_s), 3)
+            pose = pose.moved(MOMENTUM * ratio * pose.minus(before)).clipped(model.dof_limits_rad)
+        return PosePrior(pose, sigma)
+
+    def step(self, observation: Observation, time_s: float) -> BodyTrack:
         """Track with the next frame.
+
+        Args:
+            observation: the frame.
+            time_s: its time.
+        """
+        prior = self.predict(time_s)
+        sudden = elapsed_steps(self.time_s, time_s) > TRACKING.long_steps or self.before is None
+        settings = SEARCHED if sudden else STEP
+        fit = refine_fit(self.body, observation, prior.pose, prior, settings)
+        if self.is_poor(fit.error):
+            # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
+            prior = PosePrior(self.fit.pose, TRACKING.unexpected * prior.sigma)
+            again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
+            fit = min(fit, again, key=lambda one: one.error)
+        errors = (*self.errors[1 - TRACKING.recent :], fit.error)
+        return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
+
+    def with_limbs(self, observation: Observation) -> BodyTrack:
+        """Track whose arms and legs are searched again in its latest frame; itself where that is no
+        better.
+        """
+        moved = move_limbs(self.body, observation, self.fit)
+        if moved.error >= TRACKING.better * self.fit.error:
+            return self
+        return replace(self, fit=moved, errors=(*self.errors[:-1], moved.error))
+
+    def follow(self, rig: Rig, time_s: float, masks: Masks) -> BodyTrack:
+        """Track with the next frame, of which only what is near to the predicted pose counts.
 
         Args:
             rig: pinhole cameras.
             time_s: time of the frame.
             masks: silhouettes (h, w) bool by camera name.
-            settings: of the refinement.
         """
-        views, predicted = views_of(rig, tuple(masks)), self.predicted(time_s)
-        interval = float(np.clip((time_s - self.time_s) * FPS, 0.3, _LONGEST))
-        if interval > _LONG:
-            settings = _AGAIN
-        observation = observed_near(self.body, views, masks, predicted)
-        sigma = pose_step_sigma(self.body.model.tree) * interval
-        prior = PosePrior(predicted, sigma)
-        fit = refine_fit(self.body, observation, predicted, prior, settings)
-        if fit.error > _POOR * self.usual + _POOR_BY:
-            # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
-            prior = PosePrior(self.fit.pose, 3 * sigma)
-            again = refine_fit(self.body, observation, self.fit.pose, prior, _AGAIN)
-            fit = min(fit, again, key=lambda one: one.error)
-        errors = (*self.errors[1 - _RECENT :], fit.error)
-        return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
+        return self.step(observed_near(self.body, rig, masks, self.predict(time_s).pose), time_s)
+
+
+def process_noise(tree: KinematicTree, steps: float) -> NDArray[np.float64]:
+    """Standard deviations (6 + D,) of a pose's coordinates after a time in units of 1 / `FPS`."""
+    return min(steps, TRACKING.longest_steps) * pose_step_sigma(tree)
 
 
 @lru_cache(maxsize=64)
@@ -121,16 +159,16 @@ def views_of(rig: Rig, names: tuple[str, ...]) -> PinholeViews:
     return PinholeViews.from_rig(rig.select(list(names)))
 
 
-def observed_near(body: BodyGeometry, views: PinholeViews, masks: Masks, pose: Pose) -> Observation:
+def observed_near(body: BodyGeometry, rig: Rig, masks: Masks, pose: Pose) -> Observation:
     """Silhouettes without what is farther from a pose than a limb moves in a few frames.
 
     Args:
         body: the body.
-        views: C pinhole cameras.
-        masks: C silhouettes (h, w) bool by camera name, in the order of the views.
+        rig: pinhole cameras.
+        masks: silhouettes (h, w) bool by camera name.
         pose: near which the silhouettes count.
     """
-    points = body.surface.posed(pose).points[::4]
+    views, points = views_of(rig, tuple(masks)), body.surface.posed(pose).points[::4]
     near = []
     for c, mask in enumerate(masks.values()):
         inside = points @ views.rotation[c].T + views.translation_m[c]
@@ -141,17 +179,10 @@ def observed_near(body: BodyGeometry, views: PinholeViews, masks: Masks, pose: P
         pixels = (inside[:, :2] / depth[:, None] * focal + center) / _REDUCED
         x, y = np.clip(pixels, 0, np.array(small.shape[::-1]) - 1).astype(int).T
         small[y, x] = 1
-        reach = max(round(_NEAR_M * focal[0] / float(np.median(depth)) / _REDUCED), 1)
+        near_px = REFINING.searched_reach_m * focal[0] / float(np.median(depth))
+        reach = max(round(near_px / _REDUCED), 1)
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         size = small.shape[1] * _REDUCED, small.shape[0] * _REDUCED
         whole = cv2.resize(cv2.dilate(small, disc), size, interpolation=cv2.INTER_NEAREST)
         near.append(mask & whole[:height, :width].view(bool))
     return observation_at(views, near, pose.root_m)
-
-
-def observation_at(
-    views: PinholeViews, masks: list[NDArray[np.bool_]], place_m: NDArray[np.float64]
-) -> Observation:
-    """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs."""
-    distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
-    return Observation.from_masks(views, masks, distance, _SPACING_M, _MARGIN)

@@ -15,30 +15,19 @@ import numpy as np
 
 from calib.camera import Rig
 from silhouette_core.motion.pose import Pose
+from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
 from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.tracking.body_track import BodyTrack, Masks, Moment
 from voxelpose.multiview.tracking.track_jobs import (
-    BETTER,
-    LOST,
-    SUSPECT,
     FollowSettings,
     adapt_body,
     catch_up,
     search,
     search_limbs,
 )
+from voxelpose.multiview.tuning import LIVE, TRACKING
 
-_FIRST_PLACEMENTS, _PLACEMENTS = 4, 10  # of the torso, in a first search and in one to improve
-_LONGEST_GAP_S, _LONGEST_GAP = 0.5, 3.5  # s, or frames of a slow camera
-_POOR, _POOR_BY = 1.2, 0.01  # factor, and excess, over the usual error that make a frame poor
-_BAD, _BAD_BY = 1.4, 0.03  # the same over the least usual error, which make a search due
-_SEARCH_AGAIN_S = 0.7
-_LIMBS_AGAIN_S, _LIMBS_POOR_S = 3.0, 0.7  # between searches of limbs, and where frames are poor
-_ADAPTED = 8  # frames to which proportions are adapted
-_APART_S = (0.4, 1.5, 4.0)  # time between these, for a first adaptation and for later ones
-_FOREGROUND = 0.002  # least fraction of a picture that a person takes
-_CAUGHT_UP = 2  # frames that may still be missing
-_LONGEST_S = 6.0  # after which a job's frames are forgotten
+_Searched = Future[BodyTrack | None]
 
 
 @dataclass
@@ -77,7 +66,7 @@ class PoseFollower:
         self._lost: BodyTrack | None = None  # may be found again within a few frames
         self._known: BodyGeometry | None = None
         self._person = _Followed()
-        self._job: Future[BodyTrack | None] | None = None
+        self._job: _Searched | None = None
         self._since: list[Moment] = []
         self._previous_s = 0.0
 
@@ -94,13 +83,14 @@ class PoseFollower:
             masks: silhouettes (h, w) bool by camera name, of two cameras at least; cameras that are
                 missing at the moment are left out.
         """
-        longest_s = max(_LONGEST_GAP_S, _LONGEST_GAP * (time_s - self._previous_s))
+        longest_s = max(LIVE.longest_gap_s, LIVE.longest_gap * (time_s - self._previous_s))
         self._previous_s = time_s
         latest, self._track = self._track or self._lost, None
         for track in (latest, self._found()):
             if track is not None and time_s - track.time_s <= longest_s:
-                stepped = track.step(self.rig, time_s, masks)
-                least = LOST if self._track is None else BETTER * self._track.fit.error
+                stepped = track.follow(self.rig, time_s, masks)
+                best = self._track
+                least = TRACKING.lost if best is None else TRACKING.better * best.fit.error
                 if stepped.fit.error < least:
                     self._track = stepped
         self._lost = latest if self._track is None else None
@@ -109,7 +99,7 @@ class PoseFollower:
             self._begin_job(moment)
         else:
             self._since = [
-                one for one in (*self._since, moment) if time_s - one.time_s < _LONGEST_S
+                one for one in (*self._since, moment) if time_s - one.time_s < LIVE.forgotten_s
             ]
         return None if self._track is None else self._track.fit
 
@@ -122,7 +112,7 @@ class PoseFollower:
         if track is None:
             return None
         later = [moment for moment in self._since if moment.time_s > track.time_s]
-        if len(later) <= _CAUGHT_UP:
+        if len(later) <= LIVE.caught_up:
             return track
         self._since = []
         self._submit(catch_up, self.rig, track, later)
@@ -134,30 +124,29 @@ class PoseFollower:
         track, person, now = self._track, self._person, moment.time_s
         if track is None:
             area = (mask.mean() for mask in moment.masks().values())
-            if sum(fraction > _FOREGROUND for fraction in area) >= 2:
-                self._submit(
-                    search, self.rig, self.settings, self._known, moment, _FIRST_PLACEMENTS
-                )
+            if sum(fraction > LIVE.foreground for fraction in area) >= LEAST_CAMERAS:
+                first = moment, LIVE.first_placements
+                self._submit(search, self.rig, self.settings, self._known, *first)
             return
         self._known = track.body
         person.least = min(person.least, track.usual)
         sampled_s = person.samples[-1][0].time_s if person.samples else -np.inf
-        unfinished = person.adapted < len(_APART_S)
-        clear = unfinished and track.fit.error < 1.1 * track.usual
-        if clear and now - sampled_s > _APART_S[person.adapted]:
+        unfinished = person.adapted < len(LIVE.apart_s)
+        poor = track.is_poor(track.fit.error)
+        if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
-        bad = track.usual > max(_BAD * person.least, person.least + _BAD_BY)
-        suspect = track.usual > SUSPECT
-        poor = track.fit.error > _POOR * track.usual + _POOR_BY
-        if (bad or suspect) and now - person.searched_s > _SEARCH_AGAIN_S:
+        suspect = track.usual > TRACKING.suspect
+        bad = suspect or track.usual > TRACKING.bad * person.least
+        limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
+        if bad and now - person.searched_s > LIVE.poor_again_s:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
-            self._submit(search, self.rig, self.settings, body, moment, _PLACEMENTS)
-        elif len(person.samples) >= _ADAPTED:
+            self._submit(search, self.rig, self.settings, body, moment, LIVE.placements)
+        elif len(person.samples) >= LIVE.adapted:
             samples, person.samples = person.samples, []
             person.adapted += 1
             self._submit(adapt_body, self.rig, self.settings, track, samples)
-        elif now - person.limbs_s > (_LIMBS_POOR_S if poor else _LIMBS_AGAIN_S):
+        elif now - person.limbs_s > limbs_again_s:
             person.limbs_s = now
             self._submit(search_limbs, self.rig, track, moment)
 

@@ -16,36 +16,20 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.adaptation import Stature, adapt_shape
-from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.bounds import place_grid
 from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, body_rule
-from voxelpose.multiview.matching.matcher import match
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, move_limbs, refine_fit
-from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose
 from voxelpose.multiview.person.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
 from voxelpose.multiview.tracking.body_track import (
-    STEP,
     BodyTrack,
     Masks,
     Moment,
-    observation_at,
     observed_near,
     views_of,
 )
-
-LOST = 0.45
-"""Largest error of a pose that is kept."""
-BETTER = 0.97
-"""A pose replaces another where its error is below this fraction of the other's."""
-SUSPECT = 0.16
-"""Error above which a pose may be a wrong one, or the body another."""
-_VOXEL_M = 0.025
-_LONGEST_STEP_S = 0.14  # to which frames are passed over
-_SUDDEN, _SUDDEN_BY, _MOST_SEARCHES, _MOST_WRONG = 1.5, 0.03, 1, 5
-_FIRST_STEP = RefineSettings(reaches_m=(0.30, 0.25, 0.20, 0.15, 0.12, 0.10, 0.08))
-_GIVEN_SIGMA_M, _HULL_SIGMA = 0.006, 0.05
+from voxelpose.multiview.tuning import LIVE, TRACKING
 
 
 @dataclass(frozen=True)
@@ -75,14 +59,13 @@ def search(
         moment: the silhouettes.
         count: placements of the torso to try.
     """
-    masks = moment.masks()
-    frame = _hull(rig, masks)
+    frame = _hull(rig, moment.masks())
     if frame is None:
         return None
     body = body or _body(settings, frame)
-    fits = _first_poses(body, frame, count)
+    fits = find_pose(body, frame, count=count)
     tracks = [BodyTrack(body, moment.time_s, fit) for fit in fits]
-    if tracks and tracks[0].fit.error > SUSPECT:
+    if tracks and tracks[0].fit.error > TRACKING.suspect:
         # Of another body than this one, the right pose need not be the one that fits best.
         tracks += [
             adapt_body(rig, settings, track, [(moment, track.fit.pose)]) for track in tracks[:3]
@@ -92,11 +75,8 @@ def search(
 
 def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None:
     """Searches every arm and leg in the track's latest frame; None where none is better."""
-    masks = moment.masks()
-    pose = track.fit.pose
-    observation = observed_near(track.body, views_of(rig, tuple(masks)), masks, pose)
-    moved = move_limbs(track.body, observation, track.fit)
-    return replace(track, fit=moved) if moved.error < BETTER * track.fit.error else None
+    found = track.with_limbs(observed_near(track.body, rig, moment.masks(), track.fit.pose))
+    return None if found is track else found
 
 
 def adapt_body(
@@ -115,11 +95,10 @@ def adapt_body(
     """
     model = track.body.model
     stature = model.sizes.stature_m
-    sigma = _GIVEN_SIGMA_M if settings.stature_m is not None else _HULL_SIGMA * stature
-    observations = []
-    for moment, pose in samples:
-        masks = moment.masks()
-        observations.append(observed_near(track.body, views_of(rig, tuple(masks)), masks, pose))
+    sigma = LIVE.given_sigma_m if settings.stature_m is not None else LIVE.hull_sigma * stature
+    observations = [
+        observed_near(track.body, rig, moment.masks(), pose) for moment, pose in samples
+    ]
     surface, poses = adapt_shape(
         track.body.surface,
         observations,
@@ -127,7 +106,7 @@ def adapt_body(
         Stature(stature, sigma),
         model.shape,
     )
-    body = BodyGeometry.from_surface(surface, _VOXEL_M)
+    body = BodyGeometry.from_surface(surface, LIVE.voxel_size_m)
     if samples[-1][0].time_s != track.time_s:
         return replace(track, body=body)
     error = silhouette_error(surface.model, poses[-1], observations[-1], body.body_volume.backend)
@@ -145,37 +124,18 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         track: the track.
         moments: in order; some are passed over, as long as no step becomes long.
     """
-    settings = _FIRST_STEP if track.before is None else STEP
-    usual, waiting, searches, wrong = track.usual, list(moments), 0, 0
+    usual, waiting, searched, wrong = track.usual, list(moments), False, 0
     while waiting:
-        near = [one for one in waiting[:2] if one.time_s - track.time_s < _LONGEST_STEP_S]
+        near = [one for one in waiting[:2] if one.time_s - track.time_s < LIVE.longest_step_s]
         moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
-        track = track.step(rig, moment.time_s, moment.masks(), settings)
-        settings = STEP
-        if track.fit.error > _SUDDEN * usual + _SUDDEN_BY and searches < _MOST_SEARCHES:
-            searches += 1
-            track = search_limbs(rig, track, moment) or track
-        wrong = wrong + 1 if track.fit.error > max(SUSPECT, _SUDDEN * usual) else 0
-        if track.fit.error > LOST or wrong == _MOST_WRONG:
+        track = track.follow(rig, moment.time_s, moment.masks())
+        if track.fit.error > TRACKING.bad * usual and not searched:
+            searched, track = True, search_limbs(rig, track, moment) or track
+        wrong = wrong + 1 if track.fit.error > max(TRACKING.suspect, TRACKING.bad * usual) else 0
+        if track.fit.error > TRACKING.lost or wrong == LIVE.most_wrong:
             return None
     return track
-
-
-def _first_poses(body: BodyGeometry, frame: FrameObservation, count: int) -> list[PoseFit]:
-    """As `find_pose`, with fewer contour points and without the search of limbs on silhouettes."""
-    middle = frame.grid.occupied_points(frame.occupancy).mean(0)
-    observation = observation_at(frame.views, frame.masks, middle)
-
-    def matched(start: Pose) -> PoseFit:
-        pose = match(body.body_volume, frame.grid, frame.occupancy, start).pose
-        return refine_fit(body, observation, pose, None, _FIRST_STEP)
-
-    starts = find_torso(body.body_volume, frame.grid, frame.occupancy, count)
-    fits = sorted(map(matched, starts), key=lambda fit: fit.error)
-    # With the torso now well placed the limbs are matched again.
-    again = [matched(fit.pose) for fit in fits[:2]]
-    return sorted([*again, *fits], key=lambda fit: fit.error)
 
 
 def _body(settings: FollowSettings, frame: FrameObservation) -> BodyGeometry:
@@ -189,7 +149,7 @@ def _body(settings: FollowSettings, frame: FrameObservation) -> BodyGeometry:
     if settings.chest_m is None and len(frame.masks) >= GIRTH_CAMERAS:
         chest = chest_from_hull(model, hull_volume_m3(frame))
         model = BodyModel.from_sizes(BodySizes(stature, chest, sex))
-    return BodyGeometry.from_surface(Surface(model), _VOXEL_M)
+    return BodyGeometry.from_surface(Surface(model), LIVE.voxel_size_m)
 
 
 def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
@@ -197,7 +157,7 @@ def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
     views, images = views_of(rig, tuple(masks)), list(masks.values())
     rule = body_rule(len(images), 0)
     try:
-        grid = place_grid(views.rig, images, voxel_size_m=2 * _VOXEL_M, rule=rule)
+        grid = place_grid(views.rig, images, voxel_size_m=2 * LIVE.voxel_size_m, rule=rule)
     except InputError:
         return None
-    return HullObserver(views, grid, _VOXEL_M, rule).observe(images)
+    return HullObserver(views, grid, LIVE.voxel_size_m, rule).observe(images)

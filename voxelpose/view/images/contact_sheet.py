@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -118,17 +119,28 @@ class _View:
         self.tile = tile
         # A distant figure is enlarged threefold at most: beyond that no more detail appears.
         scale = min(3.0, tile[0] / width, tile[1] / height)
-        self.painter = FigurePainter(motion.model, camera, scale, unknown)
         middle = (np.array([left + width / 2, top + height / 2]) + 0.5) * scale - 0.5
-        self.shift = np.array(tile) / 2 - middle
+        shift = np.array(tile) / 2 - middle
         # Where the picture continues beyond the tile's edge, it is shown instead of an empty rim.
-        slack = np.array(tile) - np.array(self.painter.size)
-        self.shift = np.clip(self.shift, np.minimum(slack, slack / 2), np.maximum(0, slack / 2))
+        slack = np.array(tile) - np.array(camera.pinhole(scale).size)
+        shift = np.clip(shift, np.minimum(slack, slack / 2), np.maximum(0, slack / 2))
+        # Nothing is painted but what the tile shows.
+        low = np.maximum(np.floor(-shift / scale), 0).astype(int)
+        high = np.minimum(np.ceil((np.array(tile) - shift) / scale), camera.size).astype(int)
+        self.window = slice(low[1], high[1]), slice(low[0], high[0])
+        matrix = camera.matrix.copy()
+        matrix[:2, 2] -= low
+        size = int(high[0] - low[0]), int(high[1] - low[1])
+        part = replace(camera, matrix=matrix, size=size)
+        hidden = None if unknown is None else unknown[self.window]
+        self.painter = FigurePainter(motion.model, part, scale, hidden)
+        self.shift = shift + low * scale
 
     def crop(
         self, frame: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> Image:
-        image = self.painter.paint(self.painter.resized(frame), rotation, origin)
+        image = self.painter.resized(np.ascontiguousarray(frame[self.window]))
+        self.painter.paint(image, rotation, origin)
         move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
         rim = (48, 42, 38)
         tile = cv2.warpAffine(image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=rim)

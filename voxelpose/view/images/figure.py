@@ -154,16 +154,17 @@ class FigurePainter:
             The image.
         """
         parts = body_parts(self.model, kinematics.skin(self.model, rotation, origin), self.ideal)
-        rows = np.flatnonzero(parts.any(axis=1))
-        if not len(rows):
+        left, top, width, height = cv2.boundingRect((parts > 0).view(np.uint8))
+        if not width:
             return image
-        line = max(1, round((rows[-1] - rows[0]) / 300))
+        parts = parts[top : top + height, left : left + width]
+        line = max(1, round((height - 1) / 300))
         for side, colour in enumerate(_SIDES):
-            outlines = self._outlines(self._side[parts] == side)
+            outlines = self._outlines(self._side[parts] == side, (left, top))
             tint(image, outlines, colour, 0.33)
             for outline in outlines:
                 stroke(image, outline, colour, line, closed=True)
-        for outline in self._outlines(parts > 0):
+        for outline in self._outlines(parts > 0, (left, top)):
             stroke(image, outline, INK, line, closed=True)
         self._skeleton(image, rotation, origin, line)
         return image
@@ -185,9 +186,15 @@ class FigurePainter:
             dot(image, joints[joint], line + 1.3, PAPER)
             dot(image, joints[joint], line + 0.3, INK)
 
-    def _outlines(self, mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
-        """Closed borders (N, 2) of a mask of the pinhole picture, in pixels of the working one."""
-        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    def _outlines(
+        self, mask: NDArray[np.bool_], corner: tuple[int, int]
+    ) -> list[NDArray[np.float64]]:
+        """Closed borders (N, 2) of a mask in pixels of the working picture; `corner` is the place
+        of its first pixel in the pinhole picture.
+        """
+        contours, _ = cv2.findContours(
+            mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=corner
+        )
         outlines = [np.asarray(outline, float)[:, 0] for outline in contours if len(outline) > 4]
         if self.camera.is_pinhole:
             return outlines

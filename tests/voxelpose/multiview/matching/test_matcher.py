@@ -54,16 +54,13 @@ def scene():
 
 
 @pytest.mark.parametrize("name", [limb.name for limb in LIMBS if limb.parent])
-@pytest.mark.parametrize("around", [None, np.radians(30.0)])
-def test_samples_stay_within_limits_and_hold_the_present_angles(name, around):
-    result = sample_angles(LIMB[name], RELAXED_RAD, STEP, around)
+def test_samples_stay_within_limits_and_hold_the_present_angles(name):
+    result = sample_angles(LIMB[name], RELAXED_RAD, STEP)
     np.testing.assert_array_equal(result[0], RELAXED_RAD)
     assert within_limits(result).all() and len(result) > 5
     own = {name, LIMB[name].twist_of}
     strange = [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] not in own]
     assert (result[:, strange] == RELAXED_RAD[strange]).all()
-    if around is not None and LIMB[name].swing:
-        assert np.abs(result - RELAXED_RAD).max() <= around + 1e-9
 
 
 def test_a_full_search_reaches_both_ends_of_every_swing():
@@ -80,7 +77,7 @@ def test_twist_turns_the_bone_about_itself(body_volume):
     turned = RELAXED_RAD.copy()
     turned[HUMAN.dof_names.index("left_thigh.flexion")] = 0.9
     turned[HUMAN.dof_names.index("left_thigh.abduction")] = 0.3
-    samples = sample_hinge(LIMB["left_shin"], turned[None], STEP, None)[0]
+    samples = sample_hinge(LIMB["left_shin"], turned[None], STEP)[0]
     _, knees = body_volume.placements(LIMB["left_shin"], stance(body_volume.model), samples)
     # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3
     # degrees.
@@ -122,23 +119,17 @@ def test_interference_is_passed_on_from_part_to_part():
     assert count_common(areas[0], areas[1]) == 1
 
 
-def test_arms_apart_are_matched_singly_and_legs_together(body_volume, scene):
+def test_forearms_apart_are_matched_singly_and_shins_together(body_volume, scene):
     _, _, grid, occupancy = scene
     start = stance(body_volume.model, TURNS)
-    result = match(body_volume, grid, occupancy, start, MatchSettings(around_rad=np.radians(20.0)))
+    result = match(body_volume, grid, occupancy, start)
     groups = [set(group) for group in result.groups]
-    assert {"left_upper_arm"} in groups and {"right_upper_arm"} in groups
-    assert {"left_thigh", "right_thigh"} in groups
+    assert {"left_forearm"} in groups and {"right_forearm"} in groups
+    assert {"left_shin", "right_shin"} in groups
     assert sorted(name for group in result.groups for name in group) == sorted(
         limb.name for limb in LIMBS
     )
-    plain = match(
-        body_volume,
-        grid,
-        occupancy,
-        start,
-        MatchSettings(around_rad=np.radians(20.0), interference=False),
-    )
+    plain = match(body_volume, grid, occupancy, start, MatchSettings(interference=False))
     assert all(len(group) == 1 for group in plain.groups)
 
 

@@ -96,7 +96,7 @@ def test_a_person_keeps_its_limbs_and_carries_what_is_added():
 def test_samples_stay_within_limits_and_are_bounded(model, step_deg):
     middle = relaxed_rad(model.tree)
     for limb in BodyVolume.from_model(model, 0.05).limbs[1:]:
-        found = sample_angles(limb, middle, np.radians(step_deg), None, model.tree)
+        found = sample_angles(limb, middle, np.radians(step_deg), model.tree)
         np.testing.assert_array_equal(found[0], middle)
         assert within_limits(found, model.tree).all() and 5 < len(found) <= 2501
         own = [model.dof_names.index(name) for name in limb.angles]
@@ -190,7 +190,7 @@ def test_a_twist_leaves_the_bone_above_where_it_points():
     assert upper.angles == ("upper.x", "upper.y")
     assert fore.angles == ("upper.twist", "fore.bend")
     swung = posed(arm, {"upper.x": 70.0, "upper.y": -30.0})
-    samples = sample_angles(fore, swung.angles_rad, np.radians(20), None, arm.tree)
+    samples = sample_angles(fore, swung.angles_rad, np.radians(20), arm.tree)
     assert len(samples) > 30 and within_limits(samples, arm.tree).all()
     assert np.ptp(samples[:, 2]) > np.radians(90)
     rotation, _ = volume.placements(upper, swung, samples)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import HUMAN
-from silhouette_core.motion.dynamics import FPS, pose_step_sigma
+from silhouette_core.motion.dynamics import FPS, MOMENTUM, pose_step_sigma
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import fitting_model, photograph, stance, views
 from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.tracking import body_track
 from voxelpose.multiview.tracking.body_track import BodyTrack, observed_near
+from voxelpose.multiview.tuning import REFINING, TRACKING
 
 SEEN_BY = views(2)
 BODY = SimpleNamespace(model=fitting_model(), surface=Surface(fitting_model(), 200))
@@ -41,18 +42,25 @@ def refined(monkeypatch):
         return PoseFit(start, errors[len(priors) - 1])
 
     monkeypatch.setattr(body_track, "refine_fit", refine_fit)
-    monkeypatch.setattr(body_track, "observed_near", lambda *given: None)
     return errors, priors, reaches
 
 
 def step(track: BodyTrack, frames: float) -> BodyTrack:
     """The track after some times 1 / FPS."""
-    return track.step(SEEN_BY.rig, track.time_s + frames / FPS, dict.fromkeys(SEEN_BY.rig.names))  # type: ignore[arg-type]
+    return track.step(None, track.time_s + frames / FPS)  # type: ignore[arg-type]
 
 
 def test_after_a_long_gap_at_most_three_steps_are_expected():
-    expected = track_at(0.1).predicted(20 / FPS)
-    assert expected.root_m[0] == pytest.approx(0.1 + 3 * 0.1)
+    expected = track_at(0.1).predict(21 / FPS)
+    assert expected.pose.root_m[0] == pytest.approx(0.1 + 3 * MOMENTUM * 0.1)
+    np.testing.assert_allclose(expected.sigma, TRACKING.longest_steps * pose_step_sigma(HUMAN))
+
+
+def test_backward_in_time_the_last_step_is_expected_again():
+    track = BodyTrack(BODY, -1 / FPS, PoseFit(at(0.1), 0.1), (0.0, at(0.0)), (0.1,))  # type: ignore[arg-type]
+    expected = track.predict(-2 / FPS)
+    assert expected.pose.root_m[0] == pytest.approx(0.1 + MOMENTUM * 0.1)
+    np.testing.assert_allclose(expected.sigma, pose_step_sigma(HUMAN))
 
 
 def test_a_frame_that_fits_badly_is_refined_again_from_the_last_pose(refined):
@@ -73,7 +81,24 @@ def test_a_longer_time_between_frames_is_given_longer_steps_and_reaches(refined)
         step(track_at(0.1), frames)
     np.testing.assert_allclose(priors[0].sigma, pose_step_sigma(HUMAN))
     np.testing.assert_allclose(priors[1].sigma, 4 * pose_step_sigma(HUMAN))
-    assert reaches == [0.18, 0.30]
+    assert reaches == pytest.approx([REFINING.step_reach_m, REFINING.searched_reach_m])
+
+
+def test_without_a_velocity_a_step_reaches_as_far_as_after_a_search(refined):
+    errors, _, reaches = refined
+    errors += [0.1]
+    step(BodyTrack(BODY, 0.0, PoseFit(at(0.0), 0.1), None, (0.1,)), 1)  # type: ignore[arg-type]
+    assert reaches == pytest.approx([REFINING.searched_reach_m])
+
+
+@pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.099, False), (0.05, True)])
+def test_searched_limbs_have_to_explain_more(monkeypatch, found, better):
+    moved = PoseFit(at(0.5), found)
+    monkeypatch.setattr(body_track, "move_limbs", lambda *given: moved)
+    track = track_at(0.1, (0.2, 0.1))
+    result = track.with_limbs(None)  # type: ignore[arg-type]
+    assert (result.fit is moved) == better
+    assert result.errors == (0.2, found if better else 0.1)
 
 
 def test_the_usual_error_is_the_median_of_the_last_twelve(refined):
@@ -89,8 +114,9 @@ def test_silhouettes_far_from_the_body_do_not_count():
     """Somebody else stands 1.2 m beside the body."""
     views_of_both = views(2)
     own, other = (photograph(views_of_both, BODY.model, at(x_m)) for x_m in (0.0, 1.2))
-    both = {str(c): a | b for c, (a, b) in enumerate(zip(own, other, strict=True))}
-    seen = observed_near(BODY, views_of_both, both, at(0.0))  # type: ignore[arg-type]
+    names = views_of_both.rig.names
+    both = {name: a | b for name, a, b in zip(names, own, other, strict=True)}
+    seen = observed_near(BODY, views_of_both.rig, both, at(0.0))  # type: ignore[arg-type]
     for mask, body, beside in zip(seen.masks, own, other, strict=True):
         assert (mask & body).sum() == body.sum()
         assert (mask & beside & ~body).sum() < 0.2 * (beside & ~body).sum()

@@ -13,7 +13,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.tracking import track_jobs
-from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near, views_of
+from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
 from voxelpose.multiview.tracking.follower import PoseFollower
 from voxelpose.multiview.tracking.track_jobs import FollowSettings, catch_up, search
 
@@ -155,8 +155,7 @@ def test_what_is_far_from_the_body_is_left_out():
     stained = {name: mask.copy() for name, mask in masks.items()}
     for mask in stained.values():
         mask[:40, :40] = True
-    seen = views_of(SEEN_BY.rig, tuple(masks))
-    observation = observed_near(found.body, seen, stained, found.fit.pose)
+    observation = observed_near(found.body, SEEN_BY.rig, stained, found.fit.pose)
     for mask, original in zip(observation.masks, masks.values(), strict=True):
         assert not mask[:40, :40].any()
         assert (mask & original).sum() > 0.99 * original.sum()
@@ -168,7 +167,7 @@ def test_time_stretches_the_prediction():
     fit = type("Fit", (), {"pose": second, "error": 0.1})()
     body = type("Body", (), {"model": PERSON})()
     track = BodyTrack(body, 0.1, fit, (0.0, first))  # type: ignore[arg-type]
-    one, two = (track.predicted(t).root_m[0] - second.root_m[0] for t in (0.2, 0.3))
+    one, two = (track.predict(t).pose.root_m[0] - second.root_m[0] for t in (0.2, 0.3))
     assert two == pytest.approx(2 * one)
     assert 0.05 < one < 0.1
 
@@ -188,8 +187,8 @@ def test_limbs_that_jump_while_catching_up_are_searched(monkeypatch):
     assert found is not None
     later = [Moment.of(0.1 * k, masks_of(striding(k))) for k in range(1, 4)]
     errors = []
-    for most in (1, 0):  # the second without the search
-        monkeypatch.setattr(track_jobs, "_MOST_SEARCHES", most)
+    for searched in (track_jobs.search_limbs, lambda *given: None):  # the second without the search
+        monkeypatch.setattr(track_jobs, "search_limbs", searched)
         track = catch_up(SEEN_BY.rig, found, later)
         assert track is not None
         wrong = joint_errors_m(track.body.model, track.fit.pose, PERSON, striding(3))

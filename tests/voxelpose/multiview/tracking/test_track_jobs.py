@@ -1,4 +1,4 @@
-"""Catching up, and searched limbs; tables of errors stand for what refinement finds."""
+"""Catching up; tables of errors stand for what refinement finds."""
 
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from voxelpose.multiview.tracking import track_jobs
-from voxelpose.multiview.tracking.track_jobs import catch_up, search_limbs
+from voxelpose.multiview.tracking.track_jobs import catch_up
 
 
 @dataclass(frozen=True)
@@ -18,14 +18,12 @@ class Track:
     error: float = 0.1
     steps: list[float] = field(default_factory=list)
     usual = 0.1
-    before = None
-    body = None
 
     @property
     def fit(self):
         return SimpleNamespace(error=self.error, pose=None)
 
-    def step(self, rig, time_s, masks, settings):
+    def follow(self, rig, time_s, masks):
         self.steps.append(time_s)
         return replace(self, time_s=time_s, error=self.table.get(time_s, 0.1))
 
@@ -63,19 +61,3 @@ def test_a_track_that_is_wrong_in_five_frames_running_is_lost(wrong, lost):
 def test_a_track_that_explains_nothing_is_lost():
     later = moments(3, 0.1)
     assert catch_up(None, Track({later[1].time_s: 0.5}), later) is None  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.099, False), (0.05, True)])
-def test_searched_limbs_have_to_explain_more(monkeypatch, found, better):
-    @dataclass(frozen=True)
-    class Standing:
-        fit: SimpleNamespace
-        body: None = None
-
-    for name in ("observed_near", "views_of"):
-        monkeypatch.setattr(track_jobs, name, lambda *given: None)
-    moved = SimpleNamespace(error=found)
-    monkeypatch.setattr(track_jobs, "move_limbs", lambda *given: moved)
-    track = Standing(SimpleNamespace(error=0.1, pose=None))
-    result = search_limbs(None, track, moments(1, 0.1)[0])  # type: ignore[arg-type]
-    assert (result is not None and result.fit is moved) == better

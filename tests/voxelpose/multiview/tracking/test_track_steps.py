@@ -11,17 +11,16 @@ from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.matching_scenes import fitting_model, stance
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import PoseFit
-from voxelpose.multiview.tracking import tracking
+from voxelpose.multiview.tracking import body_track, tracking
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 
 MODEL = fitting_model()
-FLEXION = MODEL.dof_names.index("left_forearm.flexion")
 
 
-def at(x_m: float, yaw_deg: float = 0.0, bend_deg: float = 20.0) -> Pose:
+def at(x_m: float, yaw_deg: float = 0.0) -> Pose:
     step = np.zeros(6 + MODEL.dof_count)
     step[5] = np.radians(yaw_deg)
-    return stance(MODEL, {"left_forearm.flexion": bend_deg}, (x_m, 0.0)).moved(step)
+    return stance(MODEL, place_m=(x_m, 0.0)).moved(step)
 
 
 class Frames:
@@ -48,17 +47,19 @@ class Rules:
     def __init__(self, monkeypatch, error: float = 0.1):
         self.error = dict.fromkeys(range(100), error)
         self.priors = []
-        for name in ("refine_fit", "match", "move_limbs", "find_pose"):
-            monkeypatch.setattr(tracking, name, getattr(self, name))
+        for module, name in (
+            (body_track, "refine_fit"),
+            (tracking, "refine_fit"),
+            (body_track, "move_limbs"),
+            (tracking, "find_pose"),
+        ):
+            monkeypatch.setattr(module, name, getattr(self, name))
 
     def refine_fit(self, body, observation, start, prior, settings):
         self.priors.append(prior)
         return PoseFit(prior.pose, self.error[observation])
 
-    def match(self, volume, grid, occupancy, start, settings):
-        raise AssertionError("limbs are matched in a frame that is not poor")
-
-    def move_limbs(self, body, observation, fit, prior=None):
+    def move_limbs(self, body, observation, fit):
         raise AssertionError("limbs are moved in a frame that is not poor")
 
     def find_pose(self, body, frame, settings, count):
@@ -82,8 +83,7 @@ def tracker_of(poses: list[Pose | None], error: float = np.inf, fps: float = 30.
 
 def search_in_vain(monkeypatch) -> None:
     """Lets searches in poor frames end where they began."""
-    monkeypatch.setattr(tracking, "match", lambda *given: SimpleNamespace(pose=given[3]))
-    monkeypatch.setattr(tracking, "move_limbs", lambda *given: given[2])
+    monkeypatch.setattr(body_track, "move_limbs", lambda *given: given[2])
 
 
 def places(tracker: PoseTracker) -> list[float | None]:
@@ -119,27 +119,22 @@ def test_a_pose_that_is_hardly_better_ends_the_tracking(rules, found, kept):
     assert places(tracker)[1] == pytest.approx(0.0 if kept else 0.3)
 
 
-def test_the_usual_error_is_that_of_the_frames_tracked_before():
-    error = np.repeat([0.4, 0.1, np.inf], (12, 12, 3))
-    assert tracking._usual(error, 12, +1) == 0.4
-    assert tracking._usual(error, 11, -1) == 0.1
-    assert tracking._usual(error, 26, -1) == np.inf
+@pytest.mark.parametrize(("start", "direction", "usual"), [(11, +1, 0.4), (12, -1, 0.1)])
+def test_the_usual_error_is_that_of_the_frames_tracked_before(start, direction, usual):
+    tracker = tracker_of([at(0.0)] * 24)
+    tracker.error[:] = np.repeat([0.4, 0.1], 12)
+    track = tracker._track_at(start, direction)
+    assert track is not None
+    assert track.usual == usual
+    assert len(track.errors) == 12
 
 
-def test_in_a_poor_frame_the_predicted_limbs_are_tried_on_the_refined_torso(rules, monkeypatch):
-    def refine_fit(body, observation, start, prior, settings):
-        if observation == 0:
-            return PoseFit(start, 0.1)
-        if start is prior.pose:  # the torso is found, the arm is not
-            return PoseFit(at(0.3, bend_deg=80.0), 0.3)
-        return PoseFit(start, 0.1 if start.angles_rad[FLEXION] < 0.5 else 0.35)
-
-    monkeypatch.setattr(tracking, "refine_fit", refine_fit)
-    monkeypatch.setattr(tracking, "match", lambda *given: SimpleNamespace(pose=given[3]))
+def test_in_a_poor_frame_the_limbs_are_searched(rules, monkeypatch):
+    rules.error[1] = 0.3
+    monkeypatch.setattr(body_track, "move_limbs", lambda *given: PoseFit(at(0.3), 0.1))
     tracker = tracker_of([at(0.0), None], 0.1)
     tracker.carry(0)
     assert tracker.error[1] == 0.1
-    assert np.degrees(tracker.poses[1].angles_rad[FLEXION]) == pytest.approx(20)
     assert places(tracker)[1] == pytest.approx(0.3)
 
 
@@ -162,7 +157,7 @@ def test_an_anchor_has_to_be_better_than_what_is_there(rules, monkeypatch, found
 
 @pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.05, True)])
 def test_limbs_that_explain_less_are_not_moved(rules, monkeypatch, found, better):
-    monkeypatch.setattr(tracking, "move_limbs", lambda *given: PoseFit(at(1.0), found))
+    monkeypatch.setattr(body_track, "move_limbs", lambda *given: PoseFit(at(1.0), found))
     tracker = tracker_of([at(0.0)] * 8, 0.1)
     tracker.recheck()
     assert places(tracker)[4] == (1.0 if better else 0.0)

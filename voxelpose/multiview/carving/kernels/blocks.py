@@ -44,10 +44,6 @@ WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS, COUNTS = 0, 1, 2, 3, 4, 5,
 OBJECTS, AGREES, UNCLEAR, CUT, BLIND = 0, 1, 2, 3, 64
 _BLIND_BITS = 6
 
-_NEAR_M = 1e-3  # a block must be in front of the camera by this for its image to be bounded
-_PAD_PX = 1e-3  # rounding of the block's image, many times over
-_DEPTH_ERROR_M = 1e-9
-
 
 @kernel
 def _distort_unbounded(rows, c, kind, x, y):
@@ -86,11 +82,12 @@ def _pinhole_boxes(rows, c, centres, half, seen, boxes):
     v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
     w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]
     depth = (abs(w_x) + abs(w_y) + abs(w_z)) * half
+    near_m = 1e-3  # by which a block must be in front of the camera for its image to be bounded
     for n in range(centres.shape[1]):
         x, y, z = centres[0, n], centres[1, n], centres[2, n]
         w = w_x * x + w_y * y + w_z * z + w_1
         near = w - depth
-        before = near >= _NEAR_M
+        before = near >= near_m
         inverse, nearest = 1.0 / (w if before else 1.0), half / (near if before else 1.0)
         u = (u_x * x + u_y * y + u_z * z + u_1) * inverse
         v = (v_x * x + v_y * y + v_z * z + v_1) * inverse
@@ -104,8 +101,8 @@ def _pinhole_boxes(rows, c, centres, half, seen, boxes):
         boxes[3, n] = v + dv
     for n in range(8):
         w = w_x * centres[0, n] + w_y * centres[1, n] + w_z * centres[2, n] + w_1
-        behind = BLIND if w + depth < -_DEPTH_ERROR_M else CUT
-        seen[n] = AGREES if w - depth >= _NEAR_M else behind
+        behind = BLIND if w + depth < -1e-9 else CUT
+        seen[n] = AGREES if w - depth >= near_m else behind
 
 
 @kernel
@@ -146,8 +143,9 @@ def _judge(frames, sums, c, seen, boxes):
     left_crop, upper_crop = np.int32(frames[c, LEFT]), np.int32(frames[c, UPPER])
     line, counts = frames[c, WIDE] + 1, np.int32(frames[c, COUNTS])
     for n in range(8):
-        left, right = boxes[0, n] + (0.5 - _PAD_PX), boxes[1, n] + (0.5 + _PAD_PX)
-        top, bottom = boxes[2, n] + (0.5 - _PAD_PX), boxes[3, n] + (0.5 + _PAD_PX)
+        pad_px = 1e-3  # rounding of the block's image, many times over
+        left, right = boxes[0, n] + (0.5 - pad_px), boxes[1, n] + (0.5 + pad_px)
+        top, bottom = boxes[2, n] + (0.5 - pad_px), boxes[3, n] + (0.5 + pad_px)
         outside = (right < 0.0) | (bottom < 0.0) | (left >= width) | (top >= height)
         whole = (left >= 0.0) & (top >= 0.0) & (right < width) & (bottom < height)
         # Inside the image these are not negative, so that truncation rounds down; elsewhere they do
