@@ -179,10 +179,8 @@ class _Search:
 
     def of_known(self, model: BodyModel, keep_clothes: bool) -> Iterator[Start]:
         """Starts with a person's body, whose clothes are adapted unless they are kept."""
-        metres, body = (
-            stature_of(model),
-            BodyGeometry.from_model(model, self.voxel_size_m, self.backend),
-        )
+        body = BodyGeometry.from_model(model, self.voxel_size_m, self.backend)
+        metres = stature_of(model)
         sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, PERSON_SEARCH.known_sigma)
         expected = model.shape if keep_clothes else np.where(IS_CLOTHING, 0.0, model.shape)
         covariance = None if keep_clothes else np.diag(sigma**2)
@@ -191,9 +189,8 @@ class _Search:
             fits = {t: found[0] for t, found in self._found(body, posture).items() if found}
             if fits:
                 candidate = Candidate(metres, None, model.sizes.sex, posture, self.objects)
-                yield adapted(
-                    self._start(candidate, body, prior, Evidence(metres), fits), self.frames
-                )
+                start = self._start(candidate, body, prior, Evidence(metres), fits)
+                yield adapted(start, self.frames)
 
     def of_anybody(self) -> Iterator[Start]:
         """Starts with candidates for an unknown person, a pose search each."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silhouette_core.body.sizes import STATURES_M, BodySizes
+from silhouette_core.body.sizes import CHESTS_M, STATURES_M, BodySizes
 from silhouette_core.estimator import Settings
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.tuning import PERSON_COST
@@ -36,8 +36,9 @@ class Candidate:
 
     @property
     def sizes(self) -> BodySizes:
-        """Measurements of the body."""
-        return BodySizes(float(np.clip(self.stature, *STATURES_M)), self.girth, self.template)
+        """Measurements of the body, as far as people's go."""
+        girth = None if self.girth is None else float(np.clip(self.girth, *CHESTS_M))
+        return BodySizes(float(np.clip(self.stature, *STATURES_M)), girth, self.template)
 
 
 @dataclass(frozen=True)

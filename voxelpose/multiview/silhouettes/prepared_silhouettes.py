@@ -329,8 +329,8 @@ def observer_of(
     """Observer of the volume in which the silhouettes of the whole recording allow a body."""
     views = PinholeViews.from_rig(rig, unknown)
     union = store[0]
-    for t in even_moments(len(store), _VOLUME_FRAMES).tolist():
-        union = [whole | mask for whole, mask in zip(union, store[t], strict=True)]
+    for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
+        union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
     require_foreground(rig, union, settings.tolerance)
     rule = body_rule(len(rig), settings.tolerance, views.partly_unknown)
     size_m = 2 * settings.voxel_size_m
