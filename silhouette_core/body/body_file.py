@@ -22,7 +22,6 @@ that has the measurements.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -67,19 +66,13 @@ def read_body(path: Path) -> BodyModel:
     return _made(_checked(parse_toml(load_text(path, _LARGEST_BYTES), path), path), path)
 
 
-def write_body(
-    body: BodyModel,
-    path: Path,
-    comment: str = "",
-    standard_errors: Mapping[str, float] | None = None,
-) -> None:
+def write_body(body: BodyModel, path: Path, comment: str = "") -> None:
     """Writes a body as body.toml, from which it is made again exactly.
 
     Args:
         body: one made from the templates. Its measurements are told without its clothes.
         path: the file.
         comment: a line at its head.
-        standard_errors: of the measurements, by name, in their units.
     """
     document = tomlkit.document()
     if comment:
@@ -88,9 +81,6 @@ def write_body(
     document["sex"] = body.sizes.sex
     taken = measure_body(unclothed(body)).known() | {"stature_m": body.sizes.stature_m}
     document["measurements"] = {name: round(value, _DIGITS) for name, value in taken.items()}
-    if standard_errors:
-        rounded = {name: round(value, 4) for name, value in standard_errors.items()}
-        document["standard_errors"] = rounded
     document["template"] = dict(zip(_CHANGES, body.sizes.changes, strict=True))
     document["shape"] = dict(zip(_AXES, body.shape.tolist(), strict=True))
     write_whole(path, tomlkit.dumps(document))

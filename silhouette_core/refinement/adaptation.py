@@ -112,36 +112,6 @@ def adapt_shape(
     return surface, poses
 
 
-def shape_covariance(
-    surface: Surface,
-    observations: Sequence[Observation],
-    poses: Sequence[Pose],
-    stature: Stature,
-) -> np.ndarray:
-    r"""Posterior covariance (K, K) of the shape that was adapted to some frames.
-
-    .. math:: \Bigl(\Sigma^{-1} + \tfrac{1}{\sigma_h^2} h h^T + \sum_f S_f - C_f^T P_f^{-1} C_f
-        \Bigr)^{-1}
-
-    with the prior's covariance :math:`\Sigma`, the stature's derivative :math:`h`, and the normal
-    equations of every frame, :math:`P_f` of its pose, :math:`S_f` of the shape and :math:`C_f`
-    between both. Errors that all frames share, as of the template, are not in it.
-
-    Args:
-        surface: of the adapted body.
-        observations: the F frames.
-        poses: their F poses.
-        stature: the person's height.
-
-    Source: textbook (marginal of a Gaussian, Laplace's approximation).
-    """
-    reach, none = REFINEMENT.body_reaches_m[-1], [None] * len(poses)
-    at = surface, observations, poses, none, reach, RefineSettings()
-    matrix, gradient, _ = _shape_equations(*at)
-    _add_stature(matrix, gradient, surface.model, stature)
-    return np.linalg.inv(matrix + np.diag(1 / SHAPE_SIGMA**2))
-
-
 def stature_of(model: BodyModel) -> float:
     """Height of the body at rest, from soles to vertex, metres."""
     return float(

@@ -1,8 +1,7 @@
-"""voxelpose body list, show, choose, make and fit."""
+"""voxelpose body list, show, choose and make."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -203,75 +202,19 @@ follows from the rest. The file is taken by --body of fit, track, demo and libra
         return 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitBody:
-    """Arguments of `voxelpose body fit`."""
-
-    help: ClassVar[str] = """Estimates a person's body from recordings.
-
-From the silhouettes of one or several recordings of the same person by two or more calibrated
-cameras, any motion. Clothes are told apart from the body, as a thickness of shirt and trousers. The
-file is taken by --body of fit, which finds the clothes again, and of track, which keeps them.
-
-  voxelpose body fit walk --out me.toml
-  voxelpose body fit walk turn jump --out me.toml --stature 1.75
-"""
-
-    recordings: Annotated[Positional[tuple[Path, ...]], arg(metavar="RECORDING")]
-    """Recording folders of one person."""
-    out: Annotated[Path, arg(metavar="FILE.toml")]
-    """File to be made."""
-    stature: OptionalLength = None
-    """Height in metres. Default: estimated."""
-    sex: Sex = "unknown"
-    overwrite: OverwriteFile = False
-
-    def run(self) -> int:
-        """Writes the body; returns the exit code."""
-        _check_body_file(self.out, self.overwrite)
-        if not self.recordings:
-            raise InputError("no recording was given: name one folder or more")
-        from silhouette_core.body.body_file import unclothed, write_body
-        from silhouette_core.body.mesh_measurements import measure_body
-        from silhouette_core.estimator import Settings
-        from voxelpose.cli.progress import Progress
-        from voxelpose.multiview.person.body_estimate import estimate_body, posed_frames
-        from voxelpose.recording.folder import Recording
-
-        settings = Settings(stature_m=self.stature, sex=self.sex)
-        opened = [Recording.open(folder) for folder in self.recordings]
-        with Progress() as progress:
-            progress.note_compilation()
-            seen = [posed_frames(recording, settings, progress) for recording in opened]
-            found = estimate_body(seen, settings, progress)
-        bare = unclothed(found.model)
-        names = tuple(measure_body(bare).known())
-        errors = dict(zip(names, found.standard_errors(), strict=True))
-        told = ", ".join(folder.resolve().name for folder in self.recordings)
-        comment = f"made by voxelpose body fit from {found.frames} frames of {told}"
-        write_body(found.model, self.out, comment, errors)
-        _print_measurements(bare, errors)
-        for name, thickness_m in found.clothes_m().items():
-            print(f"{name:10} {thickness_m:7.3f} m thick")
-        print(f"body: {self.out}")
-        return 0
-
-
 def _check_body_file(out: Path, overwrite: bool) -> None:
     if out.suffix.lower() != ".toml":
         raise InputError(f"--out {out} is no body file: give a name that ends in .toml")
     refuse_existing([out], overwrite)
 
 
-def _print_measurements(body: BodyModel, errors: Mapping[str, float] | None = None) -> None:
+def _print_measurements(body: BodyModel) -> None:
     from silhouette_core.body.mesh_measurements import measure_body
 
     print(f"sex {body.sizes.sex}, {len(body.vertices_m)} vertices, {len(body.faces)} triangles")
     for name, value in measure_body(body).known().items():
-        unit = "kg" if name == "mass_kg" else "m"
-        digits = 1 if unit == "kg" else 3
-        spread = "" if errors is None else f" ± {errors[name]:.{digits}f}"
-        print(f"{_NAMES[name]:10} {value:7.{digits}f}{spread} {unit}")
+        digits, unit = (1, "kg") if name == "mass_kg" else (3, "m")
+        print(f"{_NAMES[name]:10} {value:7.{digits}f} {unit}")
 
 
 def _print_sources(preset: BodyPreset) -> None:
@@ -284,5 +227,4 @@ SUBCOMMANDS = {
     "show": ShowBody,
     "choose": ChooseBody,
     "make": MakeBody,
-    "fit": FitBody,
 }

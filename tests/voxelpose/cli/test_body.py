@@ -66,9 +66,6 @@ def test_a_body_is_made_and_shown_again(desk, capsys):
         (["make", "--stature", "1.8", "--out", "me.txt"], "is no body file"),
         (["make", "--stature", "180", "--out", "me.toml"], "is not a person's"),
         (["make", "--stature", "1.8", "--hip", "9", "--out", "me.toml"], "hip_girth_m 9 is not"),
-        (["fit", "--out", "me.toml"], "no recording was given"),
-        (["fit", "nowhere", "--out", "me.toml"], "nowhere"),
-        (["fit", "nowhere", "--out", "me.txt"], "is no body file"),
     ],
 )
 def test_mistakes_are_one_line(desk, capsys, words, said):

@@ -1,57 +1,43 @@
-"""The body that is fitted: a first one from measurements, its proportions from the recording."""
+"""The person that is fitted: of some candidates the one of least cost, see `posterior`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from calib.errors import InputError
+from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import (
-    CHESTS_M,
-    IS_CLOTHING,
-    SHAPE_AXES,
-    SHAPE_SIGMA,
-    STATURES_M,
-    BodySizes,
-)
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
+from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
+    SEARCHED,
     BodyGeometry,
     PoseFit,
     find_pose,
+    refine_fits,
 )
+from voxelpose.multiview.person.candidates import POSTURES, Candidate, Evidence
 from voxelpose.multiview.person.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
+from voxelpose.multiview.person.posterior import ShapePrior, is_improbable, posterior_cost
 from voxelpose.multiview.person.sitting import find_sitting_pose
-from voxelpose.multiview.person.stature_search import (
-    ADULT_M,
-    HULL_SIGMA,
-    stature_candidates,
-    unusual_by,
-)
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH
 
-PoseSearch = Callable[[BodyGeometry, FrameObservation], list[PoseFit]]
-"""Searches the poses of a frame, best first."""
-_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60
-_CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
-_GIVEN_SIGMA_M = 0.006  # standard deviation of a given stature
-_KNOWN_SIGMA = 1e-4  # relative, of all of a known body but its clothes
-_OTHER_GIRTH = 0.93  # a body of the hull's girth is taken where its error is so much smaller
-_CLEARLY = 0.75  # the same for a body that is not of the hull's height
-_UNUSUAL = 1.8  # standard deviations of a stature from which an adult's is tried as well
-_REBASED, _SAME_STATURE, _OTHER_STATURE = 2, 0.02, 0.04  # relative differences
+_STARTS = 3  # poses of a frame from which candidates are refined
+_ROUNDS = 2  # of adaptation about the stature that was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,25 +45,29 @@ class Start:
     """What tracking starts from.
 
     Attributes:
+        candidate: who it is.
         body: with adapted proportions.
+        prior: of these.
+        evidence: what tells the stature.
         poses: frame -> pose, for the anchor frames that are clear.
-        errors: frame -> its silhouette error.
-        stature: given or estimated.
-        expected_shape: (K,) the shape that the measurements alone suggest.
-        covariance: (K, K) of that prior; None: the body stays as it is.
+        errors: frame -> silhouette error, for all anchor frames; 1 without a pose.
     """
 
+    candidate: Candidate
     body: BodyGeometry
+    prior: ShapePrior
+    evidence: Evidence
     poses: dict[int, Pose]
     errors: dict[int, float]
-    stature: Stature
-    expected_shape: np.ndarray
-    covariance: np.ndarray | None
 
-    @property
-    def shape_names(self) -> tuple[str, ...]:
-        """Names of the shape axes."""
-        return tuple(axis.name for axis in SHAPE_AXES)
+    def cost(self) -> float:
+        """Cost by the anchor frames, see `posterior_cost`."""
+        return self.cost_of([*self.errors.values()])
+
+    def cost_of(self, errors: list[float]) -> float:
+        """Cost by the silhouette errors of other frames."""
+        body = self.body.model
+        return posterior_cost(self.candidate, body, self.prior, errors, self.evidence)
 
 
 def choose_body(
@@ -87,9 +77,13 @@ def choose_body(
     reporter: Reporter,
     known: BodyModel | None = None,
     keep_clothes: bool = False,
-    sitting: bool = False,
+    objects: bool = False,
 ) -> Start:
     """Searches anchor frames without a prior, and adapts a body to them.
+
+    Candidates of other girth and template, and of the stature that was found, are always compared.
+    A further pose search, about another stature or of somebody who sits, is made only while the
+    best candidate is improbable, see `is_improbable`.
 
     Args:
         observations: of every frame.
@@ -98,179 +92,214 @@ def choose_body(
         reporter: receives the progress.
         known: the person's body, of which only the clothes are then adapted; None: all of it is.
         keep_clothes: the known body's clothes are kept, too.
-        sitting: whether sitting postures are searched, and an adult's stature is expected where
-            it is not given: the hull's height is not the person's.
+        objects: whether something beside the person was left out of the silhouettes.
 
     Raises:
         InputError: no frame shows a body.
     """
-    total = len(observations)
-    count = min(total, max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR))
-    anchors = np.unique(np.round((np.arange(count) + 0.5) / count * (total - 1)).astype(int))
-    frames = {t: frame for t in anchors.tolist() if (frame := observations.observe(t)) is not None}
-    if not frames:
+    frames = anchor_frames(observations)
+    reporter.stage("first poses", len(frames) + 1)
+    voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
+    search = _Search(frames, settings, matching, objects, voxel_size_m, backend)
+    starts = search.of_anybody() if known is None else search.of_known(known, keep_clothes)
+    best: Start | None = None
+    for start in starts if frames else ():
+        best = start if best is None else min(best, start, key=Start.cost)
+        if not is_improbable(best.errors.values()):
+            break
+    if best is None:
         raise InputError(
             "the silhouettes leave no hull of a person's size: look at it with `voxelpose carve"
             " RECORDING --frame 0 --out hull.ply`, and check the background pictures and the"
             " calibration"
         )
-    reporter.stage("first poses", len(frames) + 1)
-    voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
-    search: PoseSearch = find_sitting_pose if sitting else partial(find_pose, settings=matching)
-    if known is not None:
-        reporter.advance(len(frames) + 1)
-        body = BodyGeometry.from_model(known, voxel_size_m, backend)
-        fits = _clear_fits(body, frames, search)
-        return _known_start(body, frames, fits, voxel_size_m, keep_clothes)
-    if settings.stature_m is not None:
-        candidates = [Stature(settings.stature_m, _GIVEN_SIGMA_M)]
-    elif sitting:
-        candidates = [Stature(ADULT_M, HULL_SIGMA * ADULT_M)]
-    else:
-        candidates = stature_candidates(frames, settings, matching, voxel_size_m, backend)
-    bodies = _BodySearch(frames, settings, search, voxel_size_m, backend)
-    best, *others = map(bodies.start, candidates)
-    for other in others:  # of the hull's height
-        if _mean_error(best) > _CLEARLY * _mean_error(other):
-            best = other
-    if settings.stature_m is None:
-        if unusual_by(best.stature.metres) > _UNUSUAL:
-            # Who reaches up or bends over fills the hull of a giant, too.
-            adult = bodies.start(Stature(ADULT_M, HULL_SIGMA * ADULT_M))
-            best = min([best, adult], key=_mean_error)
+    if known is None and settings.stature_m is None:
         reporter.note(
-            f"no stature given: about {best.stature.metres:.2f} m by the hull (--stature makes"
-            " every joint more accurate)"
+            f"no stature given: about {best.prior.stature.metres:.2f} m by the hull (--stature"
+            " makes every joint more accurate)"
         )
     reporter.advance(len(frames) + 1)
     return best
 
 
+def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]:
+    """Some frames of a recording in which a body is seen, by number."""
+    total = len(observations)
+    most = max(PERSON_SEARCH.fewest_anchors, total // PERSON_SEARCH.frames_per_anchor)
+    chosen = even_moments(total, most).tolist()
+    return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
+
+
+def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
+    """Fits of the frames in which they explain the silhouettes nearly as well as in the best."""
+    most = PERSON_SEARCH.clear * min(fit.error for fit in fits.values())
+    return {t: fit for t, fit in fits.items() if fit.error <= most}
+
+
+def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
+    """Start with its body adapted to its poses; one that stays as it is, is left so.
+
+    Args:
+        start: with poses, and the errors of other frames.
+        frames: those that are posed.
+    """
+    if start.prior.covariance is None:
+        return start
+    observed = [frames[t] for t in start.poses]
+    observations, backend = [one.observation for one in observed], start.body.body_volume.backend
+    poses, prior = list(start.poses.values()), start.prior
+    at = prior.stature, prior.expected, prior.covariance
+    surface, poses = adapt_shape(start.body.surface, observations, poses, *at)
+    errors = [
+        silhouette_error(surface.model, pose, observation, backend)
+        for pose, observation in zip(poses, observations, strict=True)
+    ]
+    return replace(
+        start,
+        body=BodyGeometry.from_surface(surface, observed[0].grid.voxel_size_m, backend),
+        poses=dict(zip(start.poses, poses, strict=True)),
+        errors=start.errors | dict(zip(start.poses, errors, strict=True)),
+    )
+
+
+PoseSearch = Callable[[BodyGeometry, FrameObservation], list[PoseFit]]
+"""Searches the poses of a frame, best first."""
+
+
 @dataclass(frozen=True, eq=False)
-class _BodySearch:
-    """Search of poses and proportions in some frames; attributes as of `choose_body`."""
+class _Search:
+    """Candidates for the person in some frames; attributes as of `choose_body`."""
 
     frames: dict[int, FrameObservation]
     settings: Settings
-    search: PoseSearch
+    matching: MatchSettings
+    objects: bool
     voxel_size_m: float
     backend: Backend
 
-    def start(self, stature: Stature) -> Start:
-        """The best start with a stature, by girth and template."""
-        settings, frames, first = self.settings, list(self.frames.values()), stature
-        best = self._searched(stature, settings.chest_m)
-        if settings.chest_m is None and len(frames[0].masks) >= GIRTH_CAMERAS:
-            volume_m3 = float(np.median([hull_volume_m3(frame) for frame in frames]))
-            chest_m = chest_from_hull(self._body(stature, None).model, volume_m3)
-            stout = self._adapted(best.poses, stature, chest_m)
-            if _mean_error(stout) < _OTHER_GIRTH * _mean_error(best):
-                # Poses of a body so different are to be searched with it.
-                best = min([stout, self._searched(stature, chest_m)], key=_mean_error)
-        for _ in range(_REBASED if settings.stature_m is None else 0):
-            # What the first body was too tall by would stay in the proportions: its are the prior.
-            found = float(np.clip(stature_of(best.body.model), *STATURES_M))
-            if abs(found / stature.metres - 1) < _SAME_STATURE:
-                break
-            chest_m = best.body.model.sizes.chest_girth_m
-            if chest_m is not None:
-                chest_m = float(np.clip(chest_m * found / stature.metres, *CHESTS_M))
-            stature = Stature(found, HULL_SIGMA * found)
-            best = self._adapted(best.poses, stature, chest_m)
-        if abs(stature.metres / first.metres - 1) > _OTHER_STATURE:
-            chest_m = best.body.model.sizes.chest_girth_m
-            best = min([best, self._searched(stature, chest_m)], key=_mean_error)
-        return best
+    def of_known(self, model: BodyModel, keep_clothes: bool) -> Iterator[Start]:
+        """Starts with a person's body, whose clothes are adapted unless they are kept."""
+        body = BodyGeometry.from_model(model, self.voxel_size_m, self.backend)
+        metres = stature_of(model)
+        sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, PERSON_SEARCH.known_sigma)
+        expected = model.shape if keep_clothes else np.where(IS_CLOTHING, 0.0, model.shape)
+        covariance = None if keep_clothes else np.diag(sigma**2)
+        prior = ShapePrior(Stature(metres, PERSON_COST.told_sigma_m), expected, covariance)
+        for posture in POSTURES:
+            fits = {t: found[0] for t, found in self._found(body, posture).items() if found}
+            if fits:
+                candidate = Candidate(metres, None, model.sizes.sex, posture, self.objects)
+                start = self._start(candidate, body, prior, Evidence(metres), fits)
+                yield adapted(start, self.frames)
 
-    def _body(self, stature: Stature, chest_m: float | None) -> BodyGeometry:
-        sex = "male" if self.settings.sex == "unknown" else self.settings.sex
-        return BodyGeometry.from_sizes(
-            BodySizes(stature.metres, chest_m, sex), self.voxel_size_m, self.backend
-        )
+    def of_anybody(self) -> Iterator[Start]:
+        """Starts with candidates for an unknown person, a pose search each."""
+        evidence = Evidence.from_frames(self.frames, self.settings)
+        for posture in POSTURES:
+            for statures_m in evidence.statures_m(posture):
+                first = self._refined(posture, statures_m, evidence)
+                if first is not None:
+                    yield self._settled(first)
 
-    def _searched(self, stature: Stature, chest_m: float | None) -> Start:
-        """From poses that are searched with one body."""
-        body = self._body(stature, chest_m)
-        fits = _clear_fits(body, self.frames, self.search)
-        return self._adapted({t: fit.pose for t, fit in fits.items()}, stature, chest_m)
-
-    def _adapted(self, poses: dict[int, Pose], stature: Stature, chest_m: float | None) -> Start:
-        """With the template that fits better, adapted to posed frames."""
-        sex = self.settings.sex
-        sizes = [
-            BodySizes(stature.metres, chest_m, name)
-            for name in (("male", "female") if sex == "unknown" else (sex,))
+    def _refined(
+        self, posture: str, statures_m: tuple[float, ...], evidence: Evidence
+    ) -> Start | None:
+        """The best body about some statures, not adapted, with poses refined from a search."""
+        starts: dict[int, list[RefineStart]] = {}
+        for metres in statures_m:
+            body = self._body(Candidate(metres, self.settings.chest_m, self._templates[0]))
+            for t, found in self._found(body, posture).items():
+                taken = [RefineStart(fit.pose, SEARCHED) for fit in found[:_STARTS]]
+                starts[t] = starts.get(t, []) + taken
+        if not any(starts.values()):
+            return None
+        step = PERSON_SEARCH.stature_step
+        scales = (1.0,) if evidence.told_m is not None else (1 / step, 1.0, step)
+        candidates = [
+            Candidate(metres * scale, girth, self._templates[0], posture, self.objects)
+            for metres in statures_m
+            for scale in scales
+            for girth in self._girths(metres * scale)
         ]
 
-        def adapted(size: BodySizes) -> Start:
-            body = BodyGeometry.from_sizes(size, self.voxel_size_m, self.backend)
-            return _adapted(body, self.frames, poses, stature, self.voxel_size_m)
+        def refined(candidate: Candidate) -> Start:
+            body = self._body(candidate)
+            found = {
+                t: refine_fits(body, frame.observation, starts[t])
+                for t, frame in self.frames.items()
+            }
+            fits = {t: min(poses, key=_error) for t, poses in found.items() if poses}
+            return self._start(candidate, body, self._prior(candidate, body), evidence, fits)
 
-        return min(side_by_side(adapted, sizes), key=_mean_error)
+        return min(side_by_side(refined, candidates), key=Start.cost)
+
+    def _settled(self, first: Start) -> Start:
+        """The best body of either girth and template, adapted, about the stature found so."""
+        own = first.candidate
+        best = self._best(first, [replace(own, girth=girth) for girth in self._girths(own.stature)])
+        for _ in range(_ROUNDS if first.evidence.told_m is None else 0):
+            # What the first body was too tall by would stay in the proportions: its are the prior.
+            own, found = best.candidate, stature_of(best.body.model)
+            girth = None if own.girth is None else own.girth * found / own.stature
+            again = self._best(best, [replace(own, stature=found, girth=girth)])
+            if again.cost() >= best.cost():
+                break
+            best = again
+        return best
+
+    def _best(self, start: Start, candidates: list[Candidate]) -> Start:
+        """The best of some candidates with each template, adapted to the poses of a start."""
+
+        def of(candidate: Candidate) -> Start:
+            body = self._body(candidate)
+            prior = self._prior(candidate, body)
+            return adapted(replace(start, candidate=candidate, body=body, prior=prior), self.frames)
+
+        every = [replace(one, template=name) for one in candidates for name in self._templates]
+        return min(side_by_side(of, every), key=Start.cost)
+
+    def _start(
+        self,
+        candidate: Candidate,
+        body: BodyGeometry,
+        prior: ShapePrior,
+        evidence: Evidence,
+        fits: dict[int, PoseFit],
+    ) -> Start:
+        poses = {t: fit.pose for t, fit in clear_fits(fits).items()}
+        errors = {t: fits[t].error if t in fits else 1.0 for t in self.frames}
+        return Start(candidate, body, prior, evidence, poses, errors)
+
+    def _found(self, body: BodyGeometry, posture: str) -> dict[int, list[PoseFit]]:
+        """Poses of all frames that a search finds, best first."""
+        upright: PoseSearch = partial(find_pose, settings=self.matching)
+        search = find_sitting_pose if posture == "sitting" else upright
+        found = side_by_side(lambda frame: search(body, frame), list(self.frames.values()))
+        return dict(zip(self.frames, found, strict=True))
+
+    @property
+    def _templates(self) -> tuple[str, ...]:
+        sex = self.settings.sex
+        return ("male", "female") if sex == "unknown" else (sex,)
+
+    def _girths(self, metres: float) -> list[float | None]:
+        """The chest girth that is known, else the usual one and the hull's."""
+        frames = list(self.frames.values())
+        if self.settings.chest_m is not None or len(frames[0].masks) < GIRTH_CAMERAS:
+            return [self.settings.chest_m]
+        volume_m3 = float(np.median([hull_volume_m3(frame) for frame in frames]))
+        usual = BodyModel.from_sizes(Candidate(metres, None, self._templates[0]).sizes)
+        return [None, chest_from_hull(usual, volume_m3)]
+
+    def _body(self, candidate: Candidate) -> BodyGeometry:
+        return BodyGeometry.from_sizes(candidate.sizes, self.voxel_size_m, self.backend)
+
+    def _prior(self, candidate: Candidate, body: BodyGeometry) -> ShapePrior:
+        told = self.settings.stature_m is not None
+        sigma_m = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * candidate.stature
+        stature = Stature(candidate.stature, sigma_m)
+        return ShapePrior(stature, body.model.shape, np.diag(SHAPE_SIGMA**2))
 
 
-def _known_start(
-    body: BodyGeometry,
-    frames: dict[int, FrameObservation],
-    fits: dict[int, PoseFit],
-    voxel_size_m: float,
-    keep_clothes: bool,
-) -> Start:
-    """Start with a person's known body, whose clothes are adapted unless they are kept."""
-    model = body.model
-    poses = {t: fit.pose for t, fit in fits.items()}
-    errors = {t: fit.error for t, fit in fits.items()}
-    stature = Stature(stature_of(model), _GIVEN_SIGMA_M)
-    if keep_clothes:
-        return Start(body, poses, errors, stature, model.shape, None)
-    sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, _KNOWN_SIGMA)
-    expected = np.where(IS_CLOTHING, 0.0, model.shape)
-    prior = expected, np.diag(sigma**2)
-    return _adapted(body, frames, poses, stature, voxel_size_m, prior)
-
-
-def _clear_fits(
-    body: BodyGeometry,
-    frames: dict[int, FrameObservation],
-    search: PoseSearch,
-) -> dict[int, PoseFit]:
-    """Poses of the frames in which they explain the silhouettes nearly as well as in the best."""
-    found = side_by_side(lambda frame: search(body, frame)[:1], list(frames.values()))
-    fits = {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
-    smallest = min(fit.error for fit in fits.values())
-    return {t: fit for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
-
-
-def _mean_error(start: Start) -> float:
-    return float(np.mean(list(start.errors.values())))
-
-
-def _adapted(
-    body: BodyGeometry,
-    frames: dict[int, FrameObservation],
-    poses: dict[int, Pose],
-    stature: Stature,
-    voxel_size_m: float,
-    prior: tuple[np.ndarray, np.ndarray] | None = None,
-) -> Start:
-    """Start with a body whose proportions are adapted to posed frames; their prior's mean and
-    covariance are the body's shape and `SHAPE_SIGMA` where none is given.
-    """
-    backend = body.body_volume.backend
-    expected, covariance = prior or (body.model.shape, np.diag(SHAPE_SIGMA**2))
-    observations = [frames[t].observation for t in poses]
-    surface, adapted = adapt_shape(
-        body.surface, observations, list(poses.values()), stature, expected, covariance
-    )
-    errors = [
-        silhouette_error(surface.model, pose, observation, backend)
-        for pose, observation in zip(adapted, observations, strict=True)
-    ]
-    return Start(
-        BodyGeometry.from_surface(surface, voxel_size_m, backend),
-        dict(zip(poses, adapted, strict=True)),
-        dict(zip(poses, errors, strict=True)),
-        stature,
-        expected,
-        covariance,
-    )
+def _error(fit: PoseFit) -> float:
+    return fit.error

@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import CHESTS_M, SHAPE_AXES
+from silhouette_core.body.sizes import CHESTS_M
 from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.tuning import HULL_GIRTH
 
 GIRTH_CAMERAS = 4
 """Fewest cameras whose hull says anything of the girth: that of fewer varies too much."""
-# Of people of usual girth the hull of four to eight cameras has this many times the volume.
-_HULL_OVER_BODY, _COUNTED_M = 1.75, 0.02
-_GIRTH_AXES = ("trunk_width", "trunk_depth", "upper_arm_girth", "thigh_girth", "shin_girth")
-_USUAL_CHEST = 0.55  # chest girth over stature
-_GIRTHS = [k for k, axis in enumerate(SHAPE_AXES) if axis.name in _GIRTH_AXES]
-_RANGE = 0.9, 1.5  # of girths, relative to the usual one
 
 
 def hull_volume_m3(frame: FrameObservation) -> float:
@@ -30,6 +25,6 @@ def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
         model: of usual girth.
         hull_m3: volume of the hull.
     """
-    usual_m3 = _HULL_OVER_BODY * model.part_volumes_m3(_COUNTED_M).sum()
-    girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), *_RANGE))
-    return float(np.clip(girth * _USUAL_CHEST * model.sizes.stature_m, *CHESTS_M))
+    usual_m3 = HULL_GIRTH.hull_over_body * model.part_volumes_m3(0.02).sum()
+    girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), HULL_GIRTH.least, HULL_GIRTH.most))
+    return float(np.clip(girth * HULL_GIRTH.usual_chest * model.sizes.stature_m, *CHESTS_M))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Settings
@@ -16,10 +14,8 @@ from silhouette_core.scoring.backend import load_backend
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, PoseFit, find_pose
+from voxelpose.multiview.person.body_choice import anchor_frames, clear_fits
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-
-_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60
-_CLEAR = 1.4  # an anchor is used where its error is below this many times the smallest one
 
 
 def start_given(
@@ -47,10 +43,7 @@ def start_given(
     Raises:
         InputError: no frame shows a body.
     """
-    total = len(observations)
-    count = min(total, max(_ANCHORS, total // _FRAMES_PER_ANCHOR))
-    anchors = np.unique(np.round((np.arange(count) + 0.5) / count * (total - 1)).astype(int))
-    frames = {t: frame for t in anchors.tolist() if (frame := observations.observe(t)) is not None}
+    frames = anchor_frames(observations)
     reporter.stage("first poses", max(len(frames), 1))
     body = BodyGeometry.from_model(
         model, observations.observer.voxel_size_m, load_backend(settings.backend)
@@ -75,8 +68,7 @@ def start_given(
             f"the joint search of {', '.join(group)} stopped at its bound of memory or work: the"
             " best of what it had tried stands (larger voxels make it shorter)"
         )
-    smallest = min(fit.error for fit in fits.values())
-    return body, {t: fit for t, fit in fits.items() if fit.error <= _CLEAR * smallest}
+    return body, clear_fits(fits)
 
 
 def _searched(

@@ -20,10 +20,9 @@ from voxelpose.multiview.matching.pose_search import (
     refine_fits,
 )
 from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.tuning import SITTING_SEARCH
 
-_ANGLES_DEG = {"thigh.flexion": 80.0, "thigh.abduction": 8.0, "shin.flexion": 80.0}
 _HEADINGS, _PLACEMENTS, _BEST = 12, 20, 5
-_HEAD_M = 0.12  # of the hull below its top, which is taken for the head
 
 
 def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
@@ -36,10 +35,15 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
     """
     model, points = body.model, frame.grid.occupied_points(frame.occupancy)
     angles = relaxed_rad(model.tree).copy()
+    bent_deg = {
+        "thigh.flexion": SITTING_SEARCH.thigh_flexion_deg,
+        "thigh.abduction": SITTING_SEARCH.thigh_abduction_deg,
+        "shin.flexion": SITTING_SEARCH.thigh_flexion_deg,
+    }
     for k, name in enumerate(model.tree.dof_names):
         joint = name.partition("_")[2]
-        if joint in _ANGLES_DEG:
-            angles[k] = np.radians(_ANGLES_DEG[joint])
+        if joint in bent_deg:
+            angles[k] = np.radians(bent_deg[joint])
     root = _below_head(model, points)
     headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
     places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
@@ -54,7 +58,7 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
 def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
     """Where the root (3,) of an upright body is whose head is the top of a hull (n, 3)."""
     top_m = points_m[:, 2].max()
-    head = points_m[points_m[:, 2] > top_m - _HEAD_M]
+    head = points_m[points_m[:, 2] > top_m - SITTING_SEARCH.head_m]
     trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
     return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
 

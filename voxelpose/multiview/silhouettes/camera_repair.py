@@ -15,12 +15,10 @@ from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import OutlineTrack
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
+from voxelpose.multiview.tuning import CAMERA_REPAIR
 
 _MOMENTS = 12
 _MOST_LATE = 12  # frames
-_SUBFRAME = 0.6  # frames: a smaller offset cannot be corrected by whole frames
-_MOST_TURNED_DEG = 5.0  # a larger turn is no bump: somebody should look
-_IMPROVED = 0.5  # share of the error left by which a repair is sure although not all agree yet
 _FEWEST = 4  # cameras: of three, the two others tell too little
 _REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
 Unknown = Sequence[NDArray[np.bool_]] | None
@@ -110,11 +108,14 @@ def repair_cameras(
         return unchanged
     frames = {name: round(seconds * fps) for name, seconds in late.items() if seconds}
     if all(
-        found.kind == "out of step" and abs(found.offset_s) * fps <= _SUBFRAME for found in repairs
+        found.kind == "out of step" and abs(found.offset_s) * fps <= CAMERA_REPAIR.subframe
+        for found in repairs
     ):
         return unchanged
     told = "; ".join(found.summary for found in repairs)
-    improved = after.error_px < _IMPROVED * checked.error_px and not set(late) & set(after.culprits)
+    improved = after.error_px < CAMERA_REPAIR.improved * checked.error_px and not set(late) & set(
+        after.culprits
+    )
     explained = after.agrees or improved
     if not (explained and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
         return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
@@ -126,7 +127,7 @@ def repair_cameras(
 
 def _is_small(repair: Repair) -> bool:
     return repair.kind == "out of step" or (
-        repair.kind == "turned" and repair.turned_deg <= _MOST_TURNED_DEG
+        repair.kind == "turned" and repair.turned_deg <= CAMERA_REPAIR.most_turned_deg
     )
 
 

@@ -25,13 +25,9 @@ from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.silhouettes.floor_shadows import FloorShadows, Masks
+from voxelpose.multiview.tuning import COMPLETION
 
-_VOXEL_M = 0.03
 _THIN_PX = 5  # narrower pieces are edges
-_HOLE_SHARE = 2e-3  # of the image: holes in what may belong to a silhouette
-_PIECE_M3 = 0.001  # smaller pieces are noise: a forearm has a litre, a thigh eight
-_PIECE_SHARE, _CAMERA_SHARE = 0.6, 0.4  # of a piece's pixels that differ: mean, least camera
-_MOST_ADDED = 1.5  # of the hull: a larger piece is no part of a person
 _PIECE_PX = 30  # a camera that shows less of a piece does not judge it
 
 
@@ -54,7 +50,7 @@ class SilhouetteCompletion:
         """Keeps the settings."""
         self.rig, self._views, self._rule = views.rig, views, rule
         low = volume.origin_m
-        self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, _VOXEL_M)
+        self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, COMPLETION.voxel_m)
         outvoted = len(views.rig) // 4
         self._majority = replace(rule, tolerance=rule.tolerance + outvoted)
         self._seen_by_one = CarveRule(tolerance=len(views.rig), least_agreeing=1)
@@ -142,13 +138,15 @@ class SilhouetteCompletion:
     def _pieces(self, hull: NDArray[np.bool_], more: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
         """Large pieces (nx, ny, nz) bool of additional voxels that touch the hull's largest one."""
         voxel_m3 = self._grid.voxel_size_m**3
-        if more.sum() * voxel_m3 < _PIECE_M3:
+        if more.sum() * voxel_m3 < COMPLETION.piece_m3:
             return []
         joined = label_components(hull | more, diagonal=False).labels
         more = more & (joined == np.bincount(joined[hull]).argmax())
         pieces = label_components(more, diagonal=False)
-        most = _MOST_ADDED * np.count_nonzero(hull)
-        large = np.flatnonzero((pieces.sizes * voxel_m3 >= _PIECE_M3) & (pieces.sizes <= most))
+        most = COMPLETION.most_added * np.count_nonzero(hull)
+        large = np.flatnonzero(
+            (pieces.sizes * voxel_m3 >= COMPLETION.piece_m3) & (pieces.sizes <= most)
+        )
         return [pieces.labels == k for k in large]
 
     def _differs(self, piece: NDArray[np.bool_], masks: Masks, differs: Masks) -> bool:
@@ -164,12 +162,13 @@ class SilhouetteCompletion:
                 shares.append(np.count_nonzero(found & inside) / pixels)
         if not shares:
             return False
-        return min(shares) >= _CAMERA_SHARE and bool(np.mean(shares) >= _PIECE_SHARE)
+        mostly = bool(np.mean(shares) >= COMPLETION.piece_share)
+        return mostly and min(shares) >= COMPLETION.camera_share
 
     def _without_holes(self, mask: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
         """Mask (h, w) without narrow gaps and small holes."""
         closed = _closed(mask, 4 * self._radius[c] + 1)
-        return clean(closed, max_hole_px=round(_HOLE_SHARE * mask.size))
+        return clean(closed, max_hole_px=round(COMPLETION.hole_share * mask.size))
 
     def _carved(self, masks: Masks) -> NDArray[np.bool_]:
         """Hull of silhouettes widened by half a voxel, so that thin limbs remain."""

@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from silhouette_core.image.cleanup import dilated
 from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.tuning import FLOOR_SHADOWS
 
-_LONGEST_M = 3.0  # of a shadow where no other camera sees the floor
 _EDGE_PX = 7  # by which what is dark is widened
 _UNSEEN = 2
-_IN_FLOOR_M = 1e-3  # a camera at this height sees the floor as a line
-_FOOT_M3 = 0.0005
-_FLOOR_M = 0.15  # a floor no farther from the world's origin than this is there
 
 Mask = NDArray[np.bool_]
 Masks = list[Mask]
@@ -60,7 +57,7 @@ class FloorShadows:
     ) -> NDArray[np.bool_]:
         width, height = self._rig.cameras[c].size
         allowed, unseen = (np.ones((height, width), np.bool_) for _ in range(2))
-        if abs(self._above_m[c]) < _IN_FLOOR_M:
+        if abs(self._above_m[c]) < 1e-3:  # it sees the floor as a line
             return ~allowed
         to_floor = np.linalg.inv(self._from_floor[c])
         for other, mask in enumerate(wide):
@@ -82,7 +79,7 @@ class FloorShadows:
         floor_x, floor_y, scale = self._places[c]
         # Compared without a division: the scale is negative above the horizon.
         across, along = floor_x - person_m[0] * scale, floor_y - person_m[1] * scale
-        near = across**2 + along**2 < (_LONGEST_M * scale) ** 2
+        near = across**2 + along**2 < (FLOOR_SHADOWS.longest_m * scale) ** 2
         return allowed & (scale > 0) & (near | ~unseen)
 
 
@@ -100,8 +97,8 @@ def floor_under(observer: HullObserver, frames: Sequence[Masks]) -> float:
         most_m3 = np.inf if body is None else hulls.volume_m3[body]
         # Feet may be all that is left of the legs; what is larger than the body is an object, and
         # the hull of a board on the floor ends below it.
-        pieces = (hulls.volume_m3 >= _FOOT_M3) & (hulls.volume_m3 <= most_m3)
+        pieces = (hulls.volume_m3 >= FLOOR_SHADOWS.foot_m3) & (hulls.volume_m3 <= most_m3)
         if pieces.any():
             lowest.append(hulls.bounds_m[pieces, 0, 2].min())
     height = float(np.quantile(lowest, 0.2)) if lowest else 0.0
-    return height if abs(height) > _FLOOR_M else 0.0
+    return height if abs(height) > FLOOR_SHADOWS.floor_m else 0.0

@@ -29,6 +29,7 @@ from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.floor_shadows import floor_under
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
+from voxelpose.multiview.tuning import COLOURS
 
 LONG_SIDE_PX = 960
 """Larger images are reduced: contours are finer there than clothes are."""
@@ -36,10 +37,7 @@ _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
 _FLOOR_FRAMES = 12
 _RECHECKS = 3
-# Share of the silhouettes' pixels that nothing explains, from which on colours are asked, and asked
-# again: a turned camera leaves less.
-_UNEXPLAINED = 0.03, 0.01, 0.01
-_LEFT = 0.7  # largest share of that which may be left, or what was added is taken back
+_COLOUR_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -267,15 +265,16 @@ class _Preparation:
         missing, store = np.ones(len(rig)), self.stores[0]
         sizes = [camera.size for camera in rig]
         unexplained = self._unexplained(rig) if finder.useful else 0.0
-        for least in _UNEXPLAINED:
+        for k in range(_COLOUR_ROUNDS):
+            least = COLOURS.asked_again if k else COLOURS.asked
             if unexplained < least or (density := finder.learn(store)) is None:
                 break
             with mask_stores(1, sizes, len(store)) as (kept,), finder.find(density) as coloured:
                 kept.copy(store)
                 added, before = self.complete(rig, coloured), unexplained
                 unexplained = self._unexplained(rig)
-                if unexplained > _LEFT * before:  # it was no person that nothing explained
-                    store.copy(kept)
+                if unexplained > COLOURS.most_left * before:
+                    store.copy(kept)  # it was no person that nothing explained
                     break
                 missing *= 1 - added
         if (missing < 1).any():

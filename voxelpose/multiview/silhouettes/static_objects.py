@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from calib.components import label_components
+from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.image.raster import render_parts
@@ -23,16 +24,9 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
+from voxelpose.multiview.tuning import STATIC_OBJECTS
 
 _FRAMES = 24
-_VOXEL_M = 0.025
-_BESIDE_M = 0.03  # from the body's outline, within which a silhouette is the body's
-_WIDENED_M = 0.04  # as far, and a pixel more
-_ALWAYS = 0.9  # share of frames in which an object's pixel is foreground
-_SEEN = 0.25  # share of frames in which the body does not hide it
-_LEAST_M3 = 0.002
-_APART_M = 0.15  # from the body's surface: what is farther away in all frames is no limb
-_PERSON_M = 1.4  # what is so long may be the person, and the body be that of something else
 
 Mask = NDArray[np.bool_]
 Masks = list[Mask]
@@ -73,7 +67,7 @@ def find_static_objects(
         behind: whether what the body hides of them, too, is returned: where it may be wrong.
     """
     posed = [(t, pose) for t, pose in enumerate(poses) if pose is not None]
-    chosen = [posed[k] for k in np.unique(np.linspace(0, len(posed) - 1, _FRAMES).astype(int))]
+    chosen = [posed[k] for k in even_moments(len(posed), _FRAMES)]
     views = observer.views
     foreground, clear, beside = (
         [np.zeros(camera.size[::-1], np.int32) for camera in views.rig] for _ in range(3)
@@ -84,13 +78,15 @@ def find_static_objects(
             foreground[c] += mask
             clear[c] += ~body
             beside[c] += mask & ~body
-    always = [count >= _ALWAYS * len(chosen) for count in foreground]
+    always = [count >= STATIC_OBJECTS.always * len(chosen) for count in foreground]
     witnessed = [
-        shown & (seen >= _SEEN * len(chosen)) & (count >= _ALWAYS * seen)
+        shown
+        & (seen >= STATIC_OBJECTS.seen * len(chosen))
+        & (count >= STATIC_OBJECTS.always * seen)
         for shown, seen, count in zip(always, clear, beside, strict=True)
     ]
     low = observer.volume.origin_m
-    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, _VOXEL_M)
+    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, STATIC_OBJECTS.voxel_m)
     found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
     if not found.any():
         return None
@@ -110,20 +106,21 @@ def _apart(
     people.
     """
     longest = np.ptp(label_components(voxels).bounds, axis=1).max()
-    if longest * grid.voxel_size_m >= _PERSON_M:
+    if longest * grid.voxel_size_m >= STATIC_OBJECTS.person_m:
         return False
     tree = KDTree(grid.occupied_points(voxels))
-    return all(tree.query(posed_mesh(model, pose))[0].min() > _APART_M for pose in poses)
+    least_m = STATIC_OBJECTS.apart_m
+    return all(tree.query(posed_mesh(model, pose))[0].min() > least_m for pose in poses)
 
 
 def _around_body(model: BodyModel, pose: Pose, views: PinholeViews) -> Masks:
-    """Pixels (h, w) bool of each camera within `_BESIDE_M` of the body's outline, or inside."""
+    """Pixels (h, w) bool of each camera within `beside_m` of the body's outline, or inside."""
     vertices_m, bodies = posed_mesh(model, pose), []
     for camera in views.rig:
         seen = vertices_m @ camera.rotation.T + camera.translation
         parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
         depth_m = max(float(np.median(seen[:, 2])), 0.3)
-        reach = round(_BESIDE_M * camera.matrix[0, 0] / depth_m)
+        reach = round(STATIC_OBJECTS.beside_m * camera.matrix[0, 0] / depth_m)
         bodies.append(dilated(parts > 0, 2 * reach + 1))
     return bodies
 
@@ -142,7 +139,7 @@ def _carved(
 
 def _large_pieces(voxels: NDArray[np.bool_], grid: VoxelGrid) -> NDArray[np.bool_]:
     components = label_components(voxels)
-    large = components.sizes * grid.voxel_size_m**3 >= _LEAST_M3
+    large = components.sizes * grid.voxel_size_m**3 >= STATIC_OBJECTS.least_m3
     large[0] = False
     return large[components.labels]
 
@@ -161,4 +158,4 @@ def _widened(pixels: NDArray[np.bool_], grid: VoxelGrid, views: PinholeViews, c:
     camera = views.rig.cameras[c]
     middle_m = grid.origin_m + 0.5 * grid.size_m
     depth_m = max(float(camera.rotation[2] @ middle_m + camera.translation[2]), 0.3)
-    return dilated(pixels, 2 * round(_WIDENED_M * camera.matrix[0, 0] / depth_m) + 1)
+    return dilated(pixels, 2 * round(STATIC_OBJECTS.widened_m * camera.matrix[0, 0] / depth_m) + 1)

@@ -10,6 +10,7 @@ import numpy as np
 from calib.camera import Rig
 from calib.checks import FloatArray
 from calib.errors import InputError
+from calib.moments import even_moments
 from calib.upright import (
     AXES,
     Z_UP,
@@ -27,12 +28,10 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
+from voxelpose.multiview.tuning import PERSON_COST, UP_SEARCH
 
-_SURE = 0.75  # cameras' worth from which, on average, they stand upright
 _MOMENTS = 3
 _PLACEMENTS = 3
-_STATURE_M = 1.7  # where none is given
-_CLEARLY = 0.3  # by which one direction must lie along the trunks more than another
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ def choose_upright(
     own = is_cameras_own(search.rig)
     if not own and not any(up @ Z_UP > np.cos(np.radians(20)) for up in possible):
         possible.append(Z_UP)
-    sure = own or not search.person or cameras_worth(search.rig, possible[0]) >= _SURE
+    sure = own or not search.person or cameras_worth(search.rig, possible[0]) >= UP_SEARCH.sure
     if sure and (len(possible) == 1 or not search.person):
         up, reason = possible[0], "by how the cameras stand"
     else:
@@ -87,7 +86,7 @@ def choose_upright(
         # not searched.
         others = possible if own else [*possible, *AXES.values()]
         up = max(others, key=lambda up: float(up @ trunk))
-        if up @ trunk < possible[0] @ trunk + _CLEARLY:
+        if up @ trunk < possible[0] @ trunk + UP_SEARCH.clearly:
             up = possible[0]
         reason = "by how the cameras and the person stand"
     if not np.array_equal(up, Z_UP):
@@ -109,8 +108,8 @@ def _trunk(
     """
     settings = search.settings
     sex = "male" if settings.sex == "unknown" else settings.sex
-    sizes = BodySizes(settings.stature_m or _STATURE_M, settings.chest_m, sex)
-    moments = np.unique(np.linspace(0, len(masks) - 1, _MOMENTS + 2).round().astype(int)[1:-1])
+    sizes = BodySizes(settings.stature_m or PERSON_COST.adult_m, settings.chest_m, sex)
+    moments = even_moments(len(masks), _MOMENTS)
     best: dict[int, tuple[float, FloatArray]] = {}
     for up in possible:
         frame = UprightFrame.from_up(up)

@@ -7,23 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.body_source import names_result
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.multiview.person.body_choice import Start, choose_body
-from voxelpose.multiview.person.body_refit import refit
 from voxelpose.multiview.person.given_body import start_given
+from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
+from voxelpose.multiview.tracking.body_refit import refit, spread_errors
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 
-_POOR = 0.15  # median error from which sitting postures are searched; right ones have 0.06 to 0.1
-_BETTER = 0.97  # factor below which another track's error is the better one
-_ROUNDS = 4
+_ROUNDS = 4  # in which something that stands beside the person is left out
+_AGAIN_FRAMES, _AGAIN_PLACEMENTS = 9, 20  # in which poses are searched again
 _Facts = dict[str, object]
 
 
@@ -61,13 +63,12 @@ class TrackWork:
         with self.clock("proportions"):
             refit(tracker, start, self.known is None and self.settings.sex == "unknown")
         self._polish(tracker)
+        names = [axis.name for axis in SHAPE_AXES]
         facts: _Facts = {
             "stature_m": stature_of(tracker.body.model),
             "stature_given": self.settings.stature_m is not None or self.known is not None,
             "sex_template": tracker.body.model.sizes.sex,
-            "shape": dict(
-                zip(start.shape_names, tracker.body.model.shape.round(4).tolist(), strict=True)
-            ),
+            "shape": dict(zip(names, tracker.body.model.shape.round(4).tolist(), strict=True)),
             "objects_share": {},
         }
         if objects is not None:
@@ -79,21 +80,25 @@ class TrackWork:
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
     ) -> tuple[PoseTracker, Start, StaticObjects | None]:
-        """Tracks a person; where something stands beside, again without it, while that helps."""
-        tracker, start = self._best_start(self._observations(prepared, kept))
+        """Tracks a person; while that is improbable, again without what stands beside, and the more
+        probable is taken.
+        """
+        tracker, start = self._tracked(self._observations(prepared, kept))
         objects: StaticObjects | None = None
         for _ in range(_ROUNDS):
-            store, observer, model = prepared.store, prepared.observer, tracker.body.model
+            wrong = is_improbable(spread_errors(tracker))
+            if objects is None and not wrong:
+                break
+            at = tracker.body.model, tracker.poses, prepared.store, prepared.observer
             with self.clock("objects"):
-                at, poor = (model, tracker.poses, store, observer), _median_error(tracker) > _POOR
-                found = find_static_objects(*at, behind=poor)
+                found = find_static_objects(*at, behind=wrong)
             if found is None:
                 break
-            objects, error = found, _median_error(tracker)
             without = kept.enter_context(prepared.without(found.pixels))
-            tracker, start = self._best_start(self._observations(without, kept))
-            if _median_error(tracker) > _BETTER * error:
+            again = self._tracked(self._observations(without, kept), objects=True)
+            if _cost(*again) >= _cost(tracker, start):
                 break
+            objects, (tracker, start) = found, again
         if objects is not None:
             self.reporter.note(
                 "something stands apart from the person all the time: it is left out"
@@ -104,24 +109,14 @@ class TrackWork:
             )
         return tracker, start, objects
 
-    def _best_start(self, observations: ObservationStore) -> tuple[PoseTracker, Start]:
-        """Tracks a person from the first poses; where these explain little, from sitting ones."""
-        tracker, start = self._started(observations, sitting=False)
-        if _median_error(tracker) > _POOR:
-            self.reporter.stage("sitting postures")
-            sitting, other = self._started(observations, sitting=True)
-            if _median_error(sitting) < _BETTER * _median_error(tracker):
-                return sitting, other
-        return tracker, start
-
-    def _started(
-        self, observations: ObservationStore, *, sitting: bool
+    def _tracked(
+        self, observations: ObservationStore, *, objects: bool = False
     ) -> tuple[PoseTracker, Start]:
+        """Tracks the most probable person."""
         settings, known = self.settings, self.known
-        self.reporter.stage("first poses")
         with self.clock("first poses"):
             keep = known is not None and names_result(str(settings.options["body"]))
-            given = self.tracking.match, self.reporter, known, keep, sitting
+            given = self.tracking.match, self.reporter, known, keep, objects
             start = choose_body(observations, settings, *given)
         tracker = PoseTracker(
             start.body, observations, self.tracking, self.clock, self.reporter.advance
@@ -155,20 +150,31 @@ class TrackWork:
         tracker.begin(poses, errors)
         self.reporter.stage("repair")
         with self.clock("repair"):
-            tracker.begin_again()
+            self._begin_again(tracker)
             tracker.repair(3 + count // 100)
             tracker.mend_jumps()
         self.reporter.stage("limbs")
         tracker.recheck()
+
+    def _begin_again(self, tracker: PoseTracker) -> None:
+        """Searches other frames without a prior while the track is improbable, and tracks from
+        those that improve.
+
+        What the first poses have in common, like a head in the place of an arm, is carried through
+        the whole recording and shows as no rise of the error.
+        """
+        for t in even_moments(len(tracker.observations), _AGAIN_FRAMES).tolist():
+            if is_improbable(spread_errors(tracker)) and tracker.anchor(t, _AGAIN_PLACEMENTS):
+                tracker.carry(t)
 
     def _polish(self, tracker: PoseTracker) -> None:
         self.reporter.stage("refinement", len(tracker.observations))
         tracker.polish()
 
 
-def _median_error(tracker: PoseTracker) -> float:
-    """Median error of the frames; a frame without a pose has none in common."""
-    return float(np.median(np.minimum(tracker.error, 1.0)))
+def _cost(tracker: PoseTracker, start: Start) -> float:
+    """Cost of the person that was tracked."""
+    return start.cost_of(spread_errors(tracker))
 
 
 def _found(tracker: PoseTracker, anchors: dict[int, Pose]) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """The body that a fit begins with, where nothing is told of the person."""
 
-from contextlib import closing
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -8,8 +8,7 @@ import pytest
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import SilentReporter, StageClock
-from silhouette_core.refinement.adaptation import Stature, stature_of
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.refinement.adaptation import stature_of
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     other_body,
@@ -22,11 +21,11 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.person import body_choice
-from voxelpose.multiview.person.body_choice import choose_body
-from voxelpose.multiview.person.body_refit import refit
-from voxelpose.multiview.person.stature_search import stature_candidates
+from voxelpose.multiview.person.body_choice import anchor_frames, choose_body
+from voxelpose.multiview.person.candidates import Evidence, hull_height_m
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.tracking.body_refit import refit
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
@@ -37,33 +36,36 @@ CROUCH = {
 }
 
 
+@contextmanager
+def filmed(body, turns):
+    """Observations of a body in some stances."""
+    seen_by = views(4)
+    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
+    with (
+        closing(MaskStore([camera.size for camera in seen_by.rig], len(turns))) as masks,
+        closing(ObservationStore(observer, masks)) as store,
+    ):
+        for t, one in enumerate(turns):
+            masks.put(t, photograph(seen_by, body, stance(body, one)))
+        yield store
+
+
 @pytest.mark.slow
 def test_somebody_who_crouches_most_of_the_time_is_no_child():
-    body, observer = other_body(), HullObserver(views(4), VOLUME, 0.04, CarveRule(least_agreeing=3))
-    poses = [stance(body, CROUCH | {"lumbar.flexion": lean}) for lean in (20.0, 30.0, 40.0)]
-    poses.append(stance(body))
-    frames = {
-        t: observer.observe(photograph(observer.views, body, pose)) for t, pose in enumerate(poses)
-    }
-    heights = [np.ptp(np.flatnonzero(frame.occupancy.any((0, 1)))) for frame in frames.values()]
-    assert np.median(heights) < 0.85 * max(heights)
-    stature, *_ = stature_candidates(frames, Settings(), MatchSettings(), 0.04, CPU)
-    assert stature.metres == pytest.approx(STATURE_M, rel=0.06)
+    body = other_body()
+    turns = [CROUCH | {"lumbar.flexion": lean} for lean in (20.0, 30.0, 40.0)]
+    with filmed(body, [*turns, {}]) as store:
+        heights = [hull_height_m(frame) for frame in anchor_frames(store).values()]
+        assert np.median(heights) < 0.85 * max(heights)
+        start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
+    assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
 @pytest.mark.slow
 def test_somebody_who_sits_all_the_time_is_no_child():
-    body, seen_by = other_body(), views(4)
     bent = ("thigh.flexion", "shin.flexion")
     seated = {f"{side}_{name}": 90.0 for side in ("left", "right") for name in bent}
-    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
-    with (
-        closing(MaskStore([camera.size for camera in seen_by.rig], 3)) as masks,
-        closing(ObservationStore(observer, masks)) as store,
-    ):
-        for t in range(3):
-            pose = stance(body, seated | {"lumbar.flexion": 10.0 * t})
-            masks.put(t, photograph(seen_by, body, pose))
+    with filmed(other_body(), [seated | {"lumbar.flexion": 10.0 * t} for t in range(3)]) as store:
         start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
@@ -71,36 +73,21 @@ def test_somebody_who_sits_all_the_time_is_no_child():
 @pytest.mark.slow
 def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     """A stature of 2.1 m that the hull suggested does not stay where an adult's fits better."""
-    body, seen_by = other_body(), views(4)
-    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
-    monkeypatch.setattr(body_choice, "stature_candidates", lambda *_: [Stature(2.1, 0.05 * 2.1)])
-    monkeypatch.setattr(body_choice, "_REBASED", 0)
+    monkeypatch.setattr(Evidence, "from_frames", lambda *_: Evidence(None, (2.1, 2.1)))
+    monkeypatch.setattr(body_choice, "_ROUNDS", 0)
     raised = {f"{side}_upper_arm.abduction": 130.0 for side in ("left", "right")}
-    with (
-        closing(MaskStore([camera.size for camera in seen_by.rig], 2)) as masks,
-        closing(ObservationStore(observer, masks)) as store,
-    ):
-        for t in range(2):
-            pose = stance(body, raised | {"lumbar.flexion": 10.0 * t})
-            masks.put(t, photograph(seen_by, body, pose))
+    with filmed(other_body(), [raised | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:
         start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
-    assert start.stature.metres == pytest.approx(1.70, rel=0.03)
+    assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
 def test_of_a_known_body_only_the_clothes_are_adapted():
-    known, seen_by = other_body(), views(4)
+    known = other_body()
     clothes = np.array(
         [{"shirt": 0.008, "trousers": 0.014}.get(axis.name, 0) for axis in SHAPE_AXES]
     )
     dressed = known.reshaped(np.where(IS_CLOTHING, clothes, known.shape))
-    observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=3))
-    with (
-        closing(MaskStore([camera.size for camera in seen_by.rig], 3)) as masks,
-        closing(ObservationStore(observer, masks)) as store,
-    ):
-        for t in range(3):
-            pose = stance(dressed, {"lumbar.flexion": 10.0 * t})
-            masks.put(t, photograph(seen_by, dressed, pose))
+    with filmed(dressed, [{"lumbar.flexion": 10.0 * t} for t in range(3)]) as store:
         at = store, Settings(), MatchSettings(), SilentReporter(), known
         start, kept = choose_body(*at), choose_body(*at, keep_clothes=True)
         tracking = PoseTrackerSettings(30.0, MatchSettings())

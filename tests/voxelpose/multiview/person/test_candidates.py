@@ -1,0 +1,38 @@
+"""Heights of hulls, and the statures from which searches begin."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from silhouette_core.estimator import Settings
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.person.candidates import Evidence, hull_height_m
+
+
+def frame(height_m: float):
+    """A frame whose hull is so high."""
+    occupancy = np.zeros((4, 5, 60), bool)
+    occupancy[1, 2, 3] = occupancy[3, 0, 2 + round(height_m / 0.05)] = True
+    return SimpleNamespace(occupancy=occupancy, grid=VoxelGrid(np.zeros(3), 0.05, (4, 5, 60)))
+
+
+def test_a_hull_is_as_high_as_its_lowest_and_highest_voxels():
+    assert hull_height_m(frame(1.4)) == pytest.approx(1.4)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("heights_m", "first"),
+    [((1.6, 1.65, 1.7), (1.65,)), ((1.2, 1.2, 1.7), (1.2, 1.7)), ((1.8, 1.8, 1.2), (1.8,))],
+)
+def test_the_usual_height_is_searched_and_the_largest_where_it_varies(heights_m, first):
+    frames = {t: frame(height) for t, height in enumerate(heights_m)}
+    evidence = Evidence.from_frames(frames, Settings())  # type: ignore[arg-type]
+    found, adult = evidence.statures_m("any")
+    assert found == pytest.approx(first) and adult == pytest.approx((1.7,))
+    assert evidence.statures_m("sitting") == ((1.7,),)
+
+
+def test_a_stature_that_was_told_is_the_only_one():
+    evidence = Evidence(1.62, (1.2, 1.9))
+    assert evidence.statures_m("any") == evidence.statures_m("sitting") == ((1.62,),)

@@ -1,0 +1,78 @@
+"""Candidates for the person that is seen, and what is known of the person before any is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from silhouette_core.body.sizes import CHESTS_M, STATURES_M, BodySizes
+from silhouette_core.estimator import Settings
+from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.tuning import PERSON_COST
+
+POSTURES = "any", "sitting"
+"""What a candidate does: anything, or sitting as on a chair in all frames."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Who may be seen, and how.
+
+    Attributes:
+        stature: height, m.
+        girth: chest girth, m; None: usual for the stature.
+        template: "male" or "female".
+        posture: of `POSTURES`.
+        objects: whether something that stays beside the person is left out of the silhouettes.
+    """
+
+    stature: float
+    girth: float | None
+    template: str
+    posture: str = "any"
+    objects: bool = False
+
+    @property
+    def sizes(self) -> BodySizes:
+        """Measurements of the body, as far as people's go."""
+        girth = None if self.girth is None else float(np.clip(self.girth, *CHESTS_M))
+        return BodySizes(float(np.clip(self.stature, *STATURES_M)), girth, self.template)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What tells a person's stature, whichever body is fitted.
+
+    Attributes:
+        told_m: by the user, m; None: nobody told it.
+        hull_m: heights of the visual hull: the usual one, and the largest.
+    """
+
+    told_m: float | None
+    hull_m: tuple[float, ...] = ()
+
+    @classmethod
+    def from_frames(cls, frames: Mapping[int, FrameObservation], settings: Settings) -> Evidence:
+        """Evidence of some frames by number."""
+        heights_m = [hull_height_m(frame) for frame in frames.values()]
+        return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)))
+
+    def statures_m(self, posture: str) -> tuple[tuple[float, ...], ...]:
+        """Statures from which searches in a posture begin, the likeliest first; those of one search
+        together.
+        """
+        if self.told_m is not None:
+            return ((self.told_m,),)
+        usual, largest = self.hull_m
+        # Somebody who crouches or jumps is as high as the hull is at times.
+        varies = np.log(largest / usual) > 2 * PERSON_COST.hull_sigma
+        heights = ((usual, largest) if varies else (usual,),) if posture == "any" else ()
+        return (*heights, (PERSON_COST.adult_m,))
+
+
+def hull_height_m(frame: FrameObservation) -> float:
+    """Height of a frame's visual hull, m."""
+    levels = np.flatnonzero(frame.occupancy.any((0, 1)))
+    return float(np.ptp(levels) + 1) * frame.grid.voxel_size_m

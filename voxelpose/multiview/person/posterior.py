@@ -1,0 +1,129 @@
+r"""How probable a candidate for the person is: the terms of its cost, and their sum.
+
+.. math:: -\log p = n F \, \overline{\log(e_f / e_0)}
+    + \tfrac12 \Bigl(\overline{\log(e_f / e_0)} / \sigma_e\Bigr)^2
+    + \tfrac12 d^T \Sigma^{-1} d + \dots
+
+Residuals of the silhouettes have an unknown scale in every frame, whose likeliest value is the
+frame's error :math:`e_f`; :math:`n` of a frame's residuals count as independent. The errors of
+right bodies, of all recordings, are spread about :math:`e_0`. What is unknown, and objects that are
+left out, are no part of an error. The numbers are in `PersonCost`, the terms in `cost_terms`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.population import sex_probability, usual_range
+from silhouette_core.refinement.adaptation import Stature, stature_of
+from voxelpose.multiview.person.candidates import Candidate, Evidence
+from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePrior:
+    """Prior of a body's proportions.
+
+    Attributes:
+        stature: its height.
+        expected: (K,) the shape that its measurements alone suggest.
+        covariance: (K, K); None: the body stays as it is.
+    """
+
+    stature: Stature
+    expected: np.ndarray
+    covariance: np.ndarray | None
+
+
+def posterior_cost(
+    candidate: Candidate,
+    model: BodyModel,
+    prior: ShapePrior,
+    errors: Sequence[float],
+    evidence: Evidence,
+) -> float:
+    """Negative logarithm of a candidate's posterior probability, up to a constant.
+
+    Args:
+        candidate: it.
+        model: its body, adapted or not.
+        prior: of the body's proportions.
+        errors: silhouette errors of frames that are independent of each other.
+        evidence: what tells the stature.
+    """
+    return sum(cost_terms(candidate, model, prior, errors, evidence).values())
+
+
+def cost_terms(
+    candidate: Candidate,
+    model: BodyModel,
+    prior: ShapePrior,
+    errors: Sequence[float],
+    evidence: Evidence,
+) -> dict[str, float]:
+    """Terms of `posterior_cost` by name; arguments as there."""
+    metres = stature_of(model)
+    return {
+        "silhouettes": PERSON_COST.frame_residuals * len(errors) * log_error(errors),
+        "noise": 0.5 * sigmas_above_usual(errors) ** 2,
+        "shape": _shape(model.shape - prior.expected, prior.covariance),
+        "template": -float(np.log(sex_probability(candidate.template, metres))),
+        "stature": _stature(metres, evidence),
+        "hull": 0.0 if candidate.posture == "sitting" else _hull(metres, evidence),
+        "girth": _girth(candidate),
+        "posture": _chosen(PERSON_COST.sitting, candidate.posture == "sitting"),
+        "objects": _chosen(PERSON_COST.objects, candidate.objects),
+    }
+
+
+def log_error(errors: Collection[float]) -> float:
+    """Mean logarithm of silhouette errors over the usual one; a frame without a pose has 1."""
+    return float(np.mean(np.log(np.minimum([*errors], 1.0) / PERSON_COST.usual_error)))
+
+
+def sigmas_above_usual(errors: Collection[float]) -> float:
+    """Standard deviations by which errors are above those of right bodies."""
+    return log_error(errors) / PERSON_COST.error_sigma
+
+
+def is_improbable(errors: Collection[float]) -> bool:
+    """Whether errors are larger than a right body's: then costly candidates are tried as well."""
+    return sigmas_above_usual(errors) > PERSON_COST.improbable_sigmas
+
+
+def _shape(deviation: np.ndarray, covariance: np.ndarray | None) -> float:
+    if covariance is None:
+        return 0.0
+    return 0.5 * float(deviation @ np.linalg.solve(covariance, deviation))
+
+
+def _stature(metres: float, evidence: Evidence) -> float:
+    if evidence.told_m is not None:
+        return 0.5 * ((metres - evidence.told_m) / PERSON_COST.told_sigma_m) ** 2
+    return 0.5 * ((metres - PERSON_COST.adult_m) / PERSON_COST.adult_sigma_m) ** 2
+
+
+def _hull(metres: float, evidence: Evidence) -> float:
+    """Of the height that fits better; 0 where it is as far off as of somebody who sits."""
+    if evidence.told_m is not None or not evidence.hull_m:
+        return 0.0
+    farthest = PERSON_COST.hull_farthest_sigmas
+    sigmas = np.abs(np.log(metres / np.array(evidence.hull_m))).min() / PERSON_COST.hull_sigma
+    return 0.5 * float(min(sigmas, farthest) ** 2 - farthest**2)
+
+
+def _girth(candidate: Candidate) -> float:
+    """Of a chest as unusual as the waists of people are."""
+    if candidate.girth is None:
+        return 0.0
+    mean_m, sigma_m = usual_range("waist_girth_m", candidate.stature, candidate.template)
+    usual_m = HULL_GIRTH.usual_chest * candidate.stature
+    return 0.5 * ((candidate.girth / usual_m - 1) * mean_m / sigma_m) ** 2
+
+
+def _chosen(probability: float, chosen: bool) -> float:
+    return -float(np.log(probability if chosen else 1 - probability))
