@@ -58,7 +58,7 @@ class Camera:
         matrix = _frozen(who + "matrix", self.matrix, (3, 3))
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise ValueError(
-                f"{who}focal lengths must be positive, got {matrix[0, 0]:g}, {matrix[1, 1]:g}"
+                f"{who}focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}"
             )
         if np.any(matrix[[1, 2, 2], [0, 0, 1]] != 0) or matrix[2, 2] != 1:
             raise ValueError(

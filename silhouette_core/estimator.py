@@ -4,7 +4,7 @@ An estimator is a class without constructor arguments, registered under the entr
 `silhouette_core.estimators`:
 
     [project.entry-points."silhouette_core.estimators"]
-    multiview = "voxelpose.multiview:MultiViewEstimator"
+    multiview = "voxelpose.multiview.multiview_estimator:MultiViewEstimator"
 
 All estimators take the same frames and return the same Motion; nothing downstream knows which one
 ran.

@@ -114,17 +114,10 @@ class Source:
         """
         size = self.image_size(name, values.get("size"))
         matrix = self.numbers(name, "matrix", values.get("matrix"), (3, 3))
-        if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+        shortest_px = min(matrix[0, 0], matrix[1, 1])
+        if 0 < shortest_px < 0.1:
             raise self.error(
-                f"focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}:"
-                f" {_REMEDY}",
-                name,
-            )
-        if min(matrix[0, 0], matrix[1, 1]) < 0.1:
-            raise self.error(
-                f"a focal length of {min(matrix[0, 0], matrix[1, 1]):g} px is no camera's:"
-                f" {_REMEDY}",
-                name,
+                f"a focal length of {shortest_px:g} px is no camera's: {_REMEDY}", name
             )
         fisheye = values.get("fisheye", False)
         if not isinstance(fisheye, bool):
@@ -205,17 +198,13 @@ class Source:
                 "no camera in it: expected at least one with matrix, distortions, rotation and"
                 " translation"
             )
-        names = [camera.name for camera in cameras]
-        for name in names:
+        for name in (camera.name for camera in cameras):
             if not name.strip() or len(name) > _LONGEST_NAME or not name.isprintable():
                 raise self.error(f"{brief(name)} is no camera's name: rename it")
-        repeated = sorted({name for name in names if names.count(name) > 1})
-        if repeated:
-            raise self.error(
-                f"name {repeated[0]!r} appears {names.count(repeated[0])} times: give every camera"
-                " its own name"
-            )
-        return Rig(tuple(cameras))
+        try:
+            return Rig(tuple(cameras))
+        except ValueError as error:
+            raise self.error(f"{error}: give every camera its own name") from None
 
 
 def camera_values(camera: Camera) -> dict[str, Any]:

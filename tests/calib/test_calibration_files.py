@@ -226,7 +226,7 @@ def test_each_mistake_is_named_with_its_camera(tmp_path, old, new, message):
 
 def test_files_without_cameras_or_with_two_of_a_name_are_refused(tmp_path):
     assert "no camera in it" in refusal(write(tmp_path, "[settings]\nx = 1\n"))
-    assert "name 'left' appears 2 times" in refusal(
+    assert "these appear more than once: left: give every camera its own name" in refusal(
         write(tmp_path, CAMERA + CAMERA.replace("cam_1", "cam_2") + MM)
     )
     assert "no such calibration file" in refusal(tmp_path / "nothing.toml")

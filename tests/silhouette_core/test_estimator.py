@@ -44,7 +44,8 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_own_estimator_is_registered_like_any_other():
-    assert registered(GROUP)["multiview"].value == "voxelpose.multiview:MultiViewEstimator"
+    own = registered(GROUP)["multiview"].value
+    assert own == "voxelpose.multiview.multiview_estimator:MultiViewEstimator"
 
 
 @pytest.mark.usefixtures("outside")
