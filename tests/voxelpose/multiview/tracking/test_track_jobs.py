@@ -61,3 +61,17 @@ def test_a_track_that_is_wrong_in_five_frames_running_is_lost(wrong, lost):
 def test_a_track_that_explains_nothing_is_lost():
     later = moments(3, 0.1)
     assert catch_up(None, Track({later[1].time_s: 0.5}), later) is None  # type: ignore[arg-type]
+
+
+def test_limbs_are_searched_once_where_the_error_jumps(monkeypatch):
+    searched = []
+
+    def search_limbs(rig, track, moment):
+        searched.append(moment.time_s)
+        return replace(track, error=0.1)
+
+    monkeypatch.setattr(track_jobs, "search_limbs", search_limbs)
+    later = moments(6, 0.2)
+    track = Track({later[1].time_s: 0.3, later[3].time_s: 0.3})
+    assert catch_up(None, track, later) is not None  # type: ignore[arg-type]
+    assert searched == [later[1].time_s]
