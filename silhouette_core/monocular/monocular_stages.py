@@ -140,6 +140,7 @@ class PoseStages:
                 options.start == "facing",
                 settings.smooth,
                 clock,
+                backend,
             )
         else:
             tracking = TrackerSettings.of_given_body(model.length_m)

@@ -17,6 +17,8 @@ from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import silhouette_error
 
 _FRAMES = 10
@@ -36,6 +38,7 @@ def adapted_body(
     views: PinholeViews,
     masks: Sequence[NDArray[np.bool_]],
     modes: Sequence[FrameModes],
+    backend: Backend = CPU,
 ) -> BodyModel:
     """Body adapted to the frames of a take in which one mode is the likeliest by far.
 
@@ -51,6 +54,7 @@ def adapted_body(
         views: the camera.
         masks: T silhouettes (h, w) bool.
         modes: T frames' modes.
+        backend: scores the bodies.
     """
     sure = np.round([frame.probability.max() for frame in modes], _DECIMALS)
     blocks = np.array_split(np.arange(len(modes)), min(_FRAMES, len(modes)))
@@ -74,7 +78,7 @@ def adapted_body(
         )
         error = np.mean(
             [
-                silhouette_error(surface.model, pose, observation)
+                silhouette_error(surface.model, pose, observation, backend)
                 for pose, observation in zip(poses, observations, strict=True)
             ]
         )

@@ -24,6 +24,8 @@ from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
 
 _MEMORY_S = 0.5  # of frames that the network reads without later ones
 _ROUNDS = 3  # in which the distance of a first frame is corrected
@@ -56,6 +58,7 @@ class ModeProposer:
         facing: whether the person mostly faces the camera in the first frame.
         smooth: whether frames are decided with knowledge of later ones.
         clock: times the adaptation of the body.
+        backend: scores bodies.
     """
 
     def __init__(
@@ -67,10 +70,11 @@ class ModeProposer:
         facing: bool,
         smooth: bool,
         clock: StageClock,
+        backend: Backend = CPU,
     ):
         """Knows neither distance nor colours yet."""
         self.model, self._camera, self._sexes = model, camera, tuple(sexes)
-        self._facing, self._smooth, self._clock = facing, smooth, clock
+        self._facing, self._smooth, self._clock, self._backend = facing, smooth, clock, backend
         self._finder = ModeFinder(proposal, camera, model.length_m)
         self._colours = ColourEvidence(camera)
         self._views: list[ModeView] = []  # of the last half second
@@ -103,7 +107,9 @@ class ModeProposer:
             masks = [person.mask for person in people]
             views = PinholeViews.from_rig(Rig((self._camera,)))
             with self._clock("body"):
-                self.model = adapted_body(self.model, self._sexes, views, masks, modes)
+                self.model = adapted_body(
+                    self.model, self._sexes, views, masks, modes, self._backend
+                )
             self._sexes = ()
         return modes
 

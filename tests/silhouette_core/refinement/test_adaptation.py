@@ -1,5 +1,7 @@
 """What pulls a body's proportions, and how far."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,7 +86,8 @@ def test_long_legs_are_found_together_with_the_poses():
 
 def test_a_step_is_that_of_shape_and_poses_together(monkeypatch):
     """Eliminating the poses gives what the equations of all unknowns give at once."""
-    monkeypatch.setattr(adaptation, "_REACHES_M", (0.1,))
+    shorter = replace(adaptation.REFINEMENT, body_reaches_m=(0.1,))
+    monkeypatch.setattr(adaptation, "REFINEMENT", shorter)
     monkeypatch.setattr(adaptation, "_SETTLE_M", ())
     body = fitting_model().reshaped(np.where(IS_CLOTHING, 0.01, 0.04))
     poses = [stance(body), stance(body, {"left_thigh.flexion": 40.0, "left_shin.flexion": 50.0})]

@@ -133,8 +133,8 @@ def find_pose(
         body: the body.
         frame: silhouettes and hull.
         settings: of the matcher.
-        count: torso placements to try; of a third of them the limbs are matched again, of a fifth
-            they are searched on the silhouettes.
+        count: torso placements to try; of a third of them, or one, the limbs are matched again, of
+            a fifth, or one, they are searched on the silhouettes.
 
     Returns:
         Poses, best first, at most one per torso placement; empty where there is no hull.
@@ -147,7 +147,8 @@ def find_pose(
     # first fit stands.
     again = _matches(body, frame, [fit.pose for fit in first[: count // 3 or 1]], settings)
     ranked = sorted([*again, *first], key=_error)
-    best, rest = ranked[: count // 5], ranked[count // 5 :]
+    searched = count // 5 or 1
+    best, rest = ranked[:searched], ranked[searched:]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
     return sorted([*moved, *rest], key=_error)
 

@@ -29,7 +29,7 @@ from voxelpose.multiview.matching.pose_search import (
     find_pose,
     refine_fits,
 )
-from voxelpose.multiview.person.candidates import POSTURES, Candidate, Evidence
+from voxelpose.multiview.person.candidates import POSTURES, Candidate, StatureEvidence
 from voxelpose.multiview.person.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
 from voxelpose.multiview.person.posterior import ShapePrior, is_improbable, posterior_cost
 from voxelpose.multiview.person.sitting import find_sitting_pose
@@ -56,7 +56,7 @@ class Start:
     candidate: Candidate
     body: BodyGeometry
     prior: ShapePrior
-    evidence: Evidence
+    evidence: StatureEvidence
     poses: dict[int, Pose]
     errors: dict[int, float]
 
@@ -189,12 +189,12 @@ class _Search:
             fits = {t: found[0] for t, found in self._found(body, posture).items() if found}
             if fits:
                 candidate = Candidate(metres, None, model.sizes.sex, posture, self.objects)
-                start = self._start(candidate, body, prior, Evidence(metres), fits)
+                start = self._start(candidate, body, prior, StatureEvidence(metres), fits)
                 yield adapted(start, self.frames)
 
     def of_anybody(self) -> Iterator[Start]:
         """Starts with candidates for an unknown person, a pose search each."""
-        evidence = Evidence.from_frames(self.frames, self.settings)
+        evidence = StatureEvidence.from_frames(self.frames, self.settings)
         for posture in POSTURES:
             for statures_m in evidence.statures_m(posture):
                 first = self._refined(posture, statures_m, evidence)
@@ -202,7 +202,7 @@ class _Search:
                     yield self._settled(first)
 
     def _refined(
-        self, posture: str, statures_m: tuple[float, ...], evidence: Evidence
+        self, posture: str, statures_m: tuple[float, ...], evidence: StatureEvidence
     ) -> Start | None:
         """The best body about some statures, not adapted, with poses refined from a search."""
         starts: dict[int, list[RefineStart]] = {}
@@ -263,7 +263,7 @@ class _Search:
         candidate: Candidate,
         body: BodyGeometry,
         prior: ShapePrior,
-        evidence: Evidence,
+        evidence: StatureEvidence,
         fits: dict[int, PoseFit],
     ) -> Start:
         poses = {t: fit.pose for t, fit in clear_fits(fits).items()}

@@ -42,7 +42,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class StatureEvidence:
     """What tells a person's stature, whichever body is fitted.
 
     Attributes:
@@ -54,8 +54,10 @@ class Evidence:
     hull_m: tuple[float, ...] = ()
 
     @classmethod
-    def from_frames(cls, frames: Mapping[int, FrameObservation], settings: Settings) -> Evidence:
-        """Evidence of some frames by number."""
+    def from_frames(
+        cls, frames: Mapping[int, FrameObservation], settings: Settings
+    ) -> StatureEvidence:
+        """StatureEvidence of some frames by number."""
         heights_m = [hull_height_m(frame) for frame in frames.values()]
         return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)))
 

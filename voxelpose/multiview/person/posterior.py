@@ -20,7 +20,7 @@ import numpy as np
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.population import sex_probability, usual_range
 from silhouette_core.refinement.adaptation import Stature, stature_of
-from voxelpose.multiview.person.candidates import Candidate, Evidence
+from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
 from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST
 
 
@@ -44,7 +44,7 @@ def posterior_cost(
     model: BodyModel,
     prior: ShapePrior,
     errors: Sequence[float],
-    evidence: Evidence,
+    evidence: StatureEvidence,
 ) -> float:
     """Negative logarithm of a candidate's posterior probability, up to a constant.
 
@@ -63,7 +63,7 @@ def cost_terms(
     model: BodyModel,
     prior: ShapePrior,
     errors: Sequence[float],
-    evidence: Evidence,
+    evidence: StatureEvidence,
 ) -> dict[str, float]:
     """Terms of `posterior_cost` by name; arguments as there."""
     metres = stature_of(model)
@@ -101,13 +101,13 @@ def _shape(deviation: np.ndarray, covariance: np.ndarray | None) -> float:
     return 0.5 * float(deviation @ np.linalg.solve(covariance, deviation))
 
 
-def _stature(metres: float, evidence: Evidence) -> float:
+def _stature(metres: float, evidence: StatureEvidence) -> float:
     if evidence.told_m is not None:
         return 0.5 * ((metres - evidence.told_m) / PERSON_COST.told_sigma_m) ** 2
     return 0.5 * ((metres - PERSON_COST.adult_m) / PERSON_COST.adult_sigma_m) ** 2
 
 
-def _hull(metres: float, evidence: Evidence) -> float:
+def _hull(metres: float, evidence: StatureEvidence) -> float:
     """Of the height that fits better; 0 where it is as far off as of somebody who sits."""
     if evidence.told_m is not None or not evidence.hull_m:
         return 0.0

@@ -1,5 +1,7 @@
 """Defects of virtual silhouettes: how often, how long, and where."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,7 +59,8 @@ def test_shadows_lie_on_the_floor_at_the_feet(monkeypatch):
     surface = np.zeros((2, 3, 3), np.float32)
     surface[:, 1:, 2] = 0.05, 1.0  # a foot and the head above it
     assert any(cast_shadow(surface, np.random.default_rng(seed)) is None for seed in range(9))
-    monkeypatch.setattr(virtual_defects, "_SHADOWED", 1.0)
+    always = replace(virtual_defects.DEFECTS, shadowed=1.0)
+    monkeypatch.setattr(virtual_defects, "DEFECTS", always)
     lengths = []
     for seed in range(50):
         shadow = cast_shadow(surface, np.random.default_rng(seed))

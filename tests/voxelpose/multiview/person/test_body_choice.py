@@ -22,7 +22,7 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.person import body_choice
 from voxelpose.multiview.person.body_choice import anchor_frames, choose_body
-from voxelpose.multiview.person.candidates import Evidence, hull_height_m
+from voxelpose.multiview.person.candidates import StatureEvidence, hull_height_m
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.body_refit import refit
@@ -73,7 +73,9 @@ def test_somebody_who_sits_all_the_time_is_no_child():
 @pytest.mark.slow
 def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     """A stature of 2.1 m that the hull suggested does not stay where an adult's fits better."""
-    monkeypatch.setattr(Evidence, "from_frames", lambda *_: Evidence(None, (2.1, 2.1)))
+    monkeypatch.setattr(
+        StatureEvidence, "from_frames", lambda *_: StatureEvidence(None, (2.1, 2.1))
+    )
     monkeypatch.setattr(body_choice, "_ROUNDS", 0)
     raised = {f"{side}_upper_arm.abduction": 130.0 for side in ("left", "right")}
     with filmed(other_body(), [raised | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:

@@ -7,7 +7,7 @@ import pytest
 
 from silhouette_core.estimator import Settings
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.person.candidates import Evidence, hull_height_m
+from voxelpose.multiview.person.candidates import StatureEvidence, hull_height_m
 
 
 def frame(height_m: float):
@@ -27,12 +27,12 @@ def test_a_hull_is_as_high_as_its_lowest_and_highest_voxels():
 )
 def test_the_usual_height_is_searched_and_the_largest_where_it_varies(heights_m, first):
     frames = {t: frame(height) for t, height in enumerate(heights_m)}
-    evidence = Evidence.from_frames(frames, Settings())  # type: ignore[arg-type]
+    evidence = StatureEvidence.from_frames(frames, Settings())  # type: ignore[arg-type]
     found, adult = evidence.statures_m("any")
     assert found == pytest.approx(first) and adult == pytest.approx((1.7,))
     assert evidence.statures_m("sitting") == ((1.7,),)
 
 
 def test_a_stature_that_was_told_is_the_only_one():
-    evidence = Evidence(1.62, (1.2, 1.9))
+    evidence = StatureEvidence(1.62, (1.2, 1.9))
     assert evidence.statures_m("any") == evidence.statures_m("sitting") == ((1.62,),)

@@ -130,7 +130,7 @@ def test_roots_count_by_what_is_known_of_them_when_the_joints_may_turn(monkeypat
     known[1][2, 6] = known[1][6, 2] = 9.0
     places = np.array([[0, 0, 0], [0.05, 0, 0.05], [3.0, 0, 0]])
     refined = [
-        RefinedPose(Pose(place, np.eye(3), np.zeros(1)), 0.0, 1.0, matrix)
+        RefinedPose(Pose(place, np.eye(3), np.zeros(1)), matrix)
         for place, matrix in zip(places, known, strict=True)
     ]
     monkeypatch.setattr(

@@ -8,7 +8,7 @@ import pytest
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.refinement.adaptation import Stature
-from voxelpose.multiview.person.candidates import Candidate, Evidence
+from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
 from voxelpose.multiview.person.posterior import (
     ShapePrior,
     cost_terms,
@@ -17,7 +17,7 @@ from voxelpose.multiview.person.posterior import (
 )
 
 ADULT, USUAL = Candidate(1.70, None, "male"), [0.08] * 5
-UNKNOWN = Evidence(None, (1.70, 1.70))
+UNKNOWN = StatureEvidence(None, (1.70, 1.70))
 
 
 def terms(candidate=ADULT, errors=USUAL, evidence=UNKNOWN, deviation=0.0):
@@ -50,7 +50,7 @@ def test_a_shape_costs_half_the_square_of_its_deviations():
 
 
 def test_statures_are_an_adults_or_what_was_told():
-    child, told = Candidate(1.34, None, "male"), Evidence(1.70)
+    child, told = Candidate(1.34, None, "male"), StatureEvidence(1.70)
     assert terms(child)["stature"] == pytest.approx(4.5, rel=0.02)
     assert terms(child, evidence=told)["stature"] == pytest.approx(0.5 * 60**2, rel=0.02)
     assert terms(child, evidence=told)["hull"] == 0
@@ -58,9 +58,9 @@ def test_statures_are_an_adults_or_what_was_told():
 
 def test_a_hull_tells_its_height_and_nothing_of_who_crouches_or_sits():
     assert terms()["hull"] == pytest.approx(-4.5, abs=0.01)
-    far = terms(evidence=Evidence(None, (0.9, 1.0)))["hull"]
+    far = terms(evidence=StatureEvidence(None, (0.9, 1.0)))["hull"]
     assert far == terms(replace(ADULT, posture="sitting"))["hull"] == 0
-    near = terms(evidence=Evidence(None, (1.2, 1.70 * np.exp(0.1))))["hull"]
+    near = terms(evidence=StatureEvidence(None, (1.2, 1.70 * np.exp(0.1))))["hull"]
     assert near == pytest.approx(-4.5 + 2, abs=0.05)
 
 

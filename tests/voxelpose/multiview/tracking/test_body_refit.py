@@ -24,7 +24,7 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.person.body_choice import Start
-from voxelpose.multiview.person.candidates import Candidate, Evidence
+from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
 from voxelpose.multiview.person.posterior import ShapePrior
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
@@ -55,7 +55,7 @@ def test_the_other_template_is_taken_where_it_is_more_probable(sex):
     shape = first.model.shape
     prior = ShapePrior(Stature(STATURE_M, 0.02), shape, np.diag(SHAPE_SIGMA**2))
     candidate = Candidate(STATURE_M, None, first.model.sizes.sex)
-    start = Start(candidate, first, prior, Evidence(STATURE_M), {}, {})
+    start = Start(candidate, first, prior, StatureEvidence(STATURE_M), {}, {})
     poses = [stance(person, turns) for turns in TURNS]
     with (
         closing(MaskStore([camera.size for camera in seen_by.rig], len(poses))) as masks,

@@ -26,4 +26,4 @@ def test_the_same_motion_by_a_backend_from_outside(library_file, tmp_path, monke
     install_backend(tmp_path, monkeypatch)
     called = record_calls(monkeypatch)
     np.testing.assert_allclose(joints("arrays"), expected, atol=1e-9)
-    assert called == {"span_distances", "drawn_weights", "silhouette_errors"}
+    assert called == {"drawn_weights", "silhouette_errors"}
