@@ -88,7 +88,6 @@ def test_a_step_is_that_of_shape_and_poses_together(monkeypatch):
     """Eliminating the poses gives what the equations of all unknowns give at once."""
     shorter = replace(adaptation.REFINEMENT, body_reaches_m=(0.1,))
     monkeypatch.setattr(adaptation, "REFINEMENT", shorter)
-    monkeypatch.setattr(adaptation, "_SETTLE_M", ())
     body = fitting_model().reshaped(np.where(IS_CLOTHING, 0.01, 0.04))
     poses = [stance(body), stance(body, {"left_thigh.flexion": 40.0, "left_shin.flexion": 50.0})]
     seen = [observe(views(4), body, pose) for pose in poses]

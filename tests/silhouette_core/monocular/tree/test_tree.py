@@ -93,9 +93,9 @@ def test_the_silhouettes_are_those_of_the_representatives(made):
 
 
 def test_given_thresholds_are_used_and_level_by_level_nodes_are_finer():
-    settings = replace(SETTINGS, poses=120, yaw_step_deg=90, thresholds=(0.03, 0.015, 0.0))
+    settings = replace(SETTINGS, poses=120, yaw_step_deg=90, thresholds=(0.06, 0.03, 0.0))
     library = build_library(small_bases(settings), swaying().model, settings)
-    assert [level.threshold for level in library.levels] == [0.03, 0.015, 0.0]
+    assert [level.threshold for level in library.levels] == [0.06, 0.03, 0.0]
     assert len(library.levels[0]) < len(library.levels[1]) < len(library.levels[2])
     # With no threshold only equal silhouettes share a leaf.
     masks = library.render(np.arange(len(library))).windows > 0
