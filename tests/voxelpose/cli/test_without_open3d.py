@@ -40,6 +40,6 @@ def test_its_window_is_refused_with_the_remedy(desk, capsys):
 
 
 def test_the_doctor_says_what_it_costs():
-    check = _open3d()
-    assert check.state == "limited" and "open3d is not installed" in check.found
-    assert check.remedy.startswith("only `view --open3d` needs it: pip install 'voxelpose[open3d]'")
+    state, found, remedy = _open3d()
+    assert state == "limited" and "open3d is not installed" in found
+    assert remedy.startswith("only `view --open3d` needs it: pip install 'voxelpose[open3d]'")

@@ -28,7 +28,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.torso_search import find_torso
-from voxelpose.multiview.tuning import REFINING
+from voxelpose.multiview.tuning import MATCHING, REFINING
 
 
 def refinement(first_reach_m: float) -> RefineSettings:
@@ -133,8 +133,8 @@ def find_pose(
         body: the body.
         frame: silhouettes and hull.
         settings: of the matcher.
-        count: torso placements to try; of a third of them, or one, the limbs are matched again, of
-            a fifth, or one, they are searched on the silhouettes.
+        count: torso placements to try. The limbs of the best ones are matched again, and those of
+            the best of these are searched on the silhouettes.
 
     Returns:
         Poses, best first, at most one per torso placement; empty where there is no hull.
@@ -145,10 +145,9 @@ def find_pose(
     first = sorted(_matches(body, frame, placements, settings), key=_error)
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = _matches(body, frame, [fit.pose for fit in first[: count // 3 or 1]], settings)
+    again = _matches(body, frame, [fit.pose for fit in first[:MATCHING.matched_again]], settings)
     ranked = sorted([*again, *first], key=_error)
-    searched = count // 5 or 1
-    best, rest = ranked[:searched], ranked[searched:]
+    best, rest = ranked[:MATCHING.searched], ranked[MATCHING.searched:]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
     return sorted([*moved, *rest], key=_error)
 

@@ -125,7 +125,7 @@ def test_who_may_face_the_camera_does_so_first_of_all(monkeypatch):
 def test_the_body_is_adapted_once(monkeypatch):
     asked = []
 
-    def adapted(model, sexes, views, masks, modes):
+    def adapted(model, sexes, views, masks, modes, backend):
         asked.append((sexes, len(masks), len(modes)))
         return replace(model)
 
