@@ -9,11 +9,10 @@ import numpy as np
 from silhouette_core.jit import kernel, parallel_kernel, prange
 from silhouette_core.tuning import COLOURS
 
-# How often a pixel of the background is lit as it was, in a shadow, or of any colour, over the
-# constants of the densities: of three Gaussians, of two, and of 256 values of each channel.
+# How often a pixel of the background is lit as it was, or in a shadow, over the constants of the
+# densities: of three Gaussians, and of two.
 _LIT = np.float32(COLOURS.lit / np.sqrt(2 * np.pi) ** 3)
 _SHADED = np.float32((1 - COLOURS.lit) / (2 * np.pi))
-_OTHERWISE = np.float32(COLOURS.otherwise / 256**3)
 
 
 @kernel
@@ -202,42 +201,49 @@ def look_up(frame, table, shift, out):
 
 
 @parallel_kernel
-def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out):
+def log_odds(frame, mean, scales, gain, noise, darkest, table, others, shares, shift, known, most, out):
     """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), within most.
 
     The table (n, n, n) holds the first logarithm. The background is seen as it was, in a shadow of
-    at least the ratio darkest, or otherwise, each with Gaussian noise `noise` times the model's.
-    Frame and mean are (3, H, W), see `_split`.
+    at least the ratio darkest, each with Gaussian noise `noise` times the model's, or otherwise,
+    with the density others (n, n, n) times the first of the shares; where it is not known (H, W),
+    with that alone, times the second. Frame and mean are (3, H, W), see `_split`.
     """
     _, height, width = frame.shape
     for row in prange(height):
         for column in range(width):
-            residual_0, residual_1, residual_2, ratio = _split(
-                frame, mean, scales, gain, row, column
-            )
-            deviation = noise / scales[1, row, column]
-            square = (
-                residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
-            ) / (noise * noise)
-            along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
-            background = _OTHERWISE
-            background += (
-                _LIT
-                * np.exp(np.float32(-0.5) * (square + along * along))
-                / (deviation * deviation * deviation)
-            )
-            if darkest < ratio < np.float32(1.0):
-                length = scales[2, row, column] / scales[1, row, column]
-                background += (
-                    _SHADED
-                    * np.exp(np.float32(-0.5) * square)
-                    / (deviation * deviation * (np.float32(1.0) - darkest) * length)
-                )
-            person = table[
+            colour = (
                 frame[0, row, column] >> shift,
                 frame[1, row, column] >> shift,
                 frame[2, row, column] >> shift,
-            ]
+            )
+            background = others[colour] * (shares[0] if known[row, column] else shares[1])
+            if known[row, column]:
+                residual_0, residual_1, residual_2, ratio = _split(
+                    frame, mean, scales, gain, row, column
+                )
+                deviation = noise / scales[1, row, column]
+                square = (
+                    residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
+                ) / (noise * noise)
+                along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
+                background += (
+                    _LIT
+                    * np.exp(np.float32(-0.5) * (square + along * along))
+                    / (deviation * deviation * deviation)
+                )
+                if darkest < ratio < np.float32(1.0):
+                    length = scales[2, row, column] / scales[1, row, column]
+                    # The darker, the rarer.
+                    depth = (ratio - darkest) / (np.float32(1.0) - darkest)
+                    background += (
+                        _SHADED
+                        * np.float32(2.0)
+                        * depth
+                        * np.exp(np.float32(-0.5) * square)
+                        / (deviation * deviation * (np.float32(1.0) - darkest) * length)
+                    )
+            person = table[colour]
             out[row, column] = max(-most, min(most, person - np.log(background)))
 
 
