@@ -150,10 +150,14 @@ class Cut:
     """Sweeps of the messages from each side."""
     learned: int = 3
     """Times that the colours are learned and the samples cut."""
-    unseen: float = 0.0
+    unseen: float = 3.0
     """Nats. Odds of the person where nobody saw the background: somebody is mostly before it."""
+    typical: float = 0.25
+    """1. Of the scene's density of a colour, from which the person's makes it one of clothes."""
     worn: float = 0.03
     """1. Weight of what speaks for the background in colours that the person has, too."""
+    shaded: float = 0.045
+    """1. How often a pixel lies in a shadow of another kind than those that are counted."""
     otherwise: float = 0.02
     """1. How often an estimated background shows another of its colours: it flickers, or moves."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
+from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow, measured_shades
 from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import (
     Background,
@@ -138,10 +138,12 @@ class BackgroundModel:
         statistics = _ColourStatistics(mean, variance, mean / length, variance / length**2)
         model = cls(statistics, method)
         model._background = replace(model._background, known=~scene.unseen)
-        counts = [count_shadows(one, model._background) for one in scene.frames[::_SHADOW_STEP]]
-        darkest = darkest_shadow(np.sum(counts, axis=0))
+        asked = scene.frames[::_SHADOW_STEP]
+        counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
+        darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        model._colours = SceneColours.learned(scene.frames, model._background)
+        shades = measured_shades(counts, asked[..., 0].size, model._background.shadow)
+        model._colours = SceneColours.learned(scene.frames, model._background, shades)
         return model
 
     def silhouette(
@@ -264,7 +266,6 @@ class BackgroundModel:
         """The same background with another darkest cast shadow, see `difference.Background`."""
         model = copy(self)
         model._background = replace(self._background, shadow=darkest)
-        model._colours = None if self._colours is None else self._colours.with_shadow(darkest)
         return model
 
     def exposure(self, frame: np.ndarray) -> Exposure:

@@ -21,7 +21,7 @@ from silhouette_core.image.person_colours import EVEN, SHIFT, PersonColours
 from silhouette_core.tuning import COLOURS, CUT
 
 _GAIN = np.ones(3, np.float32)
-_SHARES = np.float32(CUT.otherwise), np.float32(np.exp(-CUT.unseen))
+_SHARES = np.float32(CUT.otherwise), np.float32(1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +33,20 @@ class SceneColours:
         worn: (n, n, n) float32, what speaks against the person counts by this factor: a background
             of the colour of clothes looks alike everywhere, which is one coincidence.
         others: (n, n, n) float32, density of the background's, wherever they are seen.
+        shades: (m,) float32, see `cast_shadow.measured_shades`.
         background: reduced; its frames have its exposure.
     """
 
     person: NDArray[np.float32]
     worn: NDArray[np.float32]
     others: NDArray[np.float32]
+    shades: NDArray[np.float32]
     background: Background
 
     @classmethod
-    def learned(cls, frames: NDArray[np.uint8], background: Background) -> "SceneColours":
+    def learned(
+        cls, frames: NDArray[np.uint8], background: Background, shades: NDArray[np.float32]
+    ) -> "SceneColours":
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background."""
         reduced = _reduced(background)
         small = [_resized(frame, reduced) for frame in frames]
@@ -50,30 +54,26 @@ class SceneColours:
         scene.add(np.rint(reduced.mean.clip(0, 255)).astype(np.uint8), reduced.known)
         density = scene.density()
         others = EVEN if density is None else np.exp(density.log_density)
-        colours = cls(np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others), others, reduced)
+        any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
+        colours = cls(*any_colour, others, shades, reduced)
+        # Somebody is mostly before what was never seen: so begins what is known of clothes.
+        guess = cls(*any_colour, EVEN * COLOURS.otherwise, shades, reduced)
+        occupied = [~reduced.known & (guess._odds(frame) > -CUT.unseen) for frame in small]
         for turn in range(CUT.learned):
             person = PersonColours()
-            for frame in small:
-                # Somebody is mostly before what was never seen: so begins what is known of clothes.
-                person.add(frame, colours.cut(frame) | (~reduced.known & (turn == 0)))
+            for frame, before in zip(small, occupied, strict=True):
+                person.add(frame, colours.cut(frame) | (before & (turn == 0)))
             density = person.density()
             if density is None:
                 break
-            worn = np.where(density.log_density > np.log(density.least), CUT.worn, 1)
-            colours = cls(density.log_density, worn.astype(np.float32), others, reduced)
+            typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
+            worn = np.where(typical, CUT.worn, 1)
+            colours = cls(density.log_density, worn.astype(np.float32), others, shades, reduced)
         return colours
 
     def cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size."""
-        back = self.background
-        view = FrameView.of(frame, back, _GAIN, 1)
-        odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
-        limits = np.float32(noise_scale(view)), np.float32(back.shadow)
-        tables = self.person, self.others, _SHARES, SHIFT
-        foreground.log_odds(*view.arrays, *limits, *tables, back.known, most, odds)
-        weight = np.empty_like(odds)
-        foreground.look_up(frame, self.worn, SHIFT, weight)
-        odds = np.where(odds < 0, odds * weight, odds)
+        back, odds = self.background, self._odds(frame)
         links = np.empty((2, *odds.shape), np.float32)
         kernels.contrast(frame, back.mean, back.known, links)
         scale = 2 * max(float(links.mean()), CUT.least_contrast)
@@ -82,15 +82,22 @@ class SceneColours:
         kernels.cut(odds, links, CUT.rounds, mask)
         return mask
 
+    def _odds(self, frame: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Odds of the person (h, w), nats, in each pixel of a reduced frame."""
+        back = self.background
+        view = FrameView.of(frame, back, _GAIN, 1)
+        odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
+        limits = np.float32(noise_scale(view)), self.shades
+        tables = self.person, self.others, _SHARES, SHIFT, back.known
+        foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
+        foreground.look_up(frame, self.worn, SHIFT, weight)
+        return np.where(odds < 0, odds * weight, odds)
+
     def silhouette(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size."""
         mask = self.cut(_resized(frame, self.background)).astype(np.float32)
         size = frame.shape[1::-1]
         return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
-
-    def with_shadow(self, darkest: float) -> "SceneColours":
-        """The same with another darkest cast shadow."""
-        return replace(self, background=replace(self.background, shadow=darkest))
 
 
 def _reduced(background: Background) -> Background:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from silhouette_core.image.cast_shadow import even_shades
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.difference import (
     Background,
@@ -113,7 +114,7 @@ def find_colours(
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
-    limits = np.float32(exposure.noise), np.float32(background.shadow)
+    limits = np.float32(exposure.noise), even_shades(background.shadow)
     tables = density.log_density, EVEN, _SHARES, SHIFT
     kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)

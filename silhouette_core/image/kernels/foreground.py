@@ -9,10 +9,10 @@ import numpy as np
 from silhouette_core.jit import kernel, parallel_kernel, prange
 from silhouette_core.tuning import COLOURS
 
-# How often a pixel of the background is lit as it was, or in a shadow, over the constants of the
-# densities: of three Gaussians, and of two.
+# How often a pixel of the background is lit as it was, over the constant of the density of three
+# Gaussians, and the constant of that of two.
 _LIT = np.float32(COLOURS.lit / np.sqrt(2 * np.pi) ** 3)
-_SHADED = np.float32((1 - COLOURS.lit) / (2 * np.pi))
+_SHADED = np.float32(1 / (2 * np.pi))
 
 
 @kernel
@@ -201,13 +201,16 @@ def look_up(frame, table, shift, out):
 
 
 @parallel_kernel
-def log_odds(frame, mean, scales, gain, noise, darkest, table, others, shares, shift, known, most, out):
+def log_odds(
+    frame, mean, scales, gain, noise, shades, table, others, shares, shift, known, most, out
+):
     """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), within most.
 
-    The table (n, n, n) holds the first logarithm. The background is seen as it was, in a shadow of
-    at least the ratio darkest, each with Gaussian noise `noise` times the model's, or otherwise,
-    with the density others (n, n, n) times the first of the shares; where it is not known (H, W),
-    with that alone, times the second. Frame and mean are (3, H, W), see `_split`.
+    The table (n, n, n) holds the first logarithm. The background is seen as it was, or in a
+    shadow, whose brightness has the density shades (m,) from 0 to 1, each with Gaussian noise
+    `noise` times the model's, or otherwise, with the density others (n, n, n) times the first of
+    the shares, or the second where it is not known (H, W) but guessed. Frame and mean are (3, H,
+    W), see `_split`.
     """
     _, height, width = frame.shape
     for row in prange(height):
@@ -218,31 +221,27 @@ def log_odds(frame, mean, scales, gain, noise, darkest, table, others, shares, s
                 frame[2, row, column] >> shift,
             )
             background = others[colour] * (shares[0] if known[row, column] else shares[1])
-            if known[row, column]:
-                residual_0, residual_1, residual_2, ratio = _split(
-                    frame, mean, scales, gain, row, column
-                )
-                deviation = noise / scales[1, row, column]
-                square = (
-                    residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
-                ) / (noise * noise)
-                along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
+            residual_0, residual_1, residual_2, ratio = _split(
+                frame, mean, scales, gain, row, column
+            )
+            deviation = noise / scales[1, row, column]
+            square = (
+                residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
+            ) / (noise * noise)
+            along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
+            background += (
+                _LIT
+                * np.exp(np.float32(-0.5) * (square + along * along))
+                / (deviation * deviation * deviation)
+            )
+            if np.float32(0.0) < ratio < np.float32(1.0):
+                length = scales[2, row, column] / scales[1, row, column]
                 background += (
-                    _LIT
-                    * np.exp(np.float32(-0.5) * (square + along * along))
-                    / (deviation * deviation * deviation)
+                    _SHADED
+                    * shades[int(ratio * len(shades))]
+                    * np.exp(np.float32(-0.5) * square)
+                    / (deviation * deviation * length)
                 )
-                if darkest < ratio < np.float32(1.0):
-                    length = scales[2, row, column] / scales[1, row, column]
-                    # The darker, the rarer.
-                    depth = (ratio - darkest) / (np.float32(1.0) - darkest)
-                    background += (
-                        _SHADED
-                        * np.float32(2.0)
-                        * depth
-                        * np.exp(np.float32(-0.5) * square)
-                        / (deviation * deviation * (np.float32(1.0) - darkest) * length)
-                    )
             person = table[colour]
             out[row, column] = max(-most, min(most, person - np.log(background)))
 
