@@ -126,6 +126,8 @@ class EmptyScene:
     """1. Of that: cost of a pixel whose background is taken to be unknown."""
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
+    least_step: float = 1.0
+    """Radii of a mode. Steps between colours that cost nothing: noise, texture."""
     still: float = 0.05
     """1. Cost of a step between colours that does not move."""
     least_sigma: float = 4.0
@@ -151,13 +153,15 @@ class Cut:
     learned: int = 3
     """Times that the colours are learned and the samples cut."""
     unseen: float = 3.0
-    """Nats. Odds of the person where nobody saw the background: somebody is mostly before it."""
+    """Nats. Odds of the person where nobody saw the background, when colours are first learned."""
     typical: float = 0.25
     """1. Of the scene's density of a colour, from which the person's makes it one of clothes."""
     worn: float = 0.03
     """1. Weight of what speaks for the background in colours that the person has, too."""
+    flicker: float = 0.05
+    """1. Standard deviation of the background's brightness, relative: lights, exposure."""
     shaded: float = 0.045
-    """1. How often a pixel lies in a shadow of another kind than those that are counted."""
+    """1. How often a pixel lies in a shadow."""
     otherwise: float = 0.02
     """1. How often an estimated background shows another of its colours: it flickers, or moves."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow, measured_shades
+from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
 from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import (
     Background,
@@ -142,8 +142,7 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        shades = measured_shades(counts, asked[..., 0].size, model._background.shadow)
-        model._colours = SceneColours.learned(scene.frames, model._background, shades)
+        model._colours = SceneColours.learned(scene.frames, model._background)
         return model
 
     def silhouette(

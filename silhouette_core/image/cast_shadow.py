@@ -59,23 +59,11 @@ def even_shades(darkest: float) -> NDArray[np.float32]:
     return ((1 - COLOURS.lit) / (1 - darkest) * share).astype(np.float32)
 
 
-def measured_shades(
-    counts: NDArray[np.int64], pixels: int, darkest: float
-) -> NDArray[np.float32]:
-    """The same density as it was counted, and of others, which are the rarer, the darker they are.
-
-    Args:
-        counts: (35,) sum of what `count_shadows` gives for some frames.
-        pixels: of these frames.
-        darkest: shadow.
-    """
-    edges = _edges()
+def rising_shades(darkest: float) -> NDArray[np.float32]:
+    """The same density (50,) of shadows that are the rarer, the darker they are."""
     at = (np.arange(_SHADES) + 0.5) / _SHADES
-    counted = np.interp(
-        at, 0.5 * (edges[:-1] + edges[1:]), counts / (pixels * np.diff(edges))
-    )
-    others = CUT.shaded * 2 * np.clip(at - darkest, 0, None) / (1 - darkest) ** 2
-    return (counted + others).astype(np.float32)
+    depth = np.clip(at - darkest, 0, None) / (1 - darkest)
+    return (CUT.shaded * 2 * depth / (1 - darkest)).astype(np.float32)
 
 
 def darkest_shadow(counts: NDArray[np.int64]) -> float | None:

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.cast_shadow import rising_shades
 from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
@@ -33,20 +34,16 @@ class SceneColours:
         worn: (n, n, n) float32, what speaks against the person counts by this factor: a background
             of the colour of clothes looks alike everywhere, which is one coincidence.
         others: (n, n, n) float32, density of the background's, wherever they are seen.
-        shades: (m,) float32, see `cast_shadow.measured_shades`.
         background: reduced; its frames have its exposure.
     """
 
     person: NDArray[np.float32]
     worn: NDArray[np.float32]
     others: NDArray[np.float32]
-    shades: NDArray[np.float32]
     background: Background
 
     @classmethod
-    def learned(
-        cls, frames: NDArray[np.uint8], background: Background, shades: NDArray[np.float32]
-    ) -> "SceneColours":
+    def learned(cls, frames: NDArray[np.uint8], background: Background) -> "SceneColours":
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background."""
         reduced = _reduced(background)
         small = [_resized(frame, reduced) for frame in frames]
@@ -55,9 +52,9 @@ class SceneColours:
         density = scene.density()
         others = EVEN if density is None else np.exp(density.log_density)
         any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
-        colours = cls(*any_colour, others, shades, reduced)
+        colours = cls(*any_colour, others, reduced)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
-        guess = cls(*any_colour, EVEN * COLOURS.otherwise, shades, reduced)
+        guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.unseen) for frame in small]
         for turn in range(CUT.learned):
             person = PersonColours()
@@ -68,7 +65,7 @@ class SceneColours:
                 break
             typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
             worn = np.where(typical, CUT.worn, 1)
-            colours = cls(density.log_density, worn.astype(np.float32), others, shades, reduced)
+            colours = cls(density.log_density, worn.astype(np.float32), others, reduced)
         return colours
 
     def cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -87,7 +84,7 @@ class SceneColours:
         back = self.background
         view = FrameView.of(frame, back, _GAIN, 1)
         odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
-        limits = np.float32(noise_scale(view)), self.shades
+        limits = np.float32(noise_scale(view)), np.float32(CUT.flicker), rising_shades(back.shadow)
         tables = self.person, self.others, _SHARES, SHIFT, back.known
         foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
         foreground.look_up(frame, self.worn, SHIFT, weight)

@@ -51,9 +51,8 @@ class EmptyScene:
     def from_frames(cls, stack: NDArray[np.uint8]) -> "EmptyScene":
         """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64."""
         stack = stack[:64]
-        median, deviation = _statistics(stack)
+        median = _median(stack)
         frames = np.stack([aligned(frame, median) for frame in stack])
-        median, deviation = _statistics(frames)
         height, width = median.shape[:2]
         factor = min(1.0, SCENE.side_px / min(height, width))
         size = max(round(width * factor), 1), max(round(height * factor), 1)
@@ -65,7 +64,9 @@ class EmptyScene:
                 ]
             )
         )
-        nearest = np.ix_(*(np.arange(n) * m // n for n, m in zip((height, width), size[::-1])))
+        nearest = np.ix_(
+            *(np.arange(n) * m // n for n, m in zip((height, width), size[::-1], strict=True))
+        )
         shown = shown[nearest]
         mean, variance = _moments(frames, shown)
         unseen = shown == 0
@@ -80,11 +81,11 @@ class EmptyScene:
         return cls(mean, variance, unseen, frames)
 
 
-def _statistics(stack: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Median (H, W, 3) over time, and the median distance from it."""
+def _median(stack: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Median (H, W, 3) over time."""
     median, deviation = (np.empty(stack.shape[1:], np.float32) for _ in range(2))
     medians.median_and_deviation(stack, median, deviation)
-    return median, deviation
+    return median
 
 
 def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
@@ -105,7 +106,7 @@ def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
         height, width, _MODES
     )
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    limits = radius, np.float32(SCENE.still), np.float32(SCENE.border)
+    limits = radius, *map(np.float32, (SCENE.least_step, SCENE.still, SCENE.border))
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
     labels = np.empty((height, width), np.int64)

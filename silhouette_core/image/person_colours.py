@@ -114,7 +114,7 @@ def find_colours(
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
-    limits = np.float32(exposure.noise), even_shades(background.shadow)
+    limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
     tables = density.log_density, EVEN, _SHARES, SHIFT
     kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)

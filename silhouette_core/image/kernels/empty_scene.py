@@ -50,15 +50,15 @@ def colour_modes(samples, radius, mean, share, shown):
 
 
 @parallel_kernel
-def step_costs(mean, share, radius, still, border, right, down):
+def step_costs(mean, share, radius, least, still, border, right, down):
     """Fills the costs of labels of neighbours: numbers of their modes, or K where the background
     was never seen.
 
     Mean (h, w, K, 3) and share (h, w, K) float32 as of `colour_modes`; right and down (h, w, K + 1,
     K + 1) float32, by the labels of a pixel and of its neighbour. A step between two colours costs
-    up to 1, reached at three radii, if it moves: if one of the two pixels shows, at other times,
-    what the other one is labelled with. The edge of something in motion does. Of others it costs
-    the fraction `still`. Seen beside never seen costs `border`.
+    half of what it is larger than `least`, in radii, and up to 1, if it moves: if one of the two
+    pixels shows, at other times, what the other one is labelled with. The edge of something in
+    motion does. Of others it costs the fraction `still`. Seen beside never seen costs `border`.
     """
     height, width, modes = share.shape
     for row in prange(height):
@@ -77,12 +77,12 @@ def step_costs(mean, share, radius, still, border, right, down):
                         if share[row, column, a] == 0 or share[y, x, b] == 0:
                             continue
                         apart = _apart(mean[row, column, a], mean[y, x, b])
-                        if apart <= radius:
+                        if apart <= least * radius:
                             continue
-                        cost = min((apart - radius) / (np.float32(2.0) * radius), np.float32(1.0))
-                        moving = _shows(
-                            mean[row, column], share[row, column], mean[y, x, b], radius
-                        ) or _shows(mean[y, x], share[y, x], mean[row, column, a], radius)
+                        cost = min((apart / radius - least) * np.float32(0.5), np.float32(1.0))
+                        here, there = mean[row, column], mean[y, x]
+                        moving = _shows(here, share[row, column], a, there[b], radius)
+                        moving = moving or _shows(there, share[y, x], b, here[a], radius)
                         costs[a, b] = cost if moving else still * cost
 
 
@@ -93,10 +93,10 @@ def _apart(first, second):
 
 
 @kernel
-def _shows(mean, share, colour, radius):
-    """Whether one of a pixel's modes (K, 3) has a colour."""
+def _shows(mean, share, label, colour, radius):
+    """Whether one of a pixel's modes (K, 3) but that of its label has a colour."""
     for mode in range(len(share)):
-        if share[mode] > 0 and _apart(mean[mode], colour) < radius:
+        if mode != label and share[mode] > 0 and _apart(mean[mode], colour) < radius:
             return True
     return False
 

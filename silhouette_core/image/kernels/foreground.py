@@ -202,15 +202,28 @@ def look_up(frame, table, shift, out):
 
 @parallel_kernel
 def log_odds(
-    frame, mean, scales, gain, noise, shades, table, others, shares, shift, known, most, out
+    frame,
+    mean,
+    scales,
+    gain,
+    noise,
+    flicker,
+    shades,
+    table,
+    others,
+    shares,
+    shift,
+    known,
+    most,
+    out,
 ):
     """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), within most.
 
-    The table (n, n, n) holds the first logarithm. The background is seen as it was, or in a
-    shadow, whose brightness has the density shades (m,) from 0 to 1, each with Gaussian noise
-    `noise` times the model's, or otherwise, with the density others (n, n, n) times the first of
-    the shares, or the second where it is not known (H, W) but guessed. Frame and mean are (3, H,
-    W), see `_split`.
+    The table (n, n, n) holds the first logarithm. The background is seen as it was, but for a
+    brightness with the relative deviation flicker, or in a shadow, whose brightness has the density
+    shades (m,) from 0 to 1, each with Gaussian noise `noise` times the model's, or otherwise, with
+    the density others (n, n, n) times the first of the shares, or the second where it is not known
+    (H, W) but guessed. Frame and mean are (3, H, W), see `_split`.
     """
     _, height, width = frame.shape
     for row in prange(height):
@@ -229,10 +242,11 @@ def log_odds(
                 residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
             ) / (noise * noise)
             along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
+            spread = np.float32(1.0) + (flicker * scales[2, row, column] / noise) ** 2
             background += (
                 _LIT
-                * np.exp(np.float32(-0.5) * (square + along * along))
-                / (deviation * deviation * deviation)
+                * np.exp(np.float32(-0.5) * (square + along * along / spread))
+                / (deviation * deviation * deviation * np.sqrt(spread))
             )
             if np.float32(0.0) < ratio < np.float32(1.0):
                 length = scales[2, row, column] / scales[1, row, column]

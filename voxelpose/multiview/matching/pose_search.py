@@ -145,9 +145,9 @@ def find_pose(
     first = sorted(_matches(body, frame, placements, settings), key=_error)
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = _matches(body, frame, [fit.pose for fit in first[:MATCHING.matched_again]], settings)
+    again = _matches(body, frame, [fit.pose for fit in first[: MATCHING.matched_again]], settings)
     ranked = sorted([*again, *first], key=_error)
-    best, rest = ranked[:MATCHING.searched], ranked[MATCHING.searched:]
+    best, rest = ranked[: MATCHING.searched], ranked[MATCHING.searched :]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
     return sorted([*moved, *rest], key=_error)
 
