@@ -52,7 +52,7 @@ class SceneColours:
         density = scene.density()
         others = EVEN if density is None else np.exp(density.log_density)
         any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
-        colours = cls(*any_colour, others, reduced)
+        colours = cls(*any_colour, EVEN, reduced)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
         guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.unseen) for frame in small]
