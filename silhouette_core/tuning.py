@@ -87,31 +87,83 @@ class CastShadow:
 
 
 @dataclass(frozen=True)
+class ExposureField:
+    """Exposure that varies over the picture (`image.exposure`). By eye, on opencap_walk."""
+
+    side_px: int = 60
+    """px. Shorter side of the pictures to which it is fitted."""
+    dark: float = 20.0
+    """Grey levels. Darker pixels say nothing."""
+    fewest: int = 50
+    """Pixels to which it is fitted, at least."""
+    stiffness: float = 2e-5
+    """1. Weight of a flat field, relative to the pixels."""
+    rounds: int = 6
+    """Rounds of reweighting."""
+    least: float = 0.02
+    """1. Least scale of the logarithms' residuals: noise."""
+
+
+@dataclass(frozen=True)
 class EmptyScene:
     """The empty scene from occupied frames (`image.empty_scene`).
 
-    Source unknown: chosen by eye, not ablated. As a whole: `python -m
-    benchmarks.without_empty_view`.
+    Chosen by eye on opencap_walk, woman_white, balancing4, jumping1 and le2i_c2. As a whole:
+    `python -m benchmarks.footage` and `python -m benchmarks.without_empty_view`.
     """
 
-    changed: float = 8.0
-    """Noise. Least difference between frames that is no noise."""
+    side_px: int = 200
+    """px. Shorter side of the pictures that are labelled: costs of areas and edges depend on it."""
+    changed: float = 6.0
+    """Noise. Radius of a mode: differences summed over the channels."""
+    least_noise: float = 2.0
+    """Grey levels. Least noise, summed over the channels."""
     seen: float = 0.05
     """1. Of the frames: least share of a mode."""
-    tolerance: float = 2.0
-    """Noise. Steps between neighbours that cost nothing."""
-    apart: float = 0.1
-    """1. Least weight of steps, between colours that are always seen together."""
-    rarity: float = 30.0
-    """Squared grey levels. Cost of a mode that is hardly ever seen."""
-    step: float = 5.0
-    """Noise. A step from the background to something in front of it."""
-    moving: float = 0.1
-    """1. Of a region's edge: least part that must move."""
-    small: float = 1e-3
-    """1. Of the image: changed regions smaller than this are no person."""
+    hidden: float = 0.15
+    """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
+    unseen: float = 0.6
+    """1. Of that: cost of a pixel whose background is taken to be unknown."""
+    border: float = 0.5
+    """1. Cost of the border of such a region, at a pixel."""
+    least_step: float = 1.0
+    """Radii of a mode. Steps between colours that cost nothing: noise, texture."""
+    still: float = 0.05
+    """1. Cost of a step between colours that does not move."""
+    least_sigma: float = 4.0
+    """Grey levels. Least standard deviation: what is left of exposure, and of lights."""
     guess: float = 6.0
     """Grey levels. Standard deviation of a continued colour."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A frame cut into person and background (`image.cut`). By eye, as `EmptyScene`."""
+
+    side_px: int = 240
+    """px. Shorter side of the pictures that are cut; edges are then sharpened."""
+    link: float = 3.0
+    """Nats. Cost of neighbours that differ, without contrast."""
+    least_link: float = 0.45
+    """Nats. The same, over the sharpest edge."""
+    least_contrast: float = 4.0
+    """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
+    rounds: int = 6
+    """Sweeps of the messages from each side."""
+    learned: int = 3
+    """Times that the colours are learned and the samples cut."""
+    unseen: float = 3.0
+    """Nats. Odds of the person where nobody saw the background, when colours are first learned."""
+    typical: float = 0.25
+    """1. Of the scene's density of a colour, from which the person's makes it one of clothes."""
+    worn: float = 0.03
+    """1. Weight of what speaks for the background in colours that the person has, too."""
+    flicker: float = 0.05
+    """1. Standard deviation of the background's brightness, relative: lights, exposure."""
+    shaded: float = 0.045
+    """1. How often a pixel lies in a shadow."""
+    otherwise: float = 0.02
+    """1. How often an estimated background shows another of its colours: it flickers, or moves."""
 
 
 @dataclass(frozen=True)
@@ -359,7 +411,9 @@ class Trajectory:
 BACKGROUND = Background()
 FOREGROUND = Foreground()
 SHADOW = CastShadow()
+EXPOSURE = ExposureField()
 SCENE = EmptyScene()
+CUT = Cut()
 COLOURS = Colours()
 PLAUSIBILITY = Plausibility()
 SHAPE = Shape()

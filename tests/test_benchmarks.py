@@ -1,3 +1,4 @@
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -51,3 +52,46 @@ def test_a_made_row_is_rendered_once_and_opened(benchmarks, monkeypatch, tmp_pat
     recording, options = accuracy.open_row("made:alone")
     assert recording.folder == tmp_path / "out" / "made" / "alone"
     assert recording.rig.names == ("cam_3",) and options == {}
+
+
+def test_checked_outlines_become_masks(benchmarks, tmp_path):
+    from benchmarks.checked_masks import read_checked
+
+    square = [[[2, 2], [17, 2], [17, 17], [2, 17]]]
+    hole, other = [[[6, 6], [9, 6], [9, 9], [6, 9]]], [[[20, 0], [23, 0], [23, 9], [20, 9]]]
+    entry = {
+        "person": square,
+        "person_2": other,
+        "holes": hole,
+        "unknown": [[[0, 0], [1, 0], [0, 1]]],
+    }
+    path = tmp_path / "garden.json"
+    path.write_text(json.dumps({"cameras": {"cam_1": {"7": entry}}}))
+    frame = read_checked(path)["cam_1"][7]
+    man, other_man = frame.masks_of_people((24, 20), (24, 20))
+    assert man.shape == (20, 24) and man.sum() == 16 * 16 - 16 and not man[7, 7] and man[2, 17]
+    assert other_man.sum() == 40 and frame.unknown_mask((24, 20), (24, 20)).sum() == 3
+    half = frame.masks_of_people((24, 20), (12, 10))[0]
+    assert half.sum() == 8 * 8 - 4 and not half[3, 3]
+    assert read_checked(tmp_path / "none.json") == {}
+
+
+def test_every_checked_outline_lies_within_a_picture(benchmarks):
+    from benchmarks.checked_masks import FOOTAGE, read_checked
+
+    files = sorted(FOOTAGE.glob("*.json"))
+    assert len(files) == 6
+    for path in files:
+        assert path.stat().st_size < 60_000
+        for frames in read_checked(path).values():
+            for frame in frames.values():
+                people = frame.masks_of_people((1920, 1920), (1920, 1920))
+                assert all(mask.sum() > 1000 for mask in people), path.name
+
+
+def test_footage_without_shared_recordings_is_skipped(benchmarks, monkeypatch, tmp_path, capsys):
+    from benchmarks import footage
+
+    monkeypatch.setattr(footage, "SHARED", tmp_path)
+    assert footage.main([]) == 0
+    assert "skipped: no footage" in capsys.readouterr().err

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.cast_shadow import count_shadows
+from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
+from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import (
     Background,
     Exposure,
@@ -17,6 +18,7 @@ from silhouette_core.image.difference import (
     measure_gain,
 )
 from silhouette_core.image.empty_scene import EmptyScene
+from silhouette_core.image.exposure import aligned
 from silhouette_core.image.foreground import SoftSilhouette, refined_mask, refined_soft_silhouette
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
@@ -24,6 +26,7 @@ from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
 """Okada and Stenger's section 5.1 as written, without any clean-up, or `image.foreground`."""
+_SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
 
@@ -66,11 +69,17 @@ class BackgroundModel:
         self._log_peak = np.ascontiguousarray(
             -0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32
         )
+        self._colours: SceneColours | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.mean.shape[1], self.mean.shape[0]
+
+    @property
+    def estimated(self) -> bool:
+        """Whether the background was never filmed empty: its frames are looked at as a whole."""
+        return self._colours is not None
 
     @classmethod
     def from_frames(
@@ -127,7 +136,14 @@ class BackgroundModel:
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
         statistics = _ColourStatistics(mean, variance, mean / length, variance / length**2)
-        return cls(statistics, method)
+        model = cls(statistics, method)
+        model._background = replace(model._background, known=~scene.unseen)
+        asked = scene.frames[::_SHADOW_STEP]
+        counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
+        darkest = darkest_shadow(counts)
+        model = model if darkest is None else model.with_shadow(darkest)
+        model._colours = SceneColours.learned(scene.frames, model._background)
+        return model
 
     def silhouette(
         self,
@@ -163,10 +179,10 @@ class BackgroundModel:
             ValueError: the frame has another size than the background.
             TypeError: the frame is not uint8.
         """
-        check_array("frame", frame, self.mean.shape, np.uint8)
-        frame = np.ascontiguousarray(frame)
+        frame = self._aligned(frame)
         if self.method == "refined":
-            return refined_mask(frame, self._background, region, exposure)
+            cut = self._cut(frame)
+            return refined_mask(frame, self._background, region, exposure, cut=cut)
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
         kernels.paper_mask(
@@ -190,9 +206,8 @@ class BackgroundModel:
         """
         if self.method == "paper":
             return SoftSilhouette.of(self.silhouette(frame, region))
-        check_array("frame", frame, self.mean.shape, np.uint8)
-        frame = np.ascontiguousarray(frame)
-        return refined_soft_silhouette(frame, self._background, region)
+        frame = self._aligned(frame)
+        return refined_soft_silhouette(frame, self._background, region, self._cut(frame))
 
     def coloured_silhouette(
         self,
@@ -213,8 +228,7 @@ class BackgroundModel:
             ValueError: the frame has another size than the model.
             TypeError: the frame is not uint8.
         """
-        check_array("frame", frame, self.mean.shape, np.uint8)
-        frame = np.ascontiguousarray(frame)
+        frame = self._aligned(frame)
         return find_colours(frame, self._background, density, region, least_odds)
 
     def silhouette_near(
@@ -245,9 +259,7 @@ class BackgroundModel:
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
-        check_array("frame", frame, self.mean.shape, np.uint8)
-        frame = np.ascontiguousarray(frame)
-        return count_shadows(frame, self._background)
+        return count_shadows(self._aligned(frame), self._background)
 
     def with_shadow(self, darkest: float) -> "BackgroundModel":
         """The same background with another darkest cast shadow, see `difference.Background`."""
@@ -257,10 +269,17 @@ class BackgroundModel:
 
     def exposure(self, frame: np.ndarray) -> Exposure:
         """Exposure of a frame (H, W, 3) uint8, BGR, of the model's size."""
-        check_array("frame", frame, self.mean.shape, np.uint8)
-        frame = np.ascontiguousarray(frame)
-        return measure_exposure(frame, self._background)
+        return measure_exposure(self._aligned(frame), self._background)
 
     def gain(self, frame: np.ndarray) -> np.ndarray:
         """Each channel's gain, (3,) float32, of a frame uint8, BGR, of this size or larger."""
         return measure_gain(frame, self._background)
+
+    def _aligned(self, frame: np.ndarray) -> NDArray[np.uint8]:
+        """A whole frame, checked, of an estimated background with the exposure of that."""
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        frame = np.ascontiguousarray(frame)
+        return aligned(frame, self.mean) if self.estimated else frame
+
+    def _cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
+        return None if self._colours is None else self._colours.silhouette(frame)

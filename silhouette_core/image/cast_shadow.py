@@ -15,9 +15,10 @@ from silhouette_core.image.difference import (
     radius_of,
 )
 from silhouette_core.image.kernels import foreground as kernels
-from silhouette_core.tuning import FOREGROUND, SHADOW
+from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
 
 _PIXELS = 150  # fewest that show what shadows are like
+_SHADES = 50  # bins of a ratio of brightness
 
 
 def _edges() -> NDArray[np.float64]:
@@ -47,6 +48,22 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     inside = ~grown(~dark, radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]
+
+
+def even_shades(darkest: float) -> NDArray[np.float32]:
+    """Density (50,) of the background's brightness in a shadow, relative to its own, when all are
+    alike above the darkest; its integral is how often there is a shadow.
+    """
+    edges = np.linspace(0, 1, _SHADES + 1)
+    share = np.clip((edges[1:] - darkest) * _SHADES, 0, 1)
+    return ((1 - COLOURS.lit) / (1 - darkest) * share).astype(np.float32)
+
+
+def rising_shades(darkest: float) -> NDArray[np.float32]:
+    """The same density (50,) of shadows that are the rarer, the darker they are."""
+    at = (np.arange(_SHADES) + 0.5) / _SHADES
+    depth = np.clip(at - darkest, 0, None) / (1 - darkest)
+    return (CUT.shaded * 2 * depth / (1 - darkest)).astype(np.float32)
 
 
 def darkest_shadow(counts: NDArray[np.int64]) -> float | None:

@@ -24,12 +24,14 @@ class Background:
         mean: (H, W, 3) float32, BGR of 255.
         planes: (3, H, W) float32, the same, channel by channel.
         scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
+        known: (H, W) bool, where the empty scene was seen; elsewhere its colours are a guess.
         shadow: darkest cast shadow, as a fraction of the background's brightness.
     """
 
     mean: NDArray[np.float32]
     planes: NDArray[np.float32]
     scales: NDArray[np.float32]
+    known: NDArray[np.bool_]
     shadow: float = FOREGROUND.shadow
 
     @classmethod
@@ -37,14 +39,16 @@ class Background:
         """Background from the mean and each pixel's standard deviation (H, W), of 255."""
         square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
         scales = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise]).astype(np.float32)
-        return cls(mean, np.ascontiguousarray(mean.transpose(2, 0, 1)), scales)
+        planes = np.ascontiguousarray(mean.transpose(2, 0, 1))
+        return cls(mean, planes, scales, np.ones(mean.shape[:2], np.bool_))
 
     def part(self, window: tuple[slice, slice]) -> "Background":
         """Background in a window of rows and columns."""
         planes, scales = (
             np.ascontiguousarray(array[:, *window]) for array in (self.planes, self.scales)
         )
-        return replace(self, mean=self.mean[window], planes=planes, scales=scales)
+        known = np.ascontiguousarray(self.known[window])
+        return replace(self, mean=self.mean[window], planes=planes, scales=scales, known=known)
 
 
 @dataclass(frozen=True, eq=False)

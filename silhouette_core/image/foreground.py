@@ -75,6 +75,7 @@ def refined_mask(
     region: NDArray[np.bool_] | None = None,
     exposure: Exposure | None = None,
     window: tuple[slice, slice] | None = None,
+    cut: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above.
 
@@ -84,17 +85,22 @@ def refined_mask(
         region: (H, W) bool, where the person may be; None: everywhere.
         exposure: of the whole frame, by `measure_exposure`; None: measured here, on a whole frame.
         window: rows and columns outside of which nothing is looked for; None: the whole frame.
+        cut: (H, W) bool, the silhouette before its edges are sharpened (`image.cut`); None: by the
+            background alone.
     """
-    return _segmented(frame, background, region, exposure, window)[0]
+    return _segmented(frame, background, region, exposure, window, cut)[0]
 
 
 def refined_soft_silhouette(
-    frame: NDArray[np.uint8], background: Background, region: NDArray[np.bool_] | None = None
+    frame: NDArray[np.uint8],
+    background: Background,
+    region: NDArray[np.bool_] | None = None,
+    cut: NDArray[np.bool_] | None = None,
 ) -> SoftSilhouette:
     """Silhouette as `refined_mask`, and where else the frame differs from the background."""
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
-    silhouette, pooled = _segmented(frame, background, region, exposure, None)
+    silhouette, pooled = _segmented(frame, background, region, exposure, None, cut)
     chroma = np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / UNIT
     brightness = np.abs(pooled_brightness(view)) / np.float32(exposure.noise)
 
@@ -117,6 +123,7 @@ def _segmented(
     region: NDArray[np.bool_] | None,
     exposure: Exposure | None,
     window: tuple[slice, slice] | None,
+    cut: NDArray[np.bool_] | None,
 ) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
     """Silhouette of `refined_mask`, and the pooled evidence (4, h, w) in the window."""
     everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
@@ -129,14 +136,15 @@ def _segmented(
     view = FrameView.of(frame, background, gain, radius)
     scale = noise_scale(view) if exposure is None else exposure.noise
     mask, pooled = detect(view, scale)
-    mask = _clean(mask, region, everywhere.size)
+    mask = _clean(mask if cut is None else cut, region, everywhere.size)
     if not mask.any():
         return everywhere, pooled
     box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
-    mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
-    mask = _sharpen(view, mask)
+    if cut is None:
+        mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
+        mask = _sharpen(view, mask)
     region = None if region is None else region[box]
     silhouette[box] = _clean(mask, region, everywhere.size)
     return everywhere, pooled

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from silhouette_core.image.cast_shadow import even_shades
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.difference import (
     Background,
@@ -25,7 +26,10 @@ from silhouette_core.image.difference import (
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS
 
-_SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
+SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
+EVEN = np.full((_BINS, _BINS, _BINS), 1 / 256**3, np.float32)
+"""Density of colours when all are alike."""
+_SHARES = np.float32(COLOURS.otherwise), np.float32(1)
 _EDGE_PX = 5  # side of the window within which pixels near the edge are left out
 
 
@@ -68,7 +72,7 @@ class PersonColours:
         """
         window = np.ones((_EDGE_PX, _EDGE_PX), np.uint8)
         inside = np.asarray(cv2.erode(mask.view(np.uint8), window), np.uint8).view(np.bool_)
-        kernels.count_colours(np.ascontiguousarray(picture), inside, _SHIFT, self._counts)
+        kernels.count_colours(np.ascontiguousarray(picture), inside, SHIFT, self._counts)
 
     def density(self) -> ColourDensity | None:
         """Density of the colours so far; None before any pixel."""
@@ -76,7 +80,7 @@ class PersonColours:
         total = counts.sum()
         if not total:
             return None
-        even = 1 / 256**3
+        even = float(EVEN.flat[0])
         smooth = gaussian_filter(counts / total, COLOURS.smoothing_bins) * _BINS**3 * even
         density = (1 - COLOURS.any_share) * smooth + COLOURS.any_share * even
         order = np.argsort(-density, axis=None, kind="stable")
@@ -110,10 +114,11 @@ def find_colours(
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
-    limits = np.float32(exposure.noise), np.float32(background.shadow)
-    kernels.log_odds(*view.arrays, *limits, density.log_density, _SHIFT, most, odds)
+    limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
+    tables = density.log_density, EVEN, _SHARES, SHIFT
+    kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)
-    kernels.look_up(np.ascontiguousarray(frame), density.log_density, _SHIFT, seen)
+    kernels.look_up(np.ascontiguousarray(frame), density.log_density, SHIFT, seen)
     window = (2 * radius + 1, 2 * radius + 1)
     owned = (seen >= np.log(density.least)).astype(np.float32)
     likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5

@@ -195,6 +195,8 @@ class Silhouettes:
         """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
+        if model.estimated:
+            return model.silhouette(self.scaled(name, frame), region)
         if near is None or exposure is None:
             frame = self.scaled(name, frame)
             exposure = self._exposures[name] = model.exposure(frame)

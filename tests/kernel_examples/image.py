@@ -53,18 +53,29 @@ def colour_modes(rng):
     return Example((samples.astype(np.float32), np.float32(15), *filled), rtol=1e-4)
 
 
-def grow_background(rng):
-    unknown = blob(rng, (8, 10))
-    index = np.full(unknown.shape, -1, np.int32)
-    index[unknown] = np.arange(np.count_nonzero(unknown))
-    colour = rng.uniform(0, 255, (8, 10, 3)).astype(np.float32)
-    mean = rng.uniform(0, 255, (np.count_nonzero(unknown), 3, 3)).astype(np.float32)
-    share = rng.choice([0, 0.3, 0.6], mean.shape[:2]).astype(np.float32)
-    shown = rng.integers(1, 1 << 40, share.shape).astype(np.uint64)
-    step, every = np.zeros(unknown.shape, np.float32), np.uint64((1 << 40) - 1)
-    limits = 4.0, 0.1, 30.0
-    arguments = colour, unknown, index, mean, share, shown, every, limits, step
-    return Example(arguments, rtol=1e-5)
+def step_costs(rng):
+    mean = rng.choice([40.0, 60.0, 120.0, 200.0], (5, 6, 3, 1)) + rng.normal(0, 3, (5, 6, 3, 3))
+    share = rng.choice([0, 0.3, 0.6], mean.shape[:3]).astype(np.float32)
+    limits = np.float32(15), np.float32(0.5), np.float32(0.1), np.float32(0.4)
+    filled = np.zeros((5, 6, 4, 4), np.float32), np.zeros((5, 6, 4, 4), np.float32)
+    return Example((mean.astype(np.float32), share, *limits, *filled), rtol=1e-4)
+
+
+def least_cost_labels(rng):
+    own = rng.uniform(0, 1, (5, 6, 3)).astype(np.float32)
+    right, down = (rng.uniform(0, 0.5, (5, 6, 3, 3)).astype(np.float32) for _ in range(2))
+    return Example((own, right, down, 3, np.empty((5, 6), np.int64)))
+
+
+def contrast(rng):
+    mean = rng.uniform(20, 240, (*SIZE, 3)).astype(np.float32)
+    return Example((frame(rng), mean, blob(rng), np.empty((2, *SIZE), np.float32)), 1e-4, 1e-3)
+
+
+def cut(rng):
+    odds = rng.normal(0, 2, (6, 8)).astype(np.float32)
+    links = rng.uniform(0, 2, (2, 6, 8)).astype(np.float32)
+    return Example((odds, links, 3, np.empty((6, 8), bool)))
 
 
 def sampled_chroma(rng):
@@ -118,8 +129,19 @@ def log_odds(rng):
     planes = np.clip(np.rint(seen), 0, 255).astype(np.uint8)
     table = rng.uniform(-18, -8, (32, 32, 32)).astype(np.float32)
     gain = rng.uniform(0.98, 1.02, 3).astype(np.float32)
-    limits = np.float32(1.5), np.float32(0.4), table, 3, np.float32(5)
-    return Example((planes, mean, scales, gain, *limits, np.empty(SIZE, np.float32)), 1e-3)
+    others = np.exp(rng.uniform(-18, -8, table.shape)).astype(np.float32)
+    shades = rng.uniform(0, 1, 50).astype(np.float32)
+    tables = (
+        np.float32(1.5),
+        np.float32(0.05),
+        shades,
+        table,
+        others,
+        (np.float32(1e-3), np.float32(1)),
+        3,
+    )
+    filled = blob(rng), np.float32(5), np.empty(SIZE, np.float32)
+    return Example((planes, mean, scales, gain, *tables, *filled), 1e-3)
 
 
 def sharpen(rng):

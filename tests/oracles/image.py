@@ -51,36 +51,83 @@ def colour_modes(samples, radius, mean, share, shown):
             left &= ~members
 
 
-def grow_background(colour, unknown, index, mean, share, shown, every, limits, step):
-    """Dijkstra's algorithm over pixels and modes; a pixel's first mode is its only one."""
-    reached = {tuple(pixel): (0.0, 0.0, int(every)) for pixel in np.argwhere(~unknown)}
-    tolerance, apart_least, rarity = limits
-    height, width = unknown.shape
-    while True:
-        offers = []
-        for (row, column), (cost, largest, frames) in reached.items():
-            for y, x in (
-                (row + 1, column),
-                (row - 1, column),
-                (row, column + 1),
-                (row, column - 1),
-            ):
-                if not (0 <= y < height and 0 <= x < width) or (y, x) in reached:
-                    continue
-                for mode in np.flatnonzero(share[index[y, x]]):
-                    difference = np.abs(colour[row, column] - mean[index[y, x], mode]).sum()
-                    other = int(shown[index[y, x], mode])
-                    apart = 1 - (frames & other).bit_count() / (frames | other).bit_count()
-                    beyond = max(float(difference) - tolerance, 0.0)
-                    weighted = beyond * np.sqrt(max(apart, apart_least))
-                    price = cost + weighted**2 + rarity * (1 - share[index[y, x], mode])
-                    offers.append((price, y * width + x, mode, max(largest, weighted)))
-        if not offers:
-            return
-        price, pixel, mode, largest = min(offers)
-        at = pixel // width, pixel % width
-        reached[at] = price, largest, int(shown[index[at], mode])
-        colour[at], step[at] = mean[index[at], mode], largest
+def step_costs(mean, share, radius, least, still, border, right, down):
+    """Steps between the colours of modes, dear where one pixel shows the other's at other times."""
+    modes = share.shape[2]
+
+    def shows(pixel, label, colour):
+        return any(
+            k != label and np.abs(mean[pixel][k] - colour).sum() < radius
+            for k in np.flatnonzero(share[pixel])
+        )
+
+    for first in np.ndindex(share.shape[:2]):
+        for costs, step in ((right, (0, 1)), (down, (1, 0))):
+            second = first[0] + step[0], first[1] + step[1]
+            if second[0] >= share.shape[0] or second[1] >= share.shape[1]:
+                continue
+            table = np.zeros((modes + 1, modes + 1))
+            table[modes, :modes] = table[:modes, modes] = border
+            for a in np.flatnonzero(share[first]):
+                for b in np.flatnonzero(share[second]):
+                    colours = mean[first][a], mean[second][b]
+                    apart = np.abs(colours[0] - colours[1]).sum()
+                    moves = shows(first, a, colours[1]) or shows(second, b, colours[0])
+                    step = np.clip((apart / radius - least) / 2, 0, 1)
+                    table[a, b] = step * (1 if moves else still)
+            costs[first] = table
+
+
+def least_cost_labels(own, right, down, rounds, labels):
+    """Min-sum belief propagation with a dictionary of messages, in the same order."""
+    height, width, count = own.shape
+    messages = {}
+
+    def incoming(pixel, but=None):
+        return own[pixel] + sum(
+            (message for (_, to), message in messages.items() if to == pixel and _ != but),
+            np.zeros(count),
+        )
+
+    def send(source, target, costs):
+        message = (incoming(source, but=target)[:, None] + costs).min(axis=0)
+        messages[source, target] = message - message.min()
+
+    for _ in range(rounds):
+        for y in range(height):
+            for x in range(width - 1):
+                send((y, x), (y, x + 1), right[y, x])
+            for x in range(width - 1, 0, -1):
+                send((y, x), (y, x - 1), right[y, x - 1].T)
+        for y in range(height - 1):
+            for x in range(width):
+                send((y, x), (y + 1, x), down[y, x])
+        for y in range(height - 1, 0, -1):
+            for x in range(width):
+                send((y, x), (y - 1, x), down[y - 1, x].T)
+    for pixel in np.ndindex(height, width):
+        labels[pixel] = incoming(pixel).argmin()
+
+
+def contrast(frame, mean, known, out):
+    """Differences of neighbours beyond those of the background."""
+    out[:] = 0
+    for side, axis in ((0, 1), (1, 0)):
+        own = np.abs(np.diff(frame.astype(float), axis=axis)).sum(axis=2)
+        behind = np.abs(np.diff(mean, axis=axis)).sum(axis=2)
+        both = known[:, 1:] & known[:, :-1] if axis else known[1:] & known[:-1]
+        shape = own.shape
+        out[side, : shape[0], : shape[1]] = np.maximum(own - np.where(both, behind, 0), 0)
+
+
+def cut(odds, links, rounds, mask):
+    """Belief propagation with two labels and their costs, as of any number of labels."""
+    own = np.stack([np.zeros_like(odds), -odds], axis=2)
+    differ = 1 - np.eye(2)
+    right, down = (link[..., None, None] * differ for link in links)
+    labels = np.empty(odds.shape, int)
+    least_cost_labels(own, right, down, rounds, labels)
+    mask[:] = labels == 1
 
 
 def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
@@ -137,8 +184,23 @@ def look_up(frame, table, shift, out):
     out[:] = table[tuple(np.moveaxis(frame >> shift, 2, 0))]
 
 
-def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out):
-    """Person's density over that of the background: lit, shaded, or any colour."""
+def log_odds(
+    frame,
+    mean,
+    scales,
+    gain,
+    noise,
+    flicker,
+    shades,
+    table,
+    others,
+    shares,
+    shift,
+    known,
+    most,
+    out,
+):
+    """Person's density over that of the background: lit, shaded, or any of its colours."""
     colour, mean = (image.transpose(1, 2, 0).astype(float) for image in (frame, mean))
     sigma = noise / scales[1]
     length = np.linalg.norm(mean, axis=2)
@@ -147,10 +209,13 @@ def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out)
     along = (seen * unit).sum(axis=2)
     off = seen - along[..., None] * unit
     across = np.exp(-0.5 * (off**2).sum(axis=2) / sigma**2) / (2 * np.pi * sigma**2)
-    lit = across * np.exp(-0.5 * ((along - length) / sigma) ** 2) / (np.sqrt(2 * np.pi) * sigma)
+    bright = np.hypot(sigma, flicker * length)
+    lit = across * np.exp(-0.5 * ((along - length) / bright) ** 2) / (np.sqrt(2 * np.pi) * bright)
     ratio = along / length
-    shaded = across * ((darkest < ratio) & (ratio < 1)) / ((1 - darkest) * length)
-    background = 0.85 * lit + 0.15 * shaded + 1e-3 / 256**3
+    shade = shades[np.clip((ratio * len(shades)).astype(int), 0, len(shades) - 1)]
+    shaded = across * shade * (ratio < 1) / length
+    any_share = np.where(known, *shares) * others[tuple(frame >> shift)]
+    background = 0.85 * lit + shaded + any_share
     person = table[tuple(frame >> shift)]
     out[:] = np.clip(person - np.log(background), -most, most)
 

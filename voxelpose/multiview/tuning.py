@@ -135,6 +135,8 @@ class Carving:
     """1. Of the largest component, below which another is no limb. Chosen by eye."""
     gap_m: float = 0.25
     """m. Height of a gap between pieces of one body. Chosen by eye, on standing4."""
+    bounding: float = 0.1
+    """1. Of a silhouette's largest component: smaller ones do not bound the volume. By eye."""
     smallest_m3: float = 0.004
     """m^3. A smaller hull is noise, not a body. Chosen by eye."""
     person_m3: float = 0.25

@@ -1,10 +1,8 @@
-"""Colours of a pixel over time, and which of them continues the background around it.
+"""Colours of a pixel over time, and which of them is the background's.
 
-Source: ours; the paths are Dijkstra's. Called by `silhouette_core.image.empty_scene`. Reference:
-`tests.oracles.image`.
+Source: ours; the messages are those of belief propagation (Felzenszwalb and Huttenlocher, 2006).
+Called by `silhouette_core.image.empty_scene`. Reference: `tests.oracles.image`.
 """
-
-import heapq
 
 import numpy as np
 
@@ -51,73 +49,107 @@ def colour_modes(samples, radius, mean, share, shown):
             shown[pixel, mode] = members
 
 
-@kernel
-def grow_background(colour, unknown, index, mean, share, shown, every, limits, step):
-    """Gives each unknown pixel the mode that continues the known colours around it best, and fills
-    the largest step between neighbours on the way there.
+@parallel_kernel
+def step_costs(mean, share, radius, least, still, border, right, down):
+    """Fills the costs of labels of neighbours: numbers of their modes, or K where the background
+    was never seen.
 
-    Paths of least cost from the known pixels (Dijkstra). A step costs the square of the difference
-    beyond the tolerance, times the fraction of the samples that show only one of the two modes, of
-    those that show either: background is seen beside background, at edges of furniture too. That
-    fraction counts as `apart_least` at least. And a step costs `rarity` times the share of the
-    samples that do not show the mode.
-
-    Colour (H, W, 3) float32, filled where unknown (H, W) bool; index (H, W) int32 of unknown pixels
-    in mean (n, K, 3), share (n, K) and shown (n, K) uint64, of which bit t says whether sample t
-    shows the mode; every: bits of all samples; limits: tolerance, apart_least and rarity; step
-    (H, W) float32, of the differences times the root of that fraction. Pixels that cannot be
-    reached keep their colour and step.
+    Mean (h, w, K, 3) and share (h, w, K) float32 as of `colour_modes`; right and down (h, w, K + 1,
+    K + 1) float32, by the labels of a pixel and of its neighbour. A step between two colours costs
+    half of what it is larger than `least`, in radii, and up to 1, if it moves: if one of the two
+    pixels shows, at other times, what the other one is labelled with. The edge of something in
+    motion does. Of others it costs the fraction `still`. Seen beside never seen costs `border`.
     """
-    height, width = unknown.shape
-    done = ~unknown
-    heap = [(0.0, 0, 0, 0.0) for _ in range(0)]
-    modes = mean, share, shown, index
-    for pixel in range(height * width):
-        if not unknown[pixel // width, pixel % width]:
-            _offer(heap, colour, done, modes, limits, pixel, every, 0.0, 0.0)
-    while len(heap) > 0:
-        cost, pixel, mode, largest = heapq.heappop(heap)
-        row, column = pixel // width, pixel % width
-        if done[row, column]:
-            continue
-        done[row, column] = True
-        colour[row, column] = mean[index[row, column], mode]
-        step[row, column] = largest
-        frames = shown[index[row, column], mode]
-        _offer(heap, colour, done, modes, limits, pixel, frames, cost, largest)
+    height, width, modes = share.shape
+    for row in prange(height):
+        for column in range(width):
+            for side in range(2):
+                y, x = row + side, column + 1 - side
+                if y >= height or x >= width:
+                    continue
+                costs = right[row, column] if side == 0 else down[row, column]
+                costs[:, modes] = border
+                costs[modes, :] = border
+                costs[modes, modes] = 0
+                for a in range(modes):
+                    for b in range(modes):
+                        costs[a, b] = 0
+                        if share[row, column, a] == 0 or share[y, x, b] == 0:
+                            continue
+                        apart = _apart(mean[row, column, a], mean[y, x, b])
+                        if apart <= least * radius:
+                            continue
+                        cost = min((apart / radius - least) * np.float32(0.5), np.float32(1.0))
+                        here, there = mean[row, column], mean[y, x]
+                        moving = _shows(here, share[row, column], a, there[b], radius)
+                        moving = moving or _shows(there, share[y, x], b, here[a], radius)
+                        costs[a, b] = cost if moving else still * cost
 
 
 @kernel
-def _offer(heap, colour, done, modes, limits, pixel, frames, cost, largest):
-    """Offers a pixel's neighbours the path through it."""
-    mean, share, shown, index = modes
-    tolerance, apart_least, rarity = limits
-    height, width = done.shape
-    row, column = pixel // width, pixel % width
-    for side in range(4):
-        y = row + (side == 0) - (side == 1)
-        x = column + (side == 2) - (side == 3)
-        if y < 0 or x < 0 or y >= height or x >= width or done[y, x]:
-            continue
-        other = index[y, x]
-        for mode in range(mean.shape[1]):
-            if share[other, mode] > 0:
-                difference = 0.0
-                for channel in range(3):
-                    difference += abs(colour[row, column, channel] - mean[other, mode, channel])
-                both = _bits(frames & shown[other, mode])
-                apart = 1.0 - both / _bits(frames | shown[other, mode])
-                beyond = max(difference - tolerance, 0.0)
-                weighted = beyond * np.sqrt(max(apart, apart_least))
-                price = cost + weighted * weighted + rarity * (1 - share[other, mode])
-                heapq.heappush(heap, (price, y * width + x, mode, max(largest, weighted)))
+def _apart(first, second):
+    """Difference of two colours, summed over the channels."""
+    return abs(first[0] - second[0]) + abs(first[1] - second[1]) + abs(first[2] - second[2])
 
 
 @kernel
-def _bits(value):
-    """Number of bits that are set."""
-    count = 0
-    while value != np.uint64(0):
-        value &= value - np.uint64(1)
-        count += 1
-    return count
+def _shows(mean, share, label, colour, radius):
+    """Whether one of a pixel's modes (K, 3) but that of its label has a colour."""
+    for mode in range(len(share)):
+        if mode != label and share[mode] > 0 and _apart(mean[mode], colour) < radius:
+            return True
+    return False
+
+
+@kernel
+def least_cost_labels(own, right, down, rounds, labels):
+    """Fills labels (h, w) int64, of least cost together, nearly: belief propagation in sweeps from
+    each side.
+
+    Own costs (h, w, L) float32; right and down (h, w, L, L) as of `step_costs`.
+    """
+    height, width, count = own.shape
+    # Messages from the left, the right, above and below.
+    messages = np.zeros((4, height, width, count), np.float32)
+    for _ in range(rounds):
+        for row in range(height):
+            for column in range(width - 1):
+                _send(own, messages, right[row, column], 0, row, column, row, column + 1)
+            for column in range(width - 1, 0, -1):
+                _send(own, messages, right[row, column - 1].T, 1, row, column, row, column - 1)
+        for row in range(height - 1):
+            for column in range(width):
+                _send(own, messages, down[row, column], 2, row, column, row + 1, column)
+        for row in range(height - 1, 0, -1):
+            for column in range(width):
+                _send(own, messages, down[row - 1, column].T, 3, row, column, row - 1, column)
+    for row in range(height):
+        for column in range(width):
+            least = np.float32(np.inf)
+            for label in range(count):
+                cost = own[row, column, label]
+                for source in range(4):
+                    cost += messages[source, row, column, label]
+                if cost < least:
+                    least = cost
+                    labels[row, column] = label
+
+
+@kernel
+def _send(own, messages, costs, source, row, column, y, x):
+    """Sets the message from (row, column) to (y, x), which arrives there from a source."""
+    count = own.shape[2]
+    back = source ^ 1
+    least = np.float32(np.inf)
+    for label in range(count):
+        lowest = np.float32(np.inf)
+        for mine in range(count):
+            cost = own[row, column, mine] + costs[mine, label]
+            for other in range(4):
+                if other != back:
+                    cost += messages[other, row, column, mine]
+            lowest = min(lowest, cost)
+        messages[source, y, x, label] = lowest
+        least = min(least, lowest)
+    for label in range(count):
+        messages[source, y, x, label] -= least

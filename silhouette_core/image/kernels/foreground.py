@@ -9,11 +9,10 @@ import numpy as np
 from silhouette_core.jit import kernel, parallel_kernel, prange
 from silhouette_core.tuning import COLOURS
 
-# How often a pixel of the background is lit as it was, in a shadow, or of any colour, over the
-# constants of the densities: of three Gaussians, of two, and of 256 values of each channel.
+# How often a pixel of the background is lit as it was, over the constant of the density of three
+# Gaussians, and the constant of that of two.
 _LIT = np.float32(COLOURS.lit / np.sqrt(2 * np.pi) ** 3)
-_SHADED = np.float32((1 - COLOURS.lit) / (2 * np.pi))
-_OTHERWISE = np.float32(COLOURS.otherwise / 256**3)
+_SHADED = np.float32(1 / (2 * np.pi))
 
 
 @kernel
@@ -202,16 +201,39 @@ def look_up(frame, table, shift, out):
 
 
 @parallel_kernel
-def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out):
+def log_odds(
+    frame,
+    mean,
+    scales,
+    gain,
+    noise,
+    flicker,
+    shades,
+    table,
+    others,
+    shares,
+    shift,
+    known,
+    most,
+    out,
+):
     """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), within most.
 
-    The table (n, n, n) holds the first logarithm. The background is seen as it was, in a shadow of
-    at least the ratio darkest, or otherwise, each with Gaussian noise `noise` times the model's.
-    Frame and mean are (3, H, W), see `_split`.
+    The table (n, n, n) holds the first logarithm. The background is seen as it was, but for a
+    brightness with the relative deviation flicker, or in a shadow, whose brightness has the density
+    shades (m,) from 0 to 1, each with Gaussian noise `noise` times the model's, or otherwise, with
+    the density others (n, n, n) times the first of the shares, or the second where it is not known
+    (H, W) but guessed. Frame and mean are (3, H, W), see `_split`.
     """
     _, height, width = frame.shape
     for row in prange(height):
         for column in range(width):
+            colour = (
+                frame[0, row, column] >> shift,
+                frame[1, row, column] >> shift,
+                frame[2, row, column] >> shift,
+            )
+            background = others[colour] * (shares[0] if known[row, column] else shares[1])
             residual_0, residual_1, residual_2, ratio = _split(
                 frame, mean, scales, gain, row, column
             )
@@ -220,24 +242,21 @@ def log_odds(frame, mean, scales, gain, noise, darkest, table, shift, most, out)
                 residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
             ) / (noise * noise)
             along = (ratio - np.float32(1.0)) * scales[2, row, column] / noise
-            background = _OTHERWISE
+            spread = np.float32(1.0) + (flicker * scales[2, row, column] / noise) ** 2
             background += (
                 _LIT
-                * np.exp(np.float32(-0.5) * (square + along * along))
-                / (deviation * deviation * deviation)
+                * np.exp(np.float32(-0.5) * (square + along * along / spread))
+                / (deviation * deviation * deviation * np.sqrt(spread))
             )
-            if darkest < ratio < np.float32(1.0):
+            if np.float32(0.0) < ratio < np.float32(1.0):
                 length = scales[2, row, column] / scales[1, row, column]
                 background += (
                     _SHADED
+                    * shades[int(ratio * len(shades))]
                     * np.exp(np.float32(-0.5) * square)
-                    / (deviation * deviation * (np.float32(1.0) - darkest) * length)
+                    / (deviation * deviation * length)
                 )
-            person = table[
-                frame[0, row, column] >> shift,
-                frame[1, row, column] >> shift,
-                frame[2, row, column] >> shift,
-            ]
+            person = table[colour]
             out[row, column] = max(-most, min(most, person - np.log(background)))
 
 

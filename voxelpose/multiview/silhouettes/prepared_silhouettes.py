@@ -15,6 +15,7 @@ from calib.checks import FloatArray
 from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
+from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import MOMENTS, check_plausible
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
@@ -29,7 +30,7 @@ from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.floor_shadows import floor_under
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
-from voxelpose.multiview.tuning import COLOURS
+from voxelpose.multiview.tuning import CARVING, COLOURS
 
 LONG_SIDE_PX = 960
 """Larger images are reduced: contours are finer there than clothes are."""
@@ -328,9 +329,10 @@ def observer_of(
 ) -> HullObserver:
     """Observer of the volume in which the silhouettes of the whole recording allow a body."""
     views = PinholeViews.from_rig(rig, unknown)
-    union = store[0]
+    union = [np.zeros_like(mask) for mask in store[0]]
     for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
-        union = [whole | mask for whole, mask in zip(union, store[int(t)], strict=True)]
+        for whole, mask in zip(union, store[int(t)], strict=True):
+            whole |= clean(mask, min_share=CARVING.bounding)  # a speck bounds nothing
     require_foreground(rig, union, settings.tolerance)
     rule = body_rule(len(rig), settings.tolerance, views.partly_unknown)
     size_m = 2 * settings.voxel_size_m

@@ -1,0 +1,114 @@
+"""A silhouette by a minimum cut: where the background is uncertain, colours and edges decide.
+
+A camera without a picture of the empty view has an estimated background, with places where nobody
+knows it. Each pixel's odds compare the person's colours with the background's, and neighbours of
+like colour belong together. The colours are learned from the recording: the samples from which the
+background was estimated are cut, the colours learned from what was found, and so on.
+
+After GrabCut (Rother, Kolmogorov and Blake, 2004) and Background Cut (Sun et al., 2006).
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.image.cast_shadow import rising_shades
+from silhouette_core.image.difference import Background, FrameView, noise_scale
+from silhouette_core.image.kernels import cut as kernels
+from silhouette_core.image.kernels import foreground
+from silhouette_core.image.person_colours import EVEN, SHIFT, PersonColours
+from silhouette_core.tuning import COLOURS, CUT
+
+_GAIN = np.ones(3, np.float32)
+_SHARES = np.float32(CUT.otherwise), np.float32(1)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneColours:
+    """Colours by which frames are cut, and the background at the size at which they are.
+
+    Attributes:
+        person: (n, n, n) float32, logarithm of the density of the person's colours.
+        worn: (n, n, n) float32, what speaks against the person counts by this factor: a background
+            of the colour of clothes looks alike everywhere, which is one coincidence.
+        others: (n, n, n) float32, density of the background's, wherever they are seen.
+        background: reduced; its frames have its exposure.
+    """
+
+    person: NDArray[np.float32]
+    worn: NDArray[np.float32]
+    others: NDArray[np.float32]
+    background: Background
+
+    @classmethod
+    def learned(cls, frames: NDArray[np.uint8], background: Background) -> "SceneColours":
+        """Colours from frames (T, H, W, 3) uint8 with the exposure of their background."""
+        reduced = _reduced(background)
+        small = [_resized(frame, reduced) for frame in frames]
+        scene = PersonColours()
+        scene.add(np.rint(reduced.mean.clip(0, 255)).astype(np.uint8), reduced.known)
+        density = scene.density()
+        others = EVEN if density is None else np.exp(density.log_density)
+        any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
+        colours = cls(*any_colour, EVEN, reduced)
+        # Somebody is mostly before what was never seen: so begins what is known of clothes.
+        guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
+        occupied = [~reduced.known & (guess._odds(frame) > -CUT.unseen) for frame in small]
+        for turn in range(CUT.learned):
+            person = PersonColours()
+            for frame, before in zip(small, occupied, strict=True):
+                person.add(frame, colours.cut(frame) | (before & (turn == 0)))
+            density = person.density()
+            if density is None:
+                break
+            typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
+            worn = np.where(typical, CUT.worn, 1)
+            colours = cls(density.log_density, worn.astype(np.float32), others, reduced)
+        return colours
+
+    def cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size."""
+        back, odds = self.background, self._odds(frame)
+        links = np.empty((2, *odds.shape), np.float32)
+        kernels.contrast(frame, back.mean, back.known, links)
+        scale = 2 * max(float(links.mean()), CUT.least_contrast)
+        links = (CUT.link * np.exp(-links / scale) + CUT.least_link).astype(np.float32)
+        mask = np.empty(odds.shape, np.bool_)
+        kernels.cut(odds, links, CUT.rounds, mask)
+        return mask
+
+    def _odds(self, frame: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Odds of the person (h, w), nats, in each pixel of a reduced frame."""
+        back = self.background
+        view = FrameView.of(frame, back, _GAIN, 1)
+        odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
+        limits = np.float32(noise_scale(view)), np.float32(CUT.flicker), rising_shades(back.shadow)
+        tables = self.person, self.others, _SHARES, SHIFT, back.known
+        foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
+        foreground.look_up(frame, self.worn, SHIFT, weight)
+        return np.where(odds < 0, odds * weight, odds)
+
+    def silhouette(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size."""
+        mask = self.cut(_resized(frame, self.background)).astype(np.float32)
+        size = frame.shape[1::-1]
+        return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
+
+
+def _reduced(background: Background) -> Background:
+    """Background at the size at which frames are cut."""
+    height, width = background.mean.shape[:2]
+    factor = min(1.0, CUT.side_px / min(height, width))
+    size = max(round(width * factor), 1), max(round(height * factor), 1)
+    mean = cv2.resize(background.mean, size, interpolation=cv2.INTER_AREA)
+    noise = cv2.resize(1 / background.scales[1], size, interpolation=cv2.INTER_AREA)
+    known = cv2.resize(background.known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise))
+    return replace(reduced, shadow=background.shadow, known=np.asarray(known) > 0.8)
+
+
+def _resized(frame: NDArray[np.uint8], reduced: Background) -> NDArray[np.uint8]:
+    size = reduced.mean.shape[1::-1]
+    return np.ascontiguousarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA))

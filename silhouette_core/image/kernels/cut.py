@@ -1,0 +1,76 @@
+"""A frame cut into person and background, nearly of least cost.
+
+Source: belief propagation with two labels (Felzenszwalb and Huttenlocher, 2006), whose messages are
+single numbers; contrast as in GrabCut (Rother et al., 2004), weakened at the background's own edges
+as in Background Cut (Sun et al., 2006). Called by `silhouette_core.image.cut`. Reference:
+`tests.oracles.image`.
+"""
+
+import numpy as np
+
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+
+@parallel_kernel
+def contrast(frame, mean, known, out):
+    """Fills out (2, H, W) float32: difference of each pixel's colour from that of its right and of
+    its lower neighbour, summed over the channels, less that of the background where it is known.
+
+    Frame (H, W, 3) uint8, mean (H, W, 3) float32, known (H, W) bool.
+    """
+    height, width = known.shape
+    for row in prange(height):
+        for column in range(width):
+            for side in range(2):
+                y, x = row + side, column + 1 - side
+                difference = np.float32(0.0)
+                if y < height and x < width:
+                    own = known[row, column] and known[y, x]
+                    for channel in range(3):
+                        difference += abs(
+                            np.float32(frame[row, column, channel])
+                            - np.float32(frame[y, x, channel])
+                        )
+                        if own:
+                            difference -= abs(mean[row, column, channel] - mean[y, x, channel])
+                out[side, row, column] = max(difference, np.float32(0.0))
+
+
+@kernel
+def cut(odds, links, rounds, mask):
+    """Fills mask (H, W) bool: the person, by odds (H, W) float32 of each pixel, nats, and the cost
+    of neighbours that differ, links (2, H, W) float32, to the right and downward.
+    """
+    height, width = mask.shape
+    # What neighbours tell, from the left, the right, above and below: odds, too.
+    told = np.zeros((4, height, width), np.float32)
+    for _ in range(rounds):
+        for row in range(height):
+            for column in range(width - 1):
+                said = odds[row, column] + told[0, row, column]
+                said += told[2, row, column] + told[3, row, column]
+                most = links[0, row, column]
+                told[0, row, column + 1] = min(max(said, -most), most)
+            for column in range(width - 1, 0, -1):
+                said = odds[row, column] + told[1, row, column]
+                said += told[2, row, column] + told[3, row, column]
+                most = links[0, row, column - 1]
+                told[1, row, column - 1] = min(max(said, -most), most)
+        for row in range(height - 1):
+            for column in range(width):
+                said = odds[row, column] + told[0, row, column]
+                said += told[1, row, column] + told[2, row, column]
+                most = links[1, row, column]
+                told[2, row + 1, column] = min(max(said, -most), most)
+        for row in range(height - 1, 0, -1):
+            for column in range(width):
+                said = odds[row, column] + told[0, row, column]
+                said += told[1, row, column] + told[3, row, column]
+                most = links[1, row - 1, column]
+                told[3, row - 1, column] = min(max(said, -most), most)
+    for row in range(height):
+        for column in range(width):
+            total = odds[row, column]
+            for source in range(4):
+                total += told[source, row, column]
+            mask[row, column] = total > 0

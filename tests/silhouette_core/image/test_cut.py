@@ -1,0 +1,74 @@
+"""Silhouettes by a minimum cut, where the background was never filmed empty."""
+
+import cv2
+import numpy as np
+import pytest
+
+from silhouette_core.image.background import BackgroundModel
+from silhouette_core.image.exposure import aligned
+
+SIZE = (240, 320)
+SKIN, SHIRT, TROUSERS = (90, 120, 190), (90, 140, 110), (120, 60, 40)
+
+
+def walk(
+    wall: np.ndarray, places: range, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frames (T, H, W, 3) of a figure before a wall, and its silhouettes (T, H, W)."""
+    frames, masks = [], []
+    for left in places:
+        picture, mask = wall.astype(float), np.zeros(SIZE, np.uint8)
+        for (top, bottom), colour in (((60, 85), SKIN), ((85, 140), SHIRT), ((140, 210), TROUSERS)):
+            picture[top:bottom, left : left + 36] = colour
+            mask[top:bottom, left : left + 36] = 1
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) + rng.normal(0, 2, picture.shape)
+        frames.append(np.rint(picture).clip(0, 255).astype(np.uint8))
+        masks.append(mask.astype(bool))
+    return np.stack(frames), np.stack(masks)
+
+
+def agreement(frames: np.ndarray, masks: np.ndarray) -> float:
+    """Least intersection over union of the silhouettes with the true ones."""
+    model = BackgroundModel.from_occupied(frames)
+    found = np.stack([model.silhouette(frame) for frame in frames])
+    return float(((found & masks).sum((1, 2)) / (found | masks).sum((1, 2))).min())
+
+
+def test_a_white_screen_between_black_bars_is_no_person():
+    wall = np.zeros((*SIZE, 3))
+    wall[:, 90:230] = 255
+    frames, masks = walk(wall, range(100, 180, 4), np.random.default_rng(1))
+    assert agreement(frames, masks) > 0.93
+
+
+def test_clothes_of_the_walls_colour_belong_to_who_wears_them():
+    wall = np.full((*SIZE, 3), (200.0, 205, 210))
+    wall[:, 200:220] = SHIRT  # a panel of the shirt's colour
+    frames, masks = walk(wall, range(20, 270, 10), np.random.default_rng(2))
+    assert agreement(frames, masks) > 0.8
+
+
+def test_a_cast_shadow_is_no_person():
+    wall = np.full((*SIZE, 3), (150.0, 170, 160))
+    rng = np.random.default_rng(3)
+    frames, masks = walk(wall, range(20, 250, 9), rng)
+    for frame, mask in zip(frames, masks, strict=True):
+        columns = np.flatnonzero(mask.any(axis=0))
+        shadow = frame[205:225, columns[0] + 10 : columns[-1] + 30]
+        lit = ~mask[205:225, columns[0] + 10 : columns[-1] + 30]
+        shadow[lit] = (0.6 * shadow[lit]).astype(np.uint8)
+    assert agreement(frames, masks) > 0.9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_exposure_that_varies_over_the_picture_is_taken_out(seed):
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[-1 : 1 : SIZE[0] * 1j, -1 : 1 : SIZE[1] * 1j]
+    room = cv2.GaussianBlur(rng.uniform(60, 180, (*SIZE, 3)), (0, 0), 9)
+    terms = rng.uniform(-0.08, 0.08, (3, 3))
+    field = np.exp(terms[0] + columns[..., None] * terms[1] + rows[..., None] * terms[2])
+    frame = np.rint(room * field).clip(0, 255).astype(np.uint8)
+    frame[80:200, 120:160] = SHIRT  # somebody
+    off = np.abs(aligned(frame, room.astype(np.float32)).astype(float) - room)
+    off[75:205, 115:165] = 0
+    assert off.mean() < 1 < np.abs(frame - room)[:, :100].mean()
