@@ -43,7 +43,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     """The verdict on a result.
 
     A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
-    wrong more likely than not (several cameras), or if body and silhouettes have less than three
+    wrong more likely than not, or most of its joints are (several cameras), or if body and silhouettes have less than three
     quarters of their union in common (one camera), or if the poses that one camera leaves are so
     far apart that the joints' mean error is likely above 75 mm, or if it was joined of pieces that
     do not meet. So is one from which an object was left out that nobody marked: legs that do not
@@ -98,8 +98,14 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     if error_mm is not None:
         return Verdict("reliable", error_mm=error_mm)
     near = quality.get("landmark_confidence", {})
-    uncertain = (name for name in near if _known(near[name], 1.0) < RELIABILITY.near)
-    return Verdict("reliable", "", tuple(uncertain))
+    uncertain = tuple(name for name in near if _known(near[name], 1.0) < RELIABILITY.near)
+    if len(uncertain) > RELIABILITY.uncertain * len(near):
+        return Verdict(
+            "doubtful",
+            f"{len(uncertain)} of {len(near)} joints are likely over 30 mm off: look at the contact"
+            " sheet, and at whether the cameras see the person from different sides",
+        )
+    return Verdict("reliable", "", uncertain)
 
 
 def _known(value: float | None, otherwise: float) -> float:

@@ -74,3 +74,14 @@ def test_numbers_that_are_not_known_leave_no_doubt():
     assert verdict_of(numbers) == Verdict("reliable")
     numbers["quality"]["right_probability"]["lower_quarter"] = 0.1
     assert verdict_of(numbers).level == "doubtful"
+
+
+def test_a_result_most_of_whose_joints_are_likely_wrong_is_doubtful():
+    numbers = summary(right=0.9)
+    names = ("left_wrist", "right_wrist", "neck", "pelvis")
+    confidence = dict(zip(names, (0.3, 0.4, 0.45, 0.9), strict=True))
+    numbers["quality"]["landmark_confidence"] = confidence
+    verdict = verdict_of(numbers)
+    assert verdict.level == "doubtful" and verdict.reason.startswith("3 of 4 joints")
+    confidence["neck"] = 0.55
+    assert verdict_of(numbers).level == "reliable"
