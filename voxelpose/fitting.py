@@ -82,6 +82,8 @@ def fit(
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     implementation = load_estimator(estimator)
     load_backend(settings.backend)  # refuses an unknown name before the work begins
+    for words in recording.notes:
+        reporter.note(words)
     with writer as folder:
         estimate = implementation.estimate(recording, settings, reporter)
         estimation = _Estimation(recording, estimate, settings, estimator, started)

@@ -36,6 +36,7 @@ from voxelpose.recording.unknown_places import (
 )
 
 _CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
+_FEW_FRAMES, _FEW = 3, 0.02  # frames, or share of them, that files promise and lack
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 
 
@@ -61,6 +62,7 @@ class Recording:
         up: (3,) float64, unit, direction of up in the world as the calibration states it; None:
             not stated.
         camera_names: all cameras of the recording, in use or not.
+        notes: what is worth telling about its files.
     """
 
     folder: Path
@@ -75,6 +77,7 @@ class Recording:
     silhouettes_given: bool = False
     up: NDArray[np.float64] | None = None
     camera_names: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def open(
@@ -126,6 +129,12 @@ class Recording:
             names = rig.names
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
+        notes = tuple(
+            f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}:"
+            f" {'the recording ends with them' if _nearly_whole(reader) else 'it seems to be damaged'}"
+            for reader in readers.values()
+            if reader.promised > reader.frame_count
+        )
         if fps is None and (folder / TIMESTAMPS).exists():
             readers, rate, times_s = matched_by_time(folder / TIMESTAMPS, readers)
             start, stop = _frame_range(readers, frames)
@@ -146,6 +155,7 @@ class Recording:
             silhouettes_given,
             None if calibration is None else read_up(calibration),
             names,
+            notes,
         )
 
     @classmethod
@@ -418,6 +428,11 @@ def _select_cameras(
     return rig.select([name for name in rig.names if name in requested])
 
 
+def _nearly_whole(reader: FrameReader) -> bool:
+    """Whether a file lacks hardly any of the frames that it promises."""
+    return reader.promised - reader.frame_count <= max(_FEW_FRAMES, _FEW * reader.promised)
+
+
 def _frame_range(
     readers: Mapping[str, FrameReader], frames: tuple[int | None, int | None] | None
 ) -> tuple[int, int]:
@@ -425,7 +440,11 @@ def _frame_range(
     shortest = min(counts.values())
     start, stop = frames or (None, None)
     first, last = start or 0, shortest if stop is None else stop
-    if stop is None and len(set(counts.values())) > 1:
+    meant = {
+        max(reader.frame_count, reader.promised if _nearly_whole(reader) else 0)
+        for reader in readers.values()
+    }
+    if stop is None and len(meant) > 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise InputError(
             f"videos differ in length ({lengths} frames): if they start together, give --frames"

@@ -23,6 +23,7 @@ STILLS = frozenset(".png .jpg .jpeg .bmp .tif .tiff .pbm .pgm .ppm .webp".split(
 VIDEOS = frozenset(
     ".mp4 .avi .mov .mkv .m4v .webm .mpg .mpeg .wmv .mts .m2ts .ts .3gp .ogv".split()
 )
+_COUNTED = frozenset(".avi .mp4 .mov .m4v .3gp".split())  # the others' numbers are estimates
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
 _LARGEST_BYTES = 8 * _MOST_PX
@@ -41,6 +42,7 @@ class FrameReader:
         fps: frames per second; None where the files do not state it.
         numbers: selected frames of the file in ascending order, possibly repeated; None selects
             all.
+        promised: number of frames that the file says it has; 0 where it says none.
     """
 
     path: Path
@@ -49,6 +51,7 @@ class FrameReader:
     frame_count: int
     fps: float | None
     numbers: tuple[int, ...] | None = None
+    promised: int = 0
 
     @classmethod
     def open(cls, path: Path) -> "FrameReader":
@@ -76,7 +79,8 @@ class FrameReader:
         if stills:
             height, width = read_still(stills[0]).shape[:2]
             return cls(path, stills, (width, height), len(stills), None)
-        return cls(path, (), *_probe(path))
+        size, count, fps, promised = _probe(path)
+        return cls(path, (), size, count, fps, promised=promised)
 
     def __iter__(self) -> Iterator[Frame]:
         """Yields every frame, (H, W, 3) uint8, BGR."""
@@ -107,7 +111,7 @@ class FrameReader:
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
-        return replace(self, numbers=selected, frame_count=len(selected))
+        return replace(self, numbers=selected, frame_count=len(selected), promised=0)
 
     def _stills(self, numbers: Sequence[int]) -> Iterator[Frame]:
         for number in numbers:
@@ -164,8 +168,8 @@ def read_together(
             yield step
 
 
-def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
-    """Returns size, number of frames and frames per second of a video."""
+def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
+    """Returns size, number of frames, frames per second and promised frames of a video."""
     capture = cv2.VideoCapture(str(path))
     try:
         good, frame = capture.read()
@@ -174,7 +178,7 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
                 f"{path} cannot be read as a video: convert it, for example with ffmpeg to .mp4"
                 " (H.264)"
             )
-        count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         fps = float(capture.get(cv2.CAP_PROP_FPS))
         # Some containers announce more frames than they hold; only then all frames are counted.
         if count > 1:
@@ -187,8 +191,21 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None]:
                 count += 1
     finally:
         capture.release()
+    if path.suffix.lower() == ".avi":  # empty pieces in its middle count in its header
+        count = min(count, _pieces(path) or count)
     height, width = frame.shape[:2]
-    return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None
+    promised = promised if path.suffix.lower() in _COUNTED else count
+    return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None, promised
+
+
+def _pieces(path: Path) -> int:
+    """Number of coded frames in a video; 0 where FFmpeg cannot tell."""
+    import imageio_ffmpeg
+
+    try:
+        return imageio_ffmpeg.count_frames_and_secs(str(path))[0]
+    except (RuntimeError, OSError):
+        return 0
 
 
 def read_still(file: Path) -> Frame:

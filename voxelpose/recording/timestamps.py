@@ -48,6 +48,8 @@ def read_timestamps(path: Path, readers: Mapping[str, FrameReader]) -> dict[str,
     for name, reader in readers.items():
         own = [taken for camera, taken in listed.items() if name in (camera, f"cam_{camera}")]
         times[name] = np.concatenate([np.zeros(0), *own])
+        if len(times[name]) == reader.promised:
+            times[name] = times[name][: reader.frame_count]  # it lacks the last ones
         if len(times[name]) != reader.frame_count:
             raise InputError(
                 f"{path} has {len(times[name])} times for camera {name}, its video"

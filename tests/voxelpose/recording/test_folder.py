@@ -327,6 +327,42 @@ def test_announced_frames_that_are_not_there(standing4: Path):
     assert sum(1 for _ in recording) == 127
 
 
+def promise(path: Path, frames: int) -> None:
+    """Lets the header of a video say a number of frames."""
+    data = path.read_bytes()
+    for chunk, offset in ((b"avih", 24), (b"strh", 40)):
+        at = data.index(chunk) + offset
+        data = data[:at] + frames.to_bytes(4, "little") + data[at + 4 :]
+    path.write_bytes(data)
+
+
+def test_the_recording_ends_with_the_frames_that_there_are(folder: Path):
+    assert Recording.open(folder).notes == ()
+    promise(folder / "cam_1.avi", 9)
+    write_video(folder / "cam_2.avi", 9)
+    write_times(folder, {name: [n / 25 for n in range(9)] for name in ("cam_1", "cam_2")})
+    recording = Recording.open(folder)
+    assert (recording.frame_count, sum(1 for _ in recording)) == (8, 8)
+    (folder / "timestamps.csv").unlink()
+    recording = Recording.open(folder)
+    assert (recording.frame_count, sum(1 for _ in recording)) == (8, 8)
+    assert recording.notes == (
+        f"{folder / 'cam_1.avi'} promises 9 frames and holds 8: the recording ends with them",
+    )
+    promise(folder / "cam_1.avi", 20)
+    write_video(folder / "cam_2.avi", 20)
+    with pytest.raises(InputError, match=r"cam_1 8, cam_2 20 frames"):
+        Recording.open(folder)
+    (note,) = Recording.open(folder, frames=(0, 8)).notes
+    assert note.endswith("cam_1.avi promises 20 frames and holds 8: it seems to be damaged")
+
+
+def test_an_empty_piece_amid_a_video_is_no_frame(shared: Path):
+    recording = Recording.open(shared / "data/le2i_c2", cameras=["cam_1"])
+    assert (recording.frame_count, sum(1 for _ in recording)) == (203, 203)
+    assert "promises 204 frames and holds 203" in recording.notes[0]
+
+
 def test_silhouettes_and_projection_matrices_are_enough(shared: Path, tmp_path: Path):
     source = shared / "data/dancer8"
     (tmp_path / "calibration.json").symlink_to(source / "projections.json")
