@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
+from voxelpose.cli.arguments import OptionalName
 from voxelpose.cli.estimation import EstimationArguments
 
 
@@ -30,8 +31,8 @@ that body's motion, or poses within the limits of its joints.
   voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
 """
 
-    camera: Annotated[str, arg(metavar="NAME")]
-    """Name of the camera."""
+    camera: OptionalName = None
+    """Name of the camera. Default: the only one."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library made by `voxelpose library build`. Default: the program's own."""
     start: Literal["facing", "any"] = "facing"
@@ -41,10 +42,12 @@ that body's motion, or poses within the limits of its joints.
 
     def run(self) -> int:
         """Estimates the motion; returns the exit code."""
+        from voxelpose.recording.folder import only_camera
+
         options: dict[str, bool | int | float | str] = {
             "start": self.start,
             "outline_only": self.outline_only,
         }
         if self.library is not None:
             options["library"] = str(self.library)
-        return self.estimate((self.camera,), options, "monocular")
+        return self.estimate((self.camera or only_camera(self.recording),), options, "monocular")

@@ -130,8 +130,12 @@ class Recording:
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
         notes = tuple(
-            f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}:"
-            f" {'the recording ends with them' if _nearly_whole(reader) else 'it seems to be damaged'}"
+            f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
+            + (
+                "the recording ends with them"
+                if _nearly_whole(reader)
+                else "it seems to be damaged"
+            )
             for reader in readers.values()
             if reader.promised > reader.frame_count
         )
@@ -320,6 +324,20 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
             )
         paths[name] = path
     return paths
+
+
+def only_camera(folder: Path) -> str:
+    """Name of the only camera of a recording.
+
+    Raises:
+        InputError: there are others, or none.
+    """
+    names = [*_paths(folder, None)[0]]
+    if len(names) > 1:
+        raise InputError(
+            f"{folder} has {len(names)} cameras: choose one with --camera: {', '.join(names)}"
+        )
+    return names[0]
 
 
 def frame_range(text: str) -> tuple[int | None, int | None]:

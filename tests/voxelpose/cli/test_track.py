@@ -105,6 +105,7 @@ def test_a_library_of_other_proportions(room, capsys):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
+        ((), "walk has 2 cameras: choose one with --camera: cam_1, cam_2"),
         (("--camera", "cam_7"), "there is no video of cam_7 in walk"),
         (("--camera", "cam_1,cam_2"), "cam_1,cam_2"),
         ((*TRACK, "--frames", "9:12"), "frames 9:12 are not in the recording"),
