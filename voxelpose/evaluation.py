@@ -166,7 +166,7 @@ def score_motion(
     """Scores joint positions.
 
     Args:
-        truth_m: (T, L, 3) float64, world, metres; frames that contain NaN are not scored.
+        truth_m: (T, L, 3) float64, world, metres; what is NaN is not scored.
         estimate_m: (T, L, 3) float64, world, metres; NaN in frames without a pose.
         names: of the L joints, the first of which is the root's.
         bones: (B, 2) int, joints between which there is a bone.
@@ -175,13 +175,13 @@ def score_motion(
         The errors.
 
     Raises:
-        ValueError: the shapes differ, or no frame of the truth is known.
+        ValueError: the shapes differ, or nothing of the truth is known.
     """
     check_array("truth_m", truth_m, ("T", len(names), 3))
     check_array("estimate_m", estimate_m, truth_m.shape)
-    known = np.isfinite(truth_m).all(axis=(1, 2))
+    known = np.isfinite(truth_m).all(axis=2).any(axis=1)
     if not known.any():
-        raise ValueError("no frame of the truth has all its joints")
+        raise ValueError("no frame of the truth has a joint")
     truth_m, estimate_m = truth_m[known], estimate_m[known]
     count = len(truth_m)
     posed = np.isfinite(estimate_m).all(axis=(1, 2))
@@ -190,28 +190,29 @@ def score_motion(
     truth, estimate = 1000 * truth_m[posed], 1000 * estimate_m[posed]
     local_truth, local = truth - truth[:, :1], estimate - estimate[:, :1]
     error = np.linalg.norm(local - local_truth, axis=2)
-    per_frame = error.mean(axis=1)
+    per_frame = _mean(error, 1)
     mirror = _mirrored(names)
-    exchanged = np.linalg.norm(local[:, mirror] - local_truth, axis=2).mean(axis=1)
+    exchanged = _mean(np.linalg.norm(local[:, mirror] - local_truth, axis=2), 1)
     has_sides = mirror != list(range(len(names)))
     return Score(
         frames=count,
         lost=float((count - posed.sum() + (per_frame > _LOST_MM).sum()) / count),
-        mpjpe_mm=float(np.linalg.norm(estimate - truth, axis=2).mean()),
-        root_mm=float(per_frame.mean()),
-        pa_mm=float(
-            np.linalg.norm(
-                _aligned(local, local_truth) - (truth - truth.mean(axis=1, keepdims=True)), axis=2
-            ).mean()
-        ),
-        pck150=float((error < _CORRECT_MM).mean()),
+        mpjpe_mm=float(_mean(np.linalg.norm(estimate - truth, axis=2))),
+        root_mm=float(_mean(per_frame)),
+        pa_mm=float(_mean(np.linalg.norm(_aligned(estimate, truth), axis=2))),
+        pck150=float(_mean(np.where(np.isfinite(error), error < _CORRECT_MM, np.nan))),
         flips=float((per_frame - exchanged > _FLIP_MM).mean()) if has_sides else float("nan"),
-        jitter_mm=_jitter(estimate),
+        jitter_mm=_jitter(np.where(np.isfinite(truth), estimate, np.nan)),
         jitter_truth_mm=_jitter(truth),
         angle_deg=_bone_angle(truth, estimate, bones),
-        joint_root_mm=tuple(float(mm) for mm in error.mean(axis=0)),
+        joint_root_mm=tuple(float(mm) for mm in _mean(error, 0)),
         joints=tuple(names),
     )
+
+
+def _mean(values: NDArray[np.float64], axis: int | None = None) -> NDArray[np.float64]:
+    """Mean of what is not NaN; NaN where there is nothing."""
+    return np.ma.filled(np.ma.masked_invalid(values).mean(axis), np.nan)
 
 
 def _mirrored(names: Sequence[str]) -> list[int]:
@@ -266,30 +267,34 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
 
 
 def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points `moving` after the similarity transform that fits them best to `fixed`.
+    """What is left between points after the similarity transform of `moving` that fits best.
 
     Args:
         moving: (T, J, 3) float64, aligned separately in every frame.
-        fixed: (T, J, 3) float64.
+        fixed: (T, J, 3) float64; NaN where unknown.
 
     Returns:
-        (T, J, 3) float64, relative to the mean of `fixed`.
+        (T, J, 3) float64, NaN in frames with less than four known points.
 
     Source: Umeyama, "Least-squares estimation of transformation parameters" (PAMI 1991), (40)-(43).
     """
-    a = moving - moving.mean(axis=1, keepdims=True)
-    b = fixed - fixed.mean(axis=1, keepdims=True)
+    known = np.isfinite(fixed)
+    a, b = (
+        np.where(known, points - _mean(np.where(known, points, np.nan), 1)[:, None], 0.0)
+        for points in (moving, fixed)
+    )
     u, s, vt = np.linalg.svd(np.swapaxes(b, 1, 2) @ a)
     sign = np.ones_like(s)
     sign[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     rotation = (u * sign[:, None]) @ vt
     scale = (s * sign).sum(axis=1) / np.maximum((a**2).sum(axis=(1, 2)), 1e-12)
-    return scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2)
+    apart = scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2) - b
+    return np.where(known & (known.sum(axis=1, keepdims=True) > 3), apart, np.nan)
 
 
 def _jitter(positions: NDArray[np.float64]) -> float:
     return (
-        float(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2).mean())
+        float(_mean(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2)))
         if len(positions) > 3
         else float("nan")
     )
@@ -305,5 +310,5 @@ def _bone_angle(
         along = joints[:, bones[:, 1]] - joints[:, bones[:, 0]]
         directions.append(along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9))
     return float(
-        np.degrees(np.arccos(np.clip((directions[0] * directions[1]).sum(axis=2), -1, 1))).mean()
+        _mean(np.degrees(np.arccos(np.clip((directions[0] * directions[1]).sum(axis=2), -1, 1))))
     )

@@ -89,8 +89,10 @@ def print_score(score: Score) -> None:
     console.print(table)
     errors = list(zip(score.joint_root_mm, score.joints, strict=False))
     if errors and score.joints == LANDMARK_NAMES:
-        worst = sorted(errors, reverse=True)[:3]
+        worst = sorted(((mm, name) for mm, name in errors if np.isfinite(mm)), reverse=True)[:3]
         console.print("worst joints: " + ", ".join(f"{name} {mm:.0f} mm" for mm, name in worst))
+        if unknown := [name for mm, name in errors if not np.isfinite(mm)]:
+            console.print(f"not scored, since the truth lacks them: {', '.join(unknown)}")
     elif errors:
         _print_joints(score)
 

@@ -65,8 +65,8 @@ def load_truth(
             names, count = list_joints(path)
             names = LANDMARK_NAMES if set(LANDMARK_NAMES) <= set(names) else names
             joints_m = read_joints(path, count, names=names)
-            if not np.isfinite(joints_m).all(axis=(1, 2)).any():
-                raise InputError(f"{path} has no frame with all of its joints: give another file")
+            if not np.isfinite(joints_m).all(axis=2).any():
+                raise InputError(f"{path} has no position of a joint: give another file")
             return KnownJoints(names, joints_m)
     return KnownJoints(LANDMARK_NAMES, read_truth(path, markers, axes))
 
@@ -102,15 +102,16 @@ def read_truth(
         axes: for a TRC, as for `read_trc`.
 
     Returns:
-        (T, 15, 3) float64, world, metres; NaN where a position is unknown (null in JSON).
+        (T, 15, 3) float64, world, metres; NaN where a position is unknown (null in JSON, or the
+        joint is left out).
 
     Raises:
-        InputError: the file cannot be read or lacks joints.
+        InputError: the file cannot be read or has no position.
     """
     truth = read_trc(path, axes, markers) if path.suffix.lower() == ".trc" else _read_json(path)
-    if truth.ndim != 3 or truth.shape[2] != 3 or not np.isfinite(truth).all(axis=(1, 2)).any():
+    if not np.isfinite(truth).all(axis=2).any():
         raise InputError(
-            f"{path} has no frame with all of the {len(LANDMARK_NAMES)} joints: give another file"
+            f"{path} has no position of the {len(LANDMARK_NAMES)} joints: give another file"
         )
     if (np.abs(truth) > FARTHEST_M).any():
         raise InputError(
@@ -124,9 +125,17 @@ def _read_json(path: Path) -> NDArray[np.float64]:
     try:
         if document.get("unit", "m") != "m":
             raise InputError(f"{path} is in {str(document['unit'])[:20]!r}: convert it to metres")
-        return np.stack(
-            [np.asarray(document["joints"][name], float) for name in LANDMARK_NAMES], axis=1
-        )
+        joints: dict[str, list[list[float] | None] | None] = document["joints"]
+        count = max(len(joints.get(name) or ()) for name in LANDMARK_NAMES)
+        unknown = [np.nan] * 3
+        frames = [
+            [
+                unknown if position is None else position
+                for position in joints.get(name) or [None] * count
+            ]
+            for name in LANDMARK_NAMES
+        ]
+        return np.array(frames, float).reshape(len(frames), count, 3).swapaxes(0, 1)
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise InputError(
             f"{path} cannot be read as a truth file (joints by name, positions in metres):"

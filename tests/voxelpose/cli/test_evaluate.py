@@ -55,6 +55,28 @@ def test_the_truth_may_come_last(results, capsys):
     assert "0.0 mm" in capsys.readouterr().out
 
 
+def test_what_the_truth_lacks_is_not_scored(results, capsys):
+    document = json.loads((results / "truth.json").read_text())
+    del document["joints"]["head_top"]
+    document["joints"]["left_wrist"] = None
+    document["joints"]["right_wrist"][5] = None
+    document["joints"]["pelvis"][6] = [None] * 3
+    for joint in document["joints"].values():
+        if joint is not None:
+            joint[7] = None
+    (results / "truth.json").write_text(json.dumps(document))
+    assert run(["evaluate", "two", "--truth", "truth.json", "--json"]) == 0
+    score = json.loads(capsys.readouterr().out)
+    assert (score["frames"], score["lost"], score["pck150"]) == (7, pytest.approx(1 / 7), 1)
+    assert score["mpjpe_mm"] == pytest.approx(50, abs=0.01)
+    assert max(score["root_mm"], score["pa_mm"], score["angle_deg"]) < 0.01
+    assert score["jitter_mm"] == pytest.approx(score["jitter_truth_mm"], abs=0.01)
+    unknown = [name for name, mm in score["joint_root_mm"].items() if mm is None]
+    assert unknown == ["head_top", "left_wrist"]
+    assert run(["evaluate", "two", "--truth", "truth.json"]) == 0
+    assert "the truth lacks them: head_top, left_wrist" in capsys.readouterr().out
+
+
 def test_table_of_several(results, capsys):
     assert run(["evaluate", "one", "two", "--truth", "truth.json", "truth.trc", "--markdown"]) == 0
     lines = [
@@ -197,8 +219,8 @@ def test_a_persons_true_motion_gives_the_angles_too(desk, capsys):
     [
         ("frame,joint,x_m,y_m,z_m\n99999999,arm,0,0,0\n", "1 rows, the last frame being 99999999"),
         ("frame,joint,x_m,y_m,z_m\nfirst,arm,0,0,0\n", "line 2 cannot be read"),
-        ("frame,joint,x_m,y_m,z_m\n", "no frame with all of its joints"),
-        ("frame,joint,x_m,y_m,z_m\n0,arm,nan,0,0\n", "no frame with all of its joints"),
+        ("frame,joint,x_m,y_m,z_m\n", "no position of a joint"),
+        ("frame,joint,x_m,y_m,z_m\n0,arm,nan,0,0\n", "no position of a joint"),
         (
             "frame,joint,x_m,y_m,z_m\n" + "".join(f"0,j{k},0,0,0\n" for k in range(1001)),
             "more than 1000 joints",
