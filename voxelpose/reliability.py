@@ -67,7 +67,8 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             " the frames around it (facts in summary.json), or give longer --pieces",
         )
     apart = agreement < RELIABILITY.agreement
-    wrong = apart if right is None else right < RELIABILITY.right
+    # A quarter of the frames is more likely wrong than right.
+    wrong = apart if right is None else right < 0.5
     if wrong:
         turn = facts.get("half_turn_ratio")
         if not apart and turn is not None and turn < RELIABILITY.half_turn:
@@ -98,7 +99,7 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     if error_mm is not None:
         return Verdict("reliable", error_mm=error_mm)
     near = quality.get("landmark_confidence", {})
-    uncertain = (name for name in near if _known(near[name], 1.0) < RELIABILITY.near)
+    uncertain = (name for name in near if _known(near[name], 1.0) < 0.5)
     return Verdict("reliable", "", tuple(uncertain))
 
 
