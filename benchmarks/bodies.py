@@ -53,12 +53,12 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fit
-from voxelpose.multiview.multiview_estimator import VOXEL_M
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,
     prepare_silhouettes,
 )
+from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "bodies"
@@ -164,14 +164,14 @@ def single_frames(cameras: tuple[str, ...]) -> list[dict[str, object]]:
     folder = recording_of("quadruped")
     truth = read_motion(folder / TRUE_MOTION)
     rows, source = [], Recording.open(folder, cameras=list(cameras))
-    preparation = PreparationSettings(VOXEL_M, 0, "off", joined_m=_JOINED_M, person=False)
+    preparation = PreparationSettings(CARVING.voxel_m, 0, "off", joined_m=_JOINED_M, person=False)
     with (
         prepare_silhouettes(
             source, Settings(), preparation, StageClock(), SilentReporter()
         ) as prepared,
         closing(ObservationStore(prepared.observer, prepared.store)) as observations,
     ):
-        body = BodyGeometry.from_model(truth.model, VOXEL_M, load_backend("cpu"))
+        body = BodyGeometry.from_model(truth.model, CARVING.voxel_m, load_backend("cpu"))
         for interference in (True, False):
             settings = replace(MatchSettings(), interference=interference)
             matched_mm, refined_mm, sizes, stopped = [], [], [], 0
@@ -203,7 +203,7 @@ def single_frames(cameras: tuple[str, ...]) -> list[dict[str, object]]:
 def stances(cameras: tuple[int, ...]) -> list[dict[str, object]]:
     """Random stances of the spider, each searched by itself with and without interference."""
     model, views = spider(), PinholeViews.from_rig(_pinholes(cameras))
-    body = BodyGeometry.from_model(model, VOXEL_M, load_backend("cpu"))
+    body = BodyGeometry.from_model(model, CARVING.voxel_m, load_backend("cpu"))
     rows = []
     for interference in (True, False):
         settings = replace(MatchSettings(), interference=interference)
@@ -244,7 +244,7 @@ def _silhouettes(model: BodyModel, pose: Pose, views: PinholeViews) -> FrameObse
         seen = vertices @ camera.rotation.T + camera.translation
         parts = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)[0]
         masks.append(parts > 0)
-    grid = VoxelGrid.from_bounds(vertices.min(0) - 0.1, vertices.max(0) + 0.1, VOXEL_M)
+    grid = VoxelGrid.from_bounds(vertices.min(0) - 0.1, vertices.max(0) + 0.1, CARVING.voxel_m)
     return FrameObservation(views, masks, grid, carve(views.rig, masks, grid))
 
 

@@ -17,12 +17,12 @@ from benchmarks.without_empty_view import overlap
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import SilentReporter, StageClock
-from voxelpose.multiview.multiview_estimator import VOXEL_M
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     LONG_SIDE_PX,
     PreparationSettings,
     prepare_silhouettes,
 )
+from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording
 
 
@@ -35,7 +35,7 @@ def main(folders: list[str]) -> None:
         with np.load(Path(folder) / "masks" / "masks.npz") as file:
             width, bits = int(file["width"]), [file[name] for name in names]
         silhouettes = Silhouettes(recording, "refined", LONG_SIDE_PX)
-        settings = PreparationSettings(VOXEL_M, 0, "off")
+        settings = PreparationSettings(CARVING.voxel_m, 0, "off")
         work = recording, Settings(), settings, StageClock(), SilentReporter()
         before, after = [], []
         with prepare_silhouettes(*work) as prepared:

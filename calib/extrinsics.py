@@ -26,7 +26,7 @@ from calib.pairs import (
     shared_boards,
 )
 from calib.rotation import rodrigues_from_matrix
-from calib.tuning import BOARDS
+from calib.tuning import AGREEMENT, BOARDS
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
         others = [
             other.rms_px for other in table if other is not line and np.isfinite(other.rms_px)
         ]
-        if others and line.rms_px > max(1.0, BOARDS.camera_gain * float(np.median(others))):
+        if others and line.rms_px > max(1.0, AGREEMENT.late_enough_gain * float(np.median(others))):
             remarks.append(
                 f"camera {line.camera} disagrees with the others ({line.rms_px:.1f} px): wrong"
                 " lens, mirrored picture or out of sync?"

@@ -11,7 +11,7 @@ from calib.adjust import BundleScene, Observations, adjust, ideal_poses, rms_px
 from calib.board import Board, BoardView, Refusal
 from calib.camera import Camera, FloatArray
 from calib.errors import InputError
-from calib.tuning import BOARDS
+from calib.tuning import AGREEMENT, BOARDS
 
 LensKind = Literal["pinhole", "rational", "fisheye"]
 
@@ -123,7 +123,7 @@ def calibrate_intrinsics(
         rms = dict(zip(good, errors, strict=True))
         worst = max(rms, key=lambda name: rms[name])
         median = float(np.median(errors))
-        if rms[worst] <= max(BOARDS.picture_px, BOARDS.picture_gain * median):
+        if rms[worst] <= max(BOARDS.picture_px, AGREEMENT.culprit_gain * median):
             break
         lines[worst] = PictureError(
             worst,

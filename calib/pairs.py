@@ -193,10 +193,10 @@ def refuse_mirrored(
     """
     for (a, b), count in agreeing.items():
         together = shared[a, b]
-        if together < _MIN_BOARDS or count >= BOARDS.agreeing * together:
+        if together < _MIN_BOARDS or count >= together / 2:
             continue
         mirrored_count = _agreement(board, lenses, views, a, b, mirrored=True)
-        if mirrored_count < max(_MIN_BOARDS, BOARDS.agreeing * together):
+        if mirrored_count < max(_MIN_BOARDS, together / 2):
             continue
         # Mirroring either of the two has the same effect; the other cameras decide.
         gains = {name: _gain(board, lenses, views, name, (a, b)) for name in (a, b)}

@@ -26,9 +26,9 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings, load_estimator
-from silhouette_core.monocular.occlusion import AREA_FRACTION, MAGNIFICATION
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body, require_body
 from silhouette_core.monocular.tree.store import read_library
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import Recording
@@ -119,7 +119,11 @@ def run_study(recording: Recording, study: Study, folder: Path, reporter: Report
         "distance_m": video.distance_m,
         "criterion": asdict(Criterion()),
         "filter": asdict(study.reading)
-        | {"floor": FLOOR if additions else 0.0, "m": MAGNIFICATION, "hidden_share": AREA_FRACTION},
+        | {
+            "floor": FLOOR if additions else 0.0,
+            "m": MOTION_MODEL.magnification,
+            "hidden_share": MOTION_MODEL.hidden_share,
+        },
         "library": {
             "samples": len(library),
             "nodes": [len(level) for level in library.levels],

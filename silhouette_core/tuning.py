@@ -13,11 +13,11 @@ class Background:
     """Background model and the paper's subtraction (`image.background`)."""
 
     noise: float = 1.0
-    """Of 255. Least noise, and that assumed of a single picture. By eye."""
+    """Grey levels. Least noise, and that assumed of a single picture. By eye."""
     log_likelihood: float = -30.0
     """Logarithm of a density. The paper's first threshold; the paper gives no value: by eye."""
     raw_difference: float = 90.0
-    """Of 255. The paper's second threshold, likewise."""
+    """Grey levels. The paper's second threshold, likewise."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,12 @@ class Foreground:
     benchmarks.silhouettes`.
     """
 
-    chroma: float = 3.0
-    """Noise. Limit of the pooled chromatic residual."""
+    pooled: float = 3.0
+    """Noise. Limit of the pooled chromatic residual, and of the pooled difference of brightness
+    where clothes or a shadow may be."""
     possible: float = 1.2
     """Noise. The same where clothes may resemble the background: in seed 322, 99 % of the missing
     pixels exceed it, and 1 % of those outside."""
-    shaded: float = 3.0
-    """Noise. Limit of the pooled difference of brightness where clothes or a shadow may be."""
     chroma_pixel: float = 6.0
     """Noise. Limit of a single pixel's chromatic residual."""
     brightness: float = 8.0
@@ -48,9 +47,9 @@ class Foreground:
     colours_gap: float = 0.5
     """Nats. The same in narrow gaps of the silhouette."""
     contrast: float = 10.0
-    """Of 255. Edges between colours closer than this are not moved."""
+    """Grey levels. Edges between colours closer than this are not moved."""
     area: float = 3e-4
-    """1. Of the image: smaller components are removed."""
+    """1. Of the image: smaller components, or holes in the person's colours, are removed."""
     body_share: float = 0.01
     """1. Of the largest component: smaller ones are removed."""
     hole: float = 4e-5
@@ -67,7 +66,7 @@ class Foreground:
 class CastShadow:
     """The darkest cast shadow of a recording (`image.cast_shadow`).
 
-    Source unknown: chosen by eye, not ablated. As a whole: docs/results.md, "Ordinary rooms".
+    By eye. As a whole: docs/results.md, "Ordinary rooms".
     """
 
     chroma: float = 1.0
@@ -170,8 +169,7 @@ class Cut:
 class Colours:
     """Colours of a person, a head, and their shading (`image.*_colours`, `image.shading`).
 
-    Source unknown: chosen by eye, not ablated. As a whole, the person's: `python -m
-    benchmarks.completed`.
+    By eye. As a whole, the person's: `python -m benchmarks.completed`.
     """
 
     smoothing_bins: float = 0.8
@@ -186,8 +184,6 @@ class Colours:
     """Nats. Largest logarithm of a single pixel's odds."""
     smallest: float = 2e-4
     """1. Of the image: smaller pieces are noise."""
-    hole: float = 3e-4
-    """1. Of the image: smaller holes are none."""
     lit: float = 0.85
     """1. How often a pixel of the background is lit as it was; else it lies in a shadow."""
     otherwise: float = 1e-3
@@ -211,61 +207,21 @@ class Plausibility:
 
 
 @dataclass(frozen=True)
-class Shape:
-    """Standard deviations of the axes of the shape space, relative, over adults (`body.sizes`).
+class Measuring:
+    """Tape measures, and bodies with given measurements (`body.*_m*`, `body.shape`)."""
 
-    Source unknown: not compared with a table, not ablated.
-    """
-
-    trunk_length: float = 0.04
-    """1."""
-    length: float = 0.05
-    """1. Lengths of head, upper arm, forearm and foot."""
-    leg_length: float = 0.045
-    """1. Lengths of thigh and shin."""
-    width: float = 0.06
-    """1. Length of the hand, width between the hips, girth of the head."""
-    shoulder_width: float = 0.08
-    """1. Width between the shoulders, and of the trunk."""
-    girth: float = 0.10
-    """1. Girths and depths but for those named here."""
-    upper_arm_girth: float = 0.12
-    """1."""
-    clothing: float = 0.010
-    """1. Thickness of shirt and trousers over the stature."""
+    usual_m: float = 1.70
+    """m. Stature of whom nothing is known. ANSUR II has 1.756 for men, 1.629 for women."""
     hollow: float = 6.0
     """1. How much shorter clothes stand off, the hollower the surface. By eye."""
-
-
-@dataclass(frozen=True)
-class Measuring:
-    """Tape measures, and bodies with given measurements (`body.*_m*`)."""
-
-    nipples: float = 0.78
-    """1. From the thorax's joint to the upper thorax's. By eye on the templates."""
-    waist: float = 0.3
-    """1. From the abdomen's joint to the thorax's, where the templates are narrowest."""
-    acromion: float = 0.012
-    """1. Of the stature, outward of the shoulder joint: so the man's template has the mean
-    biacromial breadth of ANSUR II."""
     tolerance: float = 0.005
     """1. Largest relative difference of a body's measurement from the wanted one. By eye."""
     limb_slope: float = 0.9
     """1. Growth of the limbs' girths with the trunk's. By eye."""
     chest_slope: float = 0.5
     """1. The same with the chest's girth alone: a regression over adults, its data not recorded."""
-    adult_m: float = 1.60
-    """m. Stature from which heads are adults'."""
-    child_m: float = 1.10
-    """m. Stature at six years (Snyder et al. 1977, recalled)."""
     most_odds: float = 3.0
     """Nats. Nobody's sex is more certain than this by the stature, and children have one."""
-    tall_m: float = 2.1
-    """m. Stature to which girths of tall people are extrapolated."""
-    tall_girth: float = 0.92
-    """1. Their girths over those of the adults' mean, relative to the stature. By eye."""
-    absurd_sigmas: float = 6.0
-    """1. Standard deviations beyond which a measurement is taken for a mistake. By eye."""
     bone_radius: float = 0.12
     """1. Radius of a bone without a surface, of its length. By eye."""
 
@@ -274,8 +230,6 @@ class Measuring:
 class Dynamics:
     """Movement from frame to frame (`motion.dynamics`, `motion.floor`)."""
 
-    fps: float = 30.0
-    """1/s. Frame rate to which all step sizes refer, and at which recorded motion is used."""
     momentum: float = 0.8
     """1. Fraction of the last step that the next one is expected to repeat. By eye."""
     root_step_m: float = 0.05
@@ -297,8 +251,7 @@ class Dynamics:
 class Retargeting:
     """Recorded motion on the body (`motion.mocap`, `motion.inverse_kinematics`).
 
-    Source unknown: chosen by eye, not ablated. Weights are relative to that of a limb's bone or the
-    thorax.
+    By eye. Weights are relative to that of a limb's bone or the thorax.
     """
 
     straight_deg: float = 15.0
@@ -327,9 +280,9 @@ class Retargeting:
 class Refinement:
     """Poses and bodies refined on silhouettes (`refinement`).
 
-    Source unknown: chosen by eye, not ablated. As a whole: `python -m benchmarks.accuracy`. Reaches
-    are the largest accepted distances between contour and surface, one for each step: they shrink,
-    since the correspondences get better.
+    By eye. As a whole: `python -m benchmarks.accuracy`. Reaches are the largest accepted distances
+    between contour and surface, one for each step: they shrink, since the correspondences get
+    better.
     """
 
     reaches_m: tuple[float, ...] = (
@@ -337,12 +290,15 @@ class Refinement:
         *(0.10, 0.08, 0.07, 0.06, 0.06, 0.06),
     )
     """m. Of a pose within 0.3 m at every joint."""
+    near_reaches_m: tuple[float, ...] = (0.15, 0.12, 0.10, 0.08, 0.06, 0.06)
+    """m. Of a pose within 0.15 m; one that is predicted leaves out the ends."""
     body_reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
     """m. Of a body's proportions; every other one from the third on settles the poses then."""
     first_match_m: float = 0.04
     """m. Distance within which a match is looked for first: decides the speed alone."""
     contour_m: float = 0.012
-    """m. Standard deviation of a contour residual with the right correspondence."""
+    """m. Standard deviation of a contour residual with the right correspondence, and the least of a
+    joint of a proposed mode."""
     independence: float = 0.25
     """1. Fraction of contour points that count as independent, at the usual spacing."""
     spacing_m: float = 0.025
@@ -375,10 +331,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Consecutive frames refined together (`refinement.trajectory_fit`).
-
-    Source unknown: chosen by eye, not ablated.
-    """
+    """Consecutive frames refined together (`refinement.trajectory_fit`). By eye."""
 
     reaches_m: tuple[float, ...] = (0.15, 0.10, 0.08)
     """m. Reaches, see `Refinement`."""
@@ -396,16 +349,15 @@ class Trajectory:
     """m. Standard deviation of the second difference of the root's position."""
     root_rad: float = 0.05
     """Radians. The same of its orientation."""
-    slip_m: float = 0.02
-    """m. Scale of the robust weight of a standing foot's movement."""
+    foot_m: float = 0.02
+    """m. Scale of the robust weight of a standing foot's movement, and standard deviation of the
+    lowest point's height above the floor: as far soles are from where the body has them."""
     still: float = 0.3
     """1. Standard deviation of that movement over its scale."""
     stand_m: float = 0.16
     """m. Height of the ankle above the floor up to which a foot may stand."""
-    floor_m: float = 0.02
-    """m. Standard deviation of the lowest point's height above the floor."""
     hover_m: float = 0.08
-    """m. Scale of its robust weight: somebody may jump."""
+    """m. Scale of the robust weight of that height: somebody may jump."""
 
 
 BACKGROUND = Background()
@@ -416,7 +368,6 @@ SCENE = EmptyScene()
 CUT = Cut()
 COLOURS = Colours()
 PLAUSIBILITY = Plausibility()
-SHAPE = Shape()
 MEASURING = Measuring()
 DYNAMICS = Dynamics()
 RETARGETING = Retargeting()

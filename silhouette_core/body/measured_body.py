@@ -56,6 +56,7 @@ _DIGITS = 8
 # Heads grow early: a child of 1.1 m has a head that is larger by so much against its stature than
 # an adult's (Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18, 1977: head
 # breadth and length at six years are some 92 % of an adult's; recalled, not looked up).
+_CHILD_M, _ADULT_M = 110 / 100, 160 / 100
 _CHILD_HEAD = {"head_length": 30, "head_girth": 36, "neck_girth": 12, "foot_length": 2}  # per cent
 
 
@@ -123,8 +124,7 @@ def _shape(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _head(stature_m: float) -> NDArray[np.float64]:
     """Deviations (20,) that give a child its head."""
-    adult, child = MEASURING.adult_m, MEASURING.child_m
-    young = float(np.clip((adult - stature_m) / (adult - child), 0, 1.2))
+    young = float(np.clip((_ADULT_M - stature_m) / (_ADULT_M - _CHILD_M), 0, 1.2))
     shape = np.zeros(len(SHAPE_AXES))
     for name, deviation in _CHILD_HEAD.items():
         shape[_AXES[name]] = young * (deviation / 100)

@@ -14,7 +14,6 @@ from scipy.spatial import ConvexHull
 
 from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.body.model import BodyModel, read_template
-from silhouette_core.tuning import MEASURING
 
 DENSITY_KG_M3 = 1000
 """Density of the whole body within its skin, the lungs' air included. Source: McConville et al.,
@@ -86,7 +85,8 @@ class TapeMeasure:
         found = []
         for side, sign in (("left", 1.0), ("right", -1.0)):
             x, y, _ = joints[PART_NAMES.index(f"{side}_upper_arm")]
-            found.append(_highest(vertices, body.faces, x + sign * MEASURING.acromion * stature, y))
+            # So far outward, the man's template has the mean biacromial breadth of ANSUR II.
+            found.append(_highest(vertices, body.faces, x + sign * 0.012 * stature, y))
         corners, weights = (np.stack(part) for part in zip(*found, strict=True))
         trunk = body.faces[~np.isin(body.face_part, _ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)
@@ -106,8 +106,8 @@ class TapeMeasure:
         crotch = float(middle[middle > sole + 0.25 * stature].min())
         lumbar = joints_m[PART_NAMES.index("lumbar"), 2]
         hips = crotch + np.linspace(0.05, 0.95, 13) * (lumbar - crotch)
-        nipples = _between(joints_m, "thorax", "upper_thorax", MEASURING.nipples)
-        waist = _between(joints_m, "abdomen", "thorax", MEASURING.waist)
+        nipples = _between(joints_m, "thorax", "upper_thorax", 0.78)  # by eye on the templates
+        waist = _between(joints_m, "abdomen", "thorax", 0.3)  # where the templates are narrowest
         elbow, wrist = (joints_m[PART_NAMES.index(f"left_{n}")] for n in ("forearm", "hand"))
         acromion, other = np.einsum("nk,nkj->nj", self.acromia_weights, vertices_m[self.acromia])
         return BodyMeasurements(

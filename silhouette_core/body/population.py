@@ -40,6 +40,8 @@ _ROWS = {
         "mass_kg": ((1100, 14100, 1800), (1629, 15700, 2500)),
     },
 }
+# Girths grow less than statures do: those of people so tall, over the adults' mean's. By eye.
+_TALL_M, _TALL_GIRTH = 2100 / 1000, 920 / 1000
 _ADULTS = {"male": (17560, 686), "female": (16290, 642)}  # statures, tenths of a millimetre
 
 
@@ -57,9 +59,8 @@ def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
     power = 3 if name == "mass_kg" else 1
     rows = np.array(_ROWS["female" if sex == "female" else "male"][name]) / 1000
     if name.endswith("girth_m") or name == "mass_kg":
-        # Girths grow less than statures do beyond the adults' mean.
-        shrink = MEASURING.tall_girth if name != "mass_kg" else MEASURING.tall_girth**2
-        rows = np.vstack([rows, [MEASURING.tall_m, *(rows[-1, 1:] * shrink)]])
+        shrink = _TALL_GIRTH if name != "mass_kg" else _TALL_GIRTH**2
+        rows = np.vstack([rows, [_TALL_M, *(rows[-1, 1:] * shrink)]])
     mean, deviation = (float(np.interp(stature_m, rows[:, 0], rows[:, k])) for k in (1, 2))
     return mean * stature_m**power, deviation * stature_m**power
 
@@ -85,7 +86,7 @@ def check_measurements(measurements: BodyMeasurements, sex: str) -> None:
         if name == "stature_m":
             continue
         mean, deviation = usual_range(name, measurements.stature_m, sex)
-        reach = MEASURING.absurd_sigmas * deviation
+        reach = 6 * deviation  # beyond, it is a mistake
         low, high = max(mean - reach, 0.45 * mean), mean + reach
         if not low <= value <= high:
             unit = "kg" if name == "mass_kg" else "m"

@@ -8,7 +8,7 @@ import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_PART, PARENTS, PART_NAMES
 from silhouette_core.body.sizes import SHAPE_AXES, ShapeAxis
-from silhouette_core.tuning import SHAPE
+from silhouette_core.tuning import MEASURING
 
 _SMOOTHED = 4  # how often the length of clothing directions is averaged with the neighbours
 
@@ -102,7 +102,7 @@ def clothing_directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     rise = (normals[edges[:, 0]] * along).sum(1)
     hollow = np.bincount(edges[:, 0], rise, len(vertices)) / count
-    length = np.clip(1 - SHAPE.hollow * hollow, 0, 1)
+    length = np.clip(1 - MEASURING.hollow * hollow, 0, 1)
     for _ in range(_SMOOTHED):
         beside = np.bincount(edges[:, 0], length[edges[:, 1]], len(vertices))
         length = 0.5 * length + 0.5 * beside / count

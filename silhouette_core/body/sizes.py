@@ -6,7 +6,6 @@ import numpy as np
 
 from calib.checks import check_array
 from calib.errors import InputError
-from silhouette_core.tuning import SHAPE
 
 STATURES_M = 50 / 100, 260 / 100
 """Smallest and largest stature of a person."""
@@ -79,7 +78,8 @@ class ShapeAxis:
         parts: base names of the parts it scales ("thigh" stands for both sides).
         along: "length" (along the bone), "girth" (across it), one of "x", "y", "z" of the body
             frame, or "normal": outward by a fraction of the stature, as clothes are.
-        sigma: relative standard deviation over adults, the prior of the adaptation.
+        sigma: relative standard deviation over adults, the prior of the adaptation; of clothes,
+            thickness over the stature.
         joints: whether the joints carried by those parts move.
         flesh: whether the surface moves.
     """
@@ -98,33 +98,30 @@ class ShapeAxis:
 
 
 _TORSO = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax")
+# Per mille; sources unknown: not compared with a table, not ablated.
 SHAPE_AXES = (
-    ShapeAxis("trunk_length", _TORSO, "z", SHAPE.trunk_length),
-    ShapeAxis("head_length", ("neck", "head"), "z", SHAPE.length),
-    ShapeAxis("shoulder_width", ("clavicle",), "x", SHAPE.shoulder_width),
-    ShapeAxis("hip_width", ("pelvis",), "x", SHAPE.width, flesh=False),
-    ShapeAxis("upper_arm_length", ("upper_arm",), "length", SHAPE.length),
-    ShapeAxis("forearm_length", ("forearm",), "length", SHAPE.length),
-    ShapeAxis("hand_length", ("hand", "fingers", "thumb"), "length", SHAPE.width),
-    ShapeAxis("thigh_length", ("thigh",), "length", SHAPE.leg_length),
-    ShapeAxis("shin_length", ("shin",), "length", SHAPE.leg_length),
-    ShapeAxis("foot_length", ("foot", "toes"), "y", SHAPE.length),
-    ShapeAxis("trunk_width", _TORSO, "x", SHAPE.shoulder_width, joints=False),
-    ShapeAxis("trunk_depth", _TORSO, "y", SHAPE.girth, joints=False),
-    ShapeAxis("neck_girth", ("neck",), "girth", SHAPE.girth, joints=False),
-    ShapeAxis("head_girth", ("head",), "girth", SHAPE.width, joints=False),
-    ShapeAxis(
-        "upper_arm_girth", ("upper_arm", "clavicle"), "girth", SHAPE.upper_arm_girth, joints=False
-    ),
-    ShapeAxis("forearm_girth", ("forearm",), "girth", SHAPE.girth, joints=False),
-    ShapeAxis("hand_girth", ("hand", "fingers"), "girth", SHAPE.girth, joints=False),
-    ShapeAxis("thigh_girth", ("thigh",), "girth", SHAPE.girth, joints=False),
-    ShapeAxis("shin_girth", ("shin",), "girth", SHAPE.girth, joints=False),
-    ShapeAxis("foot_girth", ("foot", "toes"), "x", SHAPE.girth, joints=False),
-    ShapeAxis(
-        "shirt", (*_TORSO[1:], "clavicle", "upper_arm"), "normal", SHAPE.clothing, joints=False
-    ),
-    ShapeAxis("trousers", ("pelvis", "thigh", "shin"), "normal", SHAPE.clothing, joints=False),
+    ShapeAxis("trunk_length", _TORSO, "z", 40 / 1000),
+    ShapeAxis("head_length", ("neck", "head"), "z", 50 / 1000),
+    ShapeAxis("shoulder_width", ("clavicle",), "x", 80 / 1000),
+    ShapeAxis("hip_width", ("pelvis",), "x", 60 / 1000, flesh=False),
+    ShapeAxis("upper_arm_length", ("upper_arm",), "length", 50 / 1000),
+    ShapeAxis("forearm_length", ("forearm",), "length", 50 / 1000),
+    ShapeAxis("hand_length", ("hand", "fingers", "thumb"), "length", 60 / 1000),
+    ShapeAxis("thigh_length", ("thigh",), "length", 45 / 1000),
+    ShapeAxis("shin_length", ("shin",), "length", 45 / 1000),
+    ShapeAxis("foot_length", ("foot", "toes"), "y", 50 / 1000),
+    ShapeAxis("trunk_width", _TORSO, "x", 80 / 1000, joints=False),
+    ShapeAxis("trunk_depth", _TORSO, "y", 100 / 1000, joints=False),
+    ShapeAxis("neck_girth", ("neck",), "girth", 100 / 1000, joints=False),
+    ShapeAxis("head_girth", ("head",), "girth", 60 / 1000, joints=False),
+    ShapeAxis("upper_arm_girth", ("upper_arm", "clavicle"), "girth", 120 / 1000, joints=False),
+    ShapeAxis("forearm_girth", ("forearm",), "girth", 100 / 1000, joints=False),
+    ShapeAxis("hand_girth", ("hand", "fingers"), "girth", 100 / 1000, joints=False),
+    ShapeAxis("thigh_girth", ("thigh",), "girth", 100 / 1000, joints=False),
+    ShapeAxis("shin_girth", ("shin",), "girth", 100 / 1000, joints=False),
+    ShapeAxis("foot_girth", ("foot", "toes"), "x", 100 / 1000, joints=False),
+    ShapeAxis("shirt", (*_TORSO[1:], "clavicle", "upper_arm"), "normal", 10 / 1000, joints=False),
+    ShapeAxis("trousers", ("pelvis", "thigh", "shin"), "normal", 10 / 1000, joints=False),
 )
 SHAPE_SIGMA = np.array([axis.sigma for axis in SHAPE_AXES])
 IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])

@@ -175,7 +175,7 @@ def detect(view: FrameView, scale: float) -> tuple[NDArray[np.bool_], NDArray[np
     kernels.evidence(*view.arrays, unit, clip, *light, beyond, parts, strong)
     pooled = np.asarray([cv2.blur(part, (side, side)) for part in parts], np.int16)
     mask = np.empty((height, width), np.bool_)
-    limits = round(FOREGROUND.chroma * UNIT), round(FOREGROUND.brightness * UNIT)
+    limits = round(FOREGROUND.pooled * UNIT), round(FOREGROUND.brightness * UNIT)
     kernels.decide(pooled, strong, *limits, mask)
     return mask, pooled
 

@@ -113,7 +113,7 @@ def refined_soft_silhouette(
     return SoftSilhouette(
         silhouette,
         beyond_noise(chroma, FOREGROUND.possible),
-        beyond_noise(brightness, FOREGROUND.shaded),
+        beyond_noise(brightness, FOREGROUND.pooled),
     )
 
 
@@ -171,7 +171,7 @@ def _decide_by_colours(
     # The person where the difference is as small as a shadow's ...
     doubtful = np.empty(mask.shape, np.bool_)
     kernels.doubt(
-        pooled, bright, round(0.5 * FOREGROUND.chroma * UNIT), np.float32(3 * scale), doubtful
+        pooled, bright, round(0.5 * FOREGROUND.pooled * UNIT), np.float32(3 * scale), doubtful
     )
     # ... or in a narrow gap of the silhouette, where clothes and background may be of one colour.
     gap = ~grown(~grown(mask, 4 * radius, cv2.MORPH_RECT), 4 * radius, cv2.MORPH_RECT)

@@ -24,7 +24,7 @@ from silhouette_core.image.difference import (
     radius_of,
 )
 from silhouette_core.image.kernels import foreground as kernels
-from silhouette_core.tuning import COLOURS
+from silhouette_core.tuning import COLOURS, FOREGROUND
 
 SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
 EVEN = np.full((_BINS, _BINS, _BINS), 1 / 256**3, np.float32)
@@ -125,7 +125,7 @@ def find_colours(
     pieces = clean(
         likely,
         min_area_px=round(COLOURS.smallest * odds.size),
-        max_hole_px=round(COLOURS.hole * odds.size),
+        max_hole_px=round(FOREGROUND.area * odds.size),
         region=region,
     )
     return ColouredSilhouette(pieces, alike if region is None else alike & region)

@@ -18,13 +18,8 @@ from silhouette_core.estimator import Frame
 from silhouette_core.image.person_colours import ColourDensity, PersonColours
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.monocular.person import find_person
+from silhouette_core.monocular.tuning import JOINING
 
-_SURE = 3.0  # nats by which a piece's colours are the person's rather than the background's
-_AREAS = (0.002, 1.0)  # of a piece, relative to the silhouette: feet, or legs below shorts
-_WIDEST = 0.8  # of a piece, relative to the silhouette's height
-_GAPS = (0.08, 1.2)  # between a piece and the silhouette, relative to the latter's height
-_STRIP = 0.15  # of the silhouette that a piece is joined to, likewise
-_LEAST_GAIN = 1.05  # of the median area: below it, nothing is joined
 _THIN = np.ones((3, 3), np.uint8)
 
 
@@ -84,7 +79,7 @@ class JoinedPerson:
             for sample in samples
             if sample.mask.any()
         ]
-        return joining if np.median(gains) >= _LEAST_GAIN else None
+        return joining if np.median(gains) >= JOINING.least_gain else None
 
     def of(self, frames: Mapping[str, Frame]) -> NDArray[np.bool_]:
         """Silhouette (h, w) bool of a frame (H, W, 3) uint8, BGR, by camera name."""
@@ -92,7 +87,7 @@ class JoinedPerson:
         person = find_person(soft.silhouette)
         if person is None:
             return soft.silhouette
-        sure = self._silhouettes.of_colours(frames, self._density, _SURE)[self._name].likely
+        sure = self._silhouettes.of_colours(frames, self._density, JOINING.sure)[self._name].likely
         differs = soft.silhouette | soft.tint | soft.brightness
         pieces = sure | soft.silhouette
         return soft.silhouette | joined_silhouette(person.mask, pieces, differs)
@@ -115,18 +110,18 @@ def joined_silhouette(
     joined = silhouette.copy()
     height = cv2.boundingRect(silhouette.view(np.uint8))[3]
     apart = cv2.morphologyEx((pieces & ~silhouette).view(np.uint8), cv2.MORPH_OPEN, _THIN)
-    least, most = np.array(_AREAS) * np.count_nonzero(silhouette)
+    least, most = np.array(JOINING.areas) * np.count_nonzero(silhouette)
     count, labels, facts, _ = cv2.connectedComponentsWithStats(apart)
     for k in range(1, count):
-        wide = facts[k, cv2.CC_STAT_WIDTH] > _WIDEST * height
+        wide = facts[k, cv2.CC_STAT_WIDTH] > JOINING.widest * height
         if wide or not least <= facts[k, cv2.CC_STAT_AREA] <= most:
             continue
         piece = labels == k
         away = cv2.distanceTransform((~piece).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
         gap = float(away[silhouette].min())
-        if not _GAPS[0] * height <= gap <= _GAPS[1] * height:
+        if not JOINING.gaps[0] * height <= gap <= JOINING.gaps[1] * height:
             continue
-        near = silhouette & (away <= gap + _STRIP * height)
+        near = silhouette & (away <= gap + JOINING.strip * height)
         hull = np.zeros(silhouette.shape, np.uint8)
         ends = np.argwhere(piece | near)[:, ::-1].astype(np.int32)
         cv2.fillConvexPoly(hull, cv2.convexHull(ends), 1)

@@ -35,9 +35,9 @@ from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.backend import load_backend
+from silhouette_core.tuning import MEASURING
 
 LONG_SIDE_PX = 960
-_USUAL_STATURE_M = 1.70
 _STARTS = "facing", "any"
 
 
@@ -178,13 +178,12 @@ def library_for(options: MonocularOptions, settings: Settings, reporter: Reporte
     if not options.library:
         if stature is None:
             reporter.note(
-                f"nobody said how tall the person is: {_USUAL_STATURE_M:.2f} m is assumed, and all"
+                f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
                 " lengths with it"
             )
-        library = default_library(
-            BodySizes(_USUAL_STATURE_M, _chest(settings, _USUAL_STATURE_M), settings.sex), reporter
-        )
-        return _scaled(library, stature or _USUAL_STATURE_M)
+        usual_m = MEASURING.usual_m
+        sizes = BodySizes(usual_m, _chest(settings, usual_m), settings.sex)
+        return _scaled(default_library(sizes, reporter), stature or usual_m)
     library = read_library(Path(options.library))
     sizes = library.model.sizes
     if settings.sex != "unknown" or settings.chest_m is not None:

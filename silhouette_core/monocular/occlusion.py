@@ -1,4 +1,4 @@
-r"""Occlusion flags of parts, and the constants of the papers' occlusion-aware motion model."""
+r"""Occlusion flags of parts."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,12 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_many
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.monocular.window import SIZE, STATURE_PX
 
-#: T_A of eq. (3), as a fraction of the largest area that the part usually shows.
-AREA_FRACTION = 0.15
-#: m of eq. (5).
-MAGNIFICATION = 5.0
 _SIDES, _FAR = 24, 2  # views of an upright body; their distance, in lengths of it
 
 
@@ -72,4 +69,4 @@ def occluded_parts(areas: NDArray[np.number], usual: NDArray[np.float64]) -> NDA
 
     Source: Okada and Stenger, eq. (3); the threshold relative to the part is ours.
     """
-    return areas < AREA_FRACTION * usual  # eq. (3)
+    return areas < MOTION_MODEL.hidden_share * usual  # eq. (3)

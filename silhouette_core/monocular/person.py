@@ -11,25 +11,9 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.components import label_components
 from silhouette_core.image.head_colours import ColourCrop
+from silhouette_core.monocular.tuning import PERSON
 
-# Smaller components, as a fraction of the person's area, are noise; a hand behind a gap is larger.
-_LEAST_FRACTION = 0.02
-# Between a component and the main one: relative to the size of the latter, and to the root of its
-# own area. A small thing far away is none of the person's: a reflection, a screen, a curtain.
-_LARGEST_GAP, _LARGEST_OWN_GAP = 0.25, 1.0
-# A person's silhouette is mostly twice as high as wide; what is wider counts for less beside it,
-# down to a fraction: a board on the floor, or a box.
-_SLENDER, _LEAST_WEIGHT = 2.0, 0.25
-# Distance from the last place, relative to the root of the usual area, at which a component counts
-# for half: half a person's height, more than anybody moves from one frame to the next.
-_NEAR = 1.0
-_LEAST_PX = 150
-_LEAST_OF_USUAL = 0.2  # of the usual area
 _BORDER_PX = 2
-# Length of contact with the border, relative to the person's size, up to which the person is whole.
-_BORDER_FRACTION = 0.02
-# Height of an upright person's silhouette in statures: the nearer foot appears lower.
-_UPRIGHT = 1.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +58,17 @@ def find_person(
     area = components.sizes[1:].astype(float)
     (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
     w, h = right - x, bottom - y
-    weight = area * np.clip(h / (_SLENDER * w), _LEAST_WEIGHT, 1)
+    weight = area * np.clip(h / (PERSON.slender * w), PERSON.least_weight, 1)
     if near_px is not None:
+        # The root of the area is half a person's height: more than anybody moves within a frame.
         distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
-        weight /= 1 + (distance / (_NEAR * np.sqrt(usual_px or area.max()))) ** 2
+        weight /= 1 + (distance / np.sqrt(usual_px or area.max())) ** 2
     main = int(weight.argmax())
-    if area[main] < max(_LEAST_PX, _LEAST_OF_USUAL * (usual_px or 0.0)):
+    if area[main] < max(PERSON.least_px, PERSON.least_of_usual * (usual_px or 0.0)):
         return None
-    piece = (area >= _LEAST_FRACTION * area[main]) & ((area <= area[main]) | (h >= w))
-    largest_gap = np.minimum(_LARGEST_GAP * max(w[main], h[main]), _LARGEST_OWN_GAP * np.sqrt(area))
+    piece = (area >= PERSON.least_piece * area[main]) & ((area <= area[main]) | (h >= w))
+    # A small thing far away is none of the person's: a reflection, a screen, a curtain.
+    largest_gap = np.minimum(PERSON.largest_gap * max(w[main], h[main]), np.sqrt(area))
     kept = np.arange(len(components.sizes)) == main + 1
     found = np.count_nonzero(piece) > 1
     while found:  # pieces may hang on pieces
@@ -107,7 +93,7 @@ def _is_cut(mask: NDArray[np.bool_]) -> bool:
         np.count_nonzero(mask[:, :edge].any(1)),
         np.count_nonzero(mask[:, -edge:].any(1)),
     )
-    return touching > max(_BORDER_FRACTION * np.sqrt(np.count_nonzero(mask)) * 4, 3)
+    return touching > max(PERSON.border * np.sqrt(np.count_nonzero(mask)) * 4, 3)
 
 
 def area_distance(camera: Camera, mask: NDArray[np.bool_], area_m2: float) -> float:
@@ -151,4 +137,4 @@ def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) 
         return float(stature_m * camera.matrix[0, 0] / side)
     slope = directions[:, 2] / level
     height = max(slope[0] - slope[1], 1e-3)
-    return float(_UPRIGHT * stature_m / height / level[2])
+    return float(PERSON.upright * stature_m / height / level[2])

@@ -1,6 +1,7 @@
 """Tuned numbers of the monocular estimator, one a line: unit, meaning, and where it comes from.
 
 A unit of 1 is a ratio, a probability or a logarithm. Angles are in degrees, as people read them.
+"By eye" says that a number was chosen when its method was written and never varied on its own.
 """
 
 from __future__ import annotations
@@ -15,25 +16,22 @@ class FilterSettings:
     """Likelihood and pruning of the tree's filter (`tree.tree_filter`)."""
 
     sigma: float = 0.07
-    """1. Standard deviation of the silhouette distance of the true pose, eq. (10), as a fraction
-    of the silhouette's own weight. Source unknown: the paper does not state it."""
+    """1. Standard deviation of the silhouette distance of the true pose, eq. (10), as a fraction of
+    the silhouette's own weight. Source unknown: the paper does not state it."""
     coarse: float = 1.5
     """1. Factor on sigma for every level above the last, where a representative stands for a larger
-    node. Source unknown: chosen by eye, not ablated."""
+    node. By eye."""
     survivors: float = 1e-3
     """1. A node's children are scored if its posterior reaches this fraction of the best node's.
     The exact posterior is kept (tests/silhouette_core/monocular/test_ablation.py)."""
     most: int = 1500
-    """Largest number of nodes kept per level. Source as of `survivors`."""
+    """Nodes kept per level, at most. Source as of `survivors`."""
     moved: int = 500
-    """Number of nodes per level that are moved to where they fit best, if there are more than twice
+    """Nodes per level that are moved to where they fit best, if there are more than twice
     as many: those that are likely where they are. Source as of `survivors`."""
     floor: float = 0.10
     """1. Fraction of the prior that is spread evenly over the library, so that the filter recovers
-    from a wrong pose. Source unknown: chosen by eye, not ablated."""
-
-
-FILTER = FilterSettings()
+    from a wrong pose. By eye."""
 
 
 @dataclass(frozen=True)
@@ -42,21 +40,20 @@ class MotionModel:
 
     sigma_scale: float = 2.5
     """1. Factor on the measured sigmas: with 54 joint angles, these would leave nearly all of a
-    transition to two samples, and the filter could not recover from a wrong pose. 3.5 and 5 were
-    no better on one recording (docs/results.md)."""
+    transition to two samples, and the filter could not recover from a wrong pose. 3.5 and 5 were no
+    better on one recording (docs/results.md)."""
     least_sigma_deg: float = 0.5
-    """Degrees. Smallest step size of a joint angle. Source unknown: chosen by eye, not ablated."""
-
-
-MOTION_MODEL = MotionModel()
+    """Degrees. Smallest step size of a joint angle. By eye."""
+    hidden_share: float = 0.15
+    """1. Of the largest area that a part usually shows, below which it is occluded: T_A of eq. (3),
+    which the paper has in pixels. By eye."""
+    magnification: float = 5.0
+    """1. Factor on the sigmas of an occluded part: m of eq. (5)."""
 
 
 @dataclass(frozen=True)
 class Distances:
-    """Assumed distances of the person, and when it is lost (`tree.forward`).
-
-    Source of all of them unknown: chosen by eye, not ablated.
-    """
+    """Assumed distances of the person, and when it is lost (`tree.forward`). All by eye."""
 
     first_range: float = 0.30
     """1. Logarithm by which distances differ from the upright one that are tried in a first frame:
@@ -68,39 +65,35 @@ class Distances:
     pitch_sigma_deg: float = 8.0
     """Degrees. Deviation of the library's pitch from the camera's."""
     lost_factor: float = 2.5
-    """1. A frame is lost where the best node's distance exceeds the usual one by this factor and
-    `lost_excess`."""
+    """1. A frame is lost where the distance of the best node, or of the best tracked hypothesis,
+    exceeds the usual one by this factor and `lost_excess`."""
     lost_excess: float = 0.05
     """1. In units of the silhouette distance."""
     longest_gap_s: float = 1.0
-    """Seconds without a person, after which the filter starts again."""
-
-
-DISTANCES = Distances()
+    """Seconds without a person, after which filter and tracking start again."""
 
 
 @dataclass(frozen=True)
 class RootSearch:
-    """A root that stands still (`tree.root_search`).
+    """Poses of a body that is no person's (`tree.root_search`, `tree.sample_proposer`).
 
     Source of all of them unknown: chosen on the examples of `python -m benchmarks.bodies`.
     """
 
-    start_reaches_m: tuple[float, ...] = (0.20, 0.15, 0.12, 0.10, 0.08, 0.06, 0.06)
-    """Metres. How far contours are matched in the rounds of the refinement, root free."""
-    held_reaches_m: tuple[float, ...] = (0.15, 0.12, 0.10, 0.08, 0.06, 0.06)
-    """Metres. The same with a root that is held."""
+    first_reach_m: float = 0.20
+    """Metres. With a free root, contours are first matched as far, then as of a near pose."""
     sigma_m: float = 0.06
-    """Metres between the roots of two frames."""
+    """Metres between the roots of two frames, and between a body and a sample of the tree."""
     sigma_deg: float = 8.0
     """Degrees between the roots of two frames."""
     sigma_error: float = 0.03
     """1. Deviation of the silhouette error."""
     loose_rad: float = 0.6
     """Radians. Deviation of joint angles from those of the library's pose."""
-
-
-ROOT_SEARCH = RootSearch()
+    sample_rad: float = 0.20
+    """Radians. The same from those of a sample of the tree,"""
+    sample_turn_rad: float = 0.15
+    """Radians. and of its orientation."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +106,6 @@ class Tree:
     The paper states no thresholds."""
 
 
-TREE = Tree()
-
-
 @dataclass(frozen=True)
 class SampledMotion:
     """Motion of a body of which none was recorded (`making.sampled_motion`). Chosen by eye."""
@@ -124,9 +114,6 @@ class SampledMotion:
     """1. Standard deviation about rest, of the way to a limit: few joints are at a limit."""
     tilt_deg: float = 6.0
     """Degrees. Lean of a root that is free, about each level axis."""
-
-
-SAMPLED_MOTION = SampledMotion()
 
 
 @dataclass(frozen=True)
@@ -146,13 +133,199 @@ class Training:
     """1. Share of all modes meanwhile, at first."""
     least_share: float = 0.02
     """1. Share of all modes meanwhile, at last."""
-    causal: float = 1 / 3
-    """1. Share of the samples that read no later frames."""
-    colourless: float = 1 / 3
-    """1. Share of the samples whose inside is not read."""
+    last_gain: float = 0.3
+    """1. Of the first weights of the last layer, and of that of every block."""
+    withheld: float = 1 / 3
+    """1. Share of the samples that read no later frames, and of those whose inside is not read."""
 
 
-TRAINING = Training()
+@dataclass(frozen=True)
+class Mixture:
+    """Deviations of a pose's joints in the proposal (`proposal`). By eye."""
+
+    sigma: float = 0.05
+    """Statures. Deviation at a logarithm of 0; as far apart are the modes before training."""
+    joint_log_sigma: Range = (-1.6, 2.2)
+    """1. Range of a joint's log deviation."""
+    offset_log_sigma: Range = (-2.0, 3.0)
+    """1. The same of the person's place."""
+
+
+@dataclass(frozen=True)
+class FoundPerson:
+    """The person among the components of the foreground (`person`). By eye."""
+
+    least_piece: float = 0.02
+    """1. Of the person's area: smaller components are noise; a hand behind a gap is larger."""
+    largest_gap: float = 0.25
+    """1. Between a component and the main one, relative to the size of the latter."""
+    slender: float = 2.0
+    """1. Height over width of most silhouettes: what is wider counts for less beside a person,"""
+    least_weight: float = 0.25
+    """1. down to this: a board on the floor, or a box."""
+    least_px: int = 150
+    """Pixels. A person's smallest silhouette."""
+    least_of_usual: float = 0.2
+    """1. The same, of the usual one's area."""
+    border: float = 0.02
+    """1. Length of contact with the border, relative to the size, up to which nobody is cut."""
+    upright: float = 1.02
+    """Statures. Height of an upright person's silhouette: the nearer foot appears lower."""
+
+
+@dataclass(frozen=True)
+class JoinedPieces:
+    """Pieces joined to a silhouette (`joined_person`). By eye."""
+
+    sure: float = 3.0
+    """Nats by which a piece's colours are the person's rather than the background's."""
+    areas: Range = (0.002, 1.0)
+    """1. Of a piece, relative to the silhouette: feet, or legs below shorts."""
+    widest: float = 0.8
+    """1. Width of a piece, relative to the silhouette's height."""
+    gaps: Range = (0.08, 1.2)
+    """1. Between a piece and the silhouette, relative to the latter's height."""
+    strip: float = 0.15
+    """1. Of the silhouette that a piece is joined to, likewise."""
+    least_gain: float = 1.05
+    """1. Of the median area: below it, nothing is joined."""
+
+
+@dataclass(frozen=True)
+class BarePeople:
+    """Head and bare parts (`tracking.bare_parts`, `colour_evidence`). By eye."""
+
+    head_from: float = 0.35
+    """1. Of the way from the neck to the top of the head: above it is the head."""
+    head_radius: float = 0.15
+    """1. Of the head, relative to that way."""
+    along: Range = (0.3, 0.9)
+    """1. Of the way along a limb between which its colours are looked at."""
+    hand_along: Range = (1.1, 1.4)
+    """1. The same of a hand, along the forearm."""
+    trunk_width: float = 0.37
+    """1. Half the trunk's width, relative to its length."""
+    trunk_depth_m: float = 0.05
+    """Metres from its axis to its surface: what is farther away there is hidden."""
+    least_places: int = 3
+    """Places of a limb that a frame must show."""
+    least_frames: int = 5
+    """Frames that must show it."""
+    share: float = 0.75
+    """1. Of the frames: in the others the part is not where the pose has it."""
+    head: float = 0.9
+    """1. Probability that a pixel of the head has its colours."""
+    clothed: float = 0.05
+    """1. The same of what is clothed."""
+    unknown: float = 0.3
+    """1. The same of a limb that was not seen."""
+    pixel: float = 0.12
+    """Nats of a pixel that count: neighbours are not independent."""
+    most: float = 5.0
+    """Nats of a frame at most."""
+    blocks_kept: float = 0.5
+    """1. Weight of the earlier blocks' pictures in the head's colours."""
+    frames_kept: float = 0.9
+    """1. Weight of the earlier frames' pictures, without later ones."""
+
+
+@dataclass(frozen=True)
+class BodyAdaptation:
+    """The person's body (`tracking.body_adaptation`). By eye."""
+
+    frames: int = 10
+    """Frames to which it is adapted."""
+    stature_sigma_m: float = 0.008
+    """Metres. Deviation of the stature."""
+    contour_m: float = 0.02
+    """Metres. Standard deviation of a contour residual."""
+    independence: float = 0.15
+    """1. Fraction of contour points that count as independent."""
+    shod_sigma: float = 0.02
+    """Statures by which shoes and clothes make a person taller."""
+    sole_m: float = 0.012
+    """Metres. The lowest sampled point of a standing foot is so high above the floor."""
+
+
+@dataclass(frozen=True)
+class BodyHeading:
+    """How the body is headed (`tracking.body_heading`). By eye."""
+
+    independence: float = 0.5
+    """1. Frames read the same silhouettes: each counts as this fraction of an observation."""
+    sigma_deg: float = 18.0
+    """Degrees. Deviation of a mode's heading."""
+    turn_deg: float = 9.0
+    """Degrees. Turn within 1 / FPS."""
+    unknown: float = 0.02
+    """1. Probability that no mode has the right heading."""
+    expected: float = 2.0
+    """1. Concentration of the heading expected in the first frame."""
+    jump: float = 1e-5
+    """1. Weight of any turn, relative to none."""
+
+
+@dataclass(frozen=True)
+class ProposedModes:
+    """Modes that become hypotheses (`tracking.pose_modes`). By eye."""
+
+    reaches_m: tuple[float, ...] = (0.25, 0.18, 0.12, 0.09)
+    """Metres. Reaches of a refinement from a mode, see `Refinement`."""
+    pelvis_sigma_m: float = 0.15
+    """Metres. Deviation of its pelvis."""
+    evidence: float = 0.1
+    """1. Weight of a deviation from a mode: its 42 coordinates are not independent."""
+    distance_window_s: float = 0.17
+    """Seconds. Frames whose distances are averaged."""
+    usual_height: float = 0.53
+    """Statures. Height of a person's middle."""
+    heights: Range = (0.15, 1.1)
+    """Statures. Range of it in which z = 0 may be the floor."""
+    alike_m: float = 0.08
+    """Metres. Mean distance of the joints of modes that are averaged."""
+    started: int = 4
+    """Modes of a frame that become hypotheses, at most."""
+    least_probability: float = 0.02
+    """1. Of these modes."""
+    memory_s: float = 0.5
+    """Seconds of frames that the network reads without later ones."""
+    longest_frame: float = 3.0
+    """1 / FPS. Interval of frames up to which a frame counts more than one of 1 / FPS."""
+
+
+@dataclass(frozen=True)
+class UncoveredLimbs:
+    """Limbs put where a pose leaves the silhouette uncovered (`tracking.uncovered_limbs`).
+
+    By eye.
+    """
+
+    least_m: float = 0.08
+    """Metres. What stands out by less is cloth, hair or another girth."""
+    seam_m: float = 0.04
+    """Metres. Width up to which what is uncovered is a seam along the outline."""
+    tip_m: float = 0.10
+    """Metres from the tip to the wrist or ankle,"""
+    inward: float = 0.7
+    """1. at most this share of the way in."""
+    near_m: float = 0.12
+    """Metres. A wrist or ankle that is so near is there already."""
+    longest: float = 1.1
+    """1. Of a limb's length: what it may reach."""
+    stretched: float = 0.95
+    """1. The same of a straight one."""
+    bent: float = 0.4
+    """1. Share of the length in depth from which before and behind are told apart."""
+    depth: float = 0.6
+    """1. Of that depth, where the wrist or ankle is tried."""
+    across_m: float = 0.04
+    """Metres. Standard deviation across the viewing ray."""
+    along_m: float = 0.20
+    """Metres. The same along it."""
+    placed_m: float = 0.03
+    """Metres. The same of the other joints while the limb is put there."""
+    placed_end: float = 4.0
+    """1. Weight of its own end meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -167,8 +340,8 @@ class VariedMotion:
     """1. Chance of the upper body of another recording."""
     other_arms: float = 0.6
     """1. Chance of the arms of another recording."""
-    both_arms: float = 0.5
-    """1. Chance that these are both from the same."""
+    both: float = 0.5
+    """1. Chance that these are both from the same; that both limbs of any pose do much the same."""
     reversed: float = 0.3
     """1. Chance that what is taken from another recording runs backwards."""
     deviating: float = 0.7
@@ -177,8 +350,6 @@ class VariedMotion:
     """Degrees. Standard deviation of these."""
     any_limb: float = 0.25
     """1. Chance that both arms, or both legs, take any pose."""
-    alike: float = 0.5
-    """1. Chance that both do much the same then."""
     leaning: float = 0.4
     """1. Chance that the body leans."""
     lean_deg: float = 30.0
@@ -187,9 +358,6 @@ class VariedMotion:
     """1. Chance that the body lies or turns over."""
     tumble_deg: float = 6.0
     """Degrees a frame. Standard deviation of the turn."""
-
-
-VARIED_MOTION = VariedMotion()
 
 
 @dataclass(frozen=True)
@@ -226,9 +394,6 @@ class VirtualPeople:
     """1. Logarithm of brightness: standard deviation of a cell's noise."""
 
 
-VIRTUAL_PEOPLE = VirtualPeople()
-
-
 @dataclass(frozen=True)
 class VirtualCameras:
     """Cameras of virtual takes (`making.virtual_takes`), in metres of a person of 1.75 m.
@@ -256,9 +421,6 @@ class VirtualCameras:
     """1. Share of the changing part that remains in the next frame."""
 
 
-VIRTUAL_CAMERAS = VirtualCameras()
-
-
 @dataclass(frozen=True)
 class VirtualDefects:
     """Defects of virtual silhouettes (`making.virtual_defects`), in pixels of the virtual pictures.
@@ -284,7 +446,7 @@ class VirtualDefects:
     """1. Chance that one of the colours is like the background's in places, which are at the same
     places of the body in all frames."""
     places: tuple[int, int] = (2, 9)
-    """Number of such places, the last excluded."""
+    """Places of that kind, the last excluded."""
     place_px: Range = (2.5, 8.0)
     """Pixels. Their radii."""
     often: Range = (0.4, 1.0)
@@ -295,9 +457,6 @@ class VirtualDefects:
     """Degrees. Elevation of the light that casts it."""
     shadow_of: Range = (0.1, 1.1)
     """Statures. Height of the part of the body whose shadow is seen."""
-
-
-VIRTUAL_DEFECTS = VirtualDefects()
 
 
 @dataclass(frozen=True)
@@ -325,4 +484,23 @@ class VirtualShading:
     """1. Logarithm: deviation of their brightness from each other."""
 
 
+FILTER = FilterSettings()
+MOTION_MODEL = MotionModel()
+DISTANCES = Distances()
+ROOT_SEARCH = RootSearch()
+TREE = Tree()
+SAMPLED_MOTION = SampledMotion()
+TRAINING = Training()
+MIXTURE = Mixture()
+PERSON = FoundPerson()
+JOINING = JoinedPieces()
+BARE = BarePeople()
+ADAPTING = BodyAdaptation()
+HEADING = BodyHeading()
+MODES = ProposedModes()
+LIMBS = UncoveredLimbs()
+VARIED_MOTION = VariedMotion()
+VIRTUAL_PEOPLE = VirtualPeople()
+VIRTUAL_CAMERAS = VirtualCameras()
+VIRTUAL_DEFECTS = VirtualDefects()
 VIRTUAL_SHADING = VirtualShading()

@@ -12,7 +12,9 @@ from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.pose import Pose
 from silhouette_core.tuning import DYNAMICS
 
-FPS, MOMENTUM = DYNAMICS.fps, DYNAMICS.momentum
+FPS = float(30)
+"""Frames a second, the unit to which step sizes refer: recorded motion is used at this rate."""
+MOMENTUM = DYNAMICS.momentum
 ROOT_STEP_M, ROOT_STEP_RAD = DYNAMICS.root_step_m, DYNAMICS.root_step_rad
 
 # Standard deviation of joint angles about the resting stance, degrees.

@@ -60,7 +60,7 @@ class TrajectorySettings:
     acceleration: float = TRAJECTORY.acceleration
     root_m: float = TRAJECTORY.root_m
     root_rad: float = TRAJECTORY.root_rad
-    slip_m: float = TRAJECTORY.slip_m
+    slip_m: float = TRAJECTORY.foot_m
 
     def steadier(self) -> TrajectorySettings:
         """Settings for a body that is no person's, whose usual steps are wide."""
@@ -214,7 +214,7 @@ def _add_floor(
         touching = np.array([height.argmin()])
     up = np.tile([0.0, 0.0, 1.0], (len(touching), 1))
     # All points together count as one: they are of one foot.
-    weight = 1.0 / (TRAJECTORY.floor_m**2 * len(touching))
+    weight = 1.0 / (TRAJECTORY.foot_m**2 * len(touching))
     above = np.maximum(height[touching], 0.0) / TRAJECTORY.hover_m
     add_normal_equations(
         surface.jacobian(posed, touching, up),

@@ -17,6 +17,7 @@ from calib.files import write_rig
 from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import Outline, OutlineTrack
+from calib.tuning import AGREEMENT
 from calib.upright import axis_name, other_up
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
@@ -24,7 +25,6 @@ from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
 from voxelpose.results import ResultWriter
-from voxelpose.tuning import SYNCHRONISATION
 
 LONG_SIDE_PX = 480
 _SHOWN = 3  # moments that are kept for the picture
@@ -134,7 +134,7 @@ def check_recording(
     notes = _notes(recording, silhouettes, checked)
     frames = [(repair.camera, abs(repair.offset_s) * recording.fps) for repair in repairs]
     late = all(repair.kind == "out of step" for repair in repairs)
-    if after is not None and late and max(count for _, count in frames) <= SYNCHRONISATION.subframe:
+    if after is not None and late and max(count for _, count in frames) <= AGREEMENT.subframe:
         who = ", ".join(f"{camera} by {count:.1f}" for camera, count in frames)
         notes += (
             f"frames do not quite coincide ({who} of a frame), as where cameras are not triggered"

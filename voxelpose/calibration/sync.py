@@ -17,6 +17,7 @@ from calib.errors import InputError
 from calib.files import read_rig
 from calib.signals import SignalOffsets, checked_reference, offsets_from_signals
 from calib.synchronise import Synchronisation, outline_signal, require_motion, synchronise
+from calib.tuning import AGREEMENT
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
@@ -251,7 +252,7 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
         offsets = offsets_from_signals(signals, SignalSettings(most), settings.reference)
         return Sync(offsets, by, films.times, films.fps, tuple(notes))
     result = synchronise(tracks, most, settings.reference)
-    if result.agreed and result.after_px > SYNCHRONISATION.doubtful_px * image_scale(tracks):
+    if result.agreed and result.after_px > 2 * AGREEMENT.good_px * image_scale(tracks):
         notes.append(
             "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
             " calibrate check` names it"

@@ -29,6 +29,7 @@ from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
+from silhouette_core.tuning import MEASURING
 from voxelpose.live.estimator_process import EstimatorProcess
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
@@ -39,17 +40,15 @@ from voxelpose.multiview.carving.observe import body_rule
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.multiview.tracking.follower import PoseFollower
 from voxelpose.multiview.tracking.track_jobs import FollowSettings, adapt_body, search, search_limbs
+from voxelpose.multiview.tuning import CARVING
+from voxelpose.tuning import LIVE
 
 Masks = Mapping[str, NDArray[np.bool_]]
 Pictures = Mapping[str, NDArray[np.uint8]]
 SeenPerson = tuple[int, float, Person]
 """Number and time of a frame, and the person in it."""
 
-_HULL_EVERY_S = 0.15  # between two hulls, which are only shown
-_HULL_VOXEL_M, _HULL_REACH_M = 0.05, 1.2
 _HYPOTHESES = 5
-_USUAL_STATURE_M = 1.70  # of the body with which kernels are loaded
-_OCCLUDED = 0.3  # confidence of a joint on a part that is occluded, relative to the pose's
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +160,7 @@ class FollowedBody:
         if fit is None or body is None:
             self._hull = None
             return None
-        if self._hull is None or moment.time_s - self._hull_s > _HULL_EVERY_S:
+        if self._hull is None or moment.time_s - self._hull_s > 0.15:  # it is only shown
             self._hull_s, self._hull = moment.time_s, self._carved(masks, fit.pose)
         confidence = float(np.clip(1 - fit.error, 0, 1))
         return FoundPose(body.model, fit.pose, confidence, np.ones(15), hull_m=self._hull)
@@ -174,7 +173,7 @@ class FollowedBody:
         """Follows a drawn body for a moment, so that all kernels are loaded before the first frame
         is: that takes seconds.
         """
-        body = BodyModel.from_sizes(BodySizes(settings.stature_m or _USUAL_STATURE_M))
+        body = BodyModel.from_sizes(BodySizes(settings.stature_m or MEASURING.usual_m))
         silhouettes = _drawn(self._pinholes, body)
         if sum(mask.any() for mask in silhouettes.values()) < 2:
             return
@@ -184,8 +183,8 @@ class FollowedBody:
         beside.result()
 
     def _carved(self, masks: Masks, pose: Pose) -> NDArray[np.float32]:
-        low, high = pose.root_m - _HULL_REACH_M, pose.root_m + _HULL_REACH_M
-        grid = VoxelGrid.from_bounds(low, high, _HULL_VOXEL_M)
+        low, high = pose.root_m - 1.2, pose.root_m + 1.2  # as far as a body reaches
+        grid = VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
         rig = self._pinholes.select(list(masks))
         hull = carve(rig, dict(masks), grid, body_rule(len(masks), 0))
         return grid.occupied_points(hull).astype(np.float32)
@@ -272,7 +271,7 @@ class MonocularPoses:
         """The likeliest pose and others."""
         (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
         model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
-        shown = np.where(found.occluded[model.landmark_part], _OCCLUDED, 1.0)
+        shown = np.where(found.occluded[model.landmark_part], LIVE.occluded, 1.0)
         hypotheses = tuple(
             (float(probability), joints)
             for probability, joints in zip(

@@ -27,9 +27,8 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import (
 )
 from voxelpose.multiview.tracking.recording_track import TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tuning import CARVING
 
-VOXEL_M = 0.025
-_JOINED = 0.5  # of a given body's extent: pieces so near to each other are its
 _REPAIRS = "auto", "say", "off"
 
 
@@ -48,7 +47,7 @@ class _Options:
     """
 
     interference: bool = True
-    voxel_size_m: float = VOXEL_M
+    voxel_size_m: float = CARVING.voxel_m
     tolerance: int = 0
     repair: str = "auto"
     body: str = ""
@@ -96,7 +95,7 @@ class MultiViewEstimator:
             options.tolerance,
             options.repair,
             tracking.match,
-            *((0.0, True) if given is None else (_JOINED * given.extent_m, False)),
+            *((0.0, True) if given is None else (CARVING.joined * given.extent_m, False)),
         )
         work = TrackWork(settings, tracking, known, clock, reporter)
         with (

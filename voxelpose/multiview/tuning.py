@@ -9,15 +9,11 @@ from dataclasses import dataclass
 class Refining:
     """Refinement of poses on the silhouettes (`matching.pose_search`, `carving.observe`)."""
 
-    searched_reach_m: float = 0.30
-    """m. First reach of a refinement from a search, whose samples are so far off. By eye."""
     step_reach_m: float = 0.18
     """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
     follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
     smooth_reach_m: float = 0.08
     """m. First reach where nothing but the neighbours in time is new. Chosen by eye."""
-    last_reach_m: float = 0.06
-    """m. Last reach of every refinement: five sigmas of a contour residual. Chosen by eye."""
     shrinkage: float = 0.7
     """1. Each reach over the one before, about. Of the sequences that were tuned before."""
     spacing_m: float = 0.035
@@ -42,7 +38,8 @@ class Tracking:
     poor_by: float = 0.01
     """1. Excess over that, of outlines that fit nearly perfectly. Chosen by eye."""
     bad: float = 1.4
-    """1. Of the usual error, above which a search is due. Chosen by eye."""
+    """1. Of the usual error, above which a search is due; of the smallest one, above which a frame
+    does not tell which body it is. By eye."""
     recent: int = 12
     """Frames whose median error is the usual one: 0.4 s. Chosen by eye."""
     long_steps: float = 2.5
@@ -63,7 +60,7 @@ class OffLine:
     again_frames: int = 9
     """Frames that are searched then. Chosen by eye."""
     again_placements: int = 20
-    """Placements of the torso that are tried then. Chosen by eye."""
+    """Placements of the torso that are tried then, and of a sitting person. By eye."""
     beside: int = 3
     """Frames beside a searched one that are not searched as well. Chosen by eye."""
     limbs_again_s: float = 0.5
@@ -84,12 +81,8 @@ class OffLine:
 class Live:
     """What the live follower does beside the step (`tracking.follower`, `tracking.track_jobs`)."""
 
-    voxel_size_m: float = 0.025
-    """m. Of the hull that is searched, as off line."""
     first_placements: int = 4
     """Placements of the torso in a first search: the fewer, the sooner it catches up."""
-    placements: int = 10
-    """The same in a search to improve, as off line."""
     longest_gap_s: float = 0.5
     """s. Time after which a track is given up. Chosen by eye."""
     longest_gap: float = 3.5
@@ -113,18 +106,16 @@ class Live:
     by `python -m benchmarks.follower --every 3 --late 2`."""
     most_wrong: int = 5
     """Frames running that are wrong, after which a track that catches up is given up. As above."""
-    given_sigma_m: float = 0.006
-    """m. Standard deviation of a stature that was told. As off line."""
-    hull_sigma: float = 0.05
-    """1. The same of one by the hull, relative. As off line."""
 
 
 @dataclass(frozen=True)
 class Carving:
     """The visual hull, and one body's part of it (`carving`)."""
 
-    coarse_m: float = 0.05
-    """m. Voxels in which a body is looked for; twice as far its window reaches. Chosen by eye."""
+    voxel_m: float = 0.025
+    """m. Edge of the voxels that are matched, and of those of objects. By eye."""
+    joined: float = 0.5
+    """1. Of a given body's extent: pieces so near to each other are its. By eye."""
     limb_m: float = 1.0
     """m. A leg's length with the foot: as far one camera's silhouette may show the body alone."""
     explained: float = 0.04
@@ -138,38 +129,44 @@ class Carving:
     bounding: float = 0.1
     """1. Of a silhouette's largest component: smaller ones do not bound the volume. By eye."""
     smallest_m3: float = 0.004
-    """m^3. A smaller hull is noise, not a body. Chosen by eye."""
+    """m³. A smaller hull is noise, not a body. Chosen by eye."""
     person_m3: float = 0.25
-    """m^3. A person's hull is up to so large; larger ones count for less. standing4: board and man
+    """m³. A person's hull is up to so large; larger ones count for less. standing4: board and man
     have 0.37 and 0.15."""
     person_m: float = 1.6
     """m. In most poses it is so long; shorter ones count for less. As `person_m3`."""
     near_m: float = 1.0
     """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
-    least_shrinkage: float = 0.9
-    """1. Of a box's volume, above which shrinking it ends: it costs no accuracy."""
+    shrinkage: float = 0.9
+    """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
+    no accuracy."""
     off_axis: float = 1.5
     """1. Largest magnification toward an image's corners. An assumption about lenses."""
+
+    @property
+    def coarse_m(self) -> float:
+        """Voxels in which a body is looked for, m; twice as far its window reaches."""
+        return 2 * self.voxel_m
 
 
 @dataclass(frozen=True)
 class Matching:
     """Paper B's matching of limbs, and the search for the torso before it (`matching`)."""
 
+    placements: int = 10
+    """Placements of the torso that a search tries. By eye."""
     step_deg: float = 15.0
-    """degrees. Distance between sampled angles. Chosen by eye; Iiyama does not state his."""
+    """Degrees. Distance between sampled angles. Chosen by eye; Iiyama does not state his."""
     empty_cost: float = 1.0
     """Voxels. Cost of a part's voxel in empty space. Chosen by eye, not ablated."""
     taken_cost: float = 0.7
     """Voxels. The same inside a part that is already placed. Chosen by eye, not ablated."""
-    reduce_again: float = 0.9
-    """1. Of the placements, below which they are reduced again. It costs no accuracy."""
     lying_cost: float = 0.1
     """1. Of the torso: cost of lying on the side, as people mostly stand. Chosen by eye."""
     apart_m: float = 0.12
     """m. Distance from which placements of the torso are different. Chosen by eye."""
     apart_deg: float = 40.0
-    """degrees. The same of turns, also of a limb whose turn is to show. Chosen by eye."""
+    """Degrees. The same of turns, also of a limb whose turn is to show. Chosen by eye."""
     shown: float = 0.2
     """1. Of a limb's points, which leave its volume in a turn that shows. Chosen by eye."""
     matched_again: int = 3
@@ -192,7 +189,7 @@ class Evidence:
     most_turned: float = 4.0
     """1. Largest half-turn ratio that counts. Chosen by eye."""
     at_limit_rad: float = 0.02
-    """rad. From an angle's limit, up to which it is at it. Chosen by eye."""
+    """Radians. From an angle's limit, up to which it is at it. Chosen by eye."""
     unsupported: float = 0.2
     """1. Overlap with the hull below which a part is unsupported. Chosen by eye."""
 
@@ -211,8 +208,8 @@ class PersonCost:
     """Terms of a person's cost (`person.posterior`): negative logarithms of probabilities."""
 
     frame_residuals: float = 8.0
-    """1. Residuals of a frame that count as independent of each other: term `silhouettes`. Tuned
-    as 100 for twelve frames, by which template is right in seeds 201 to 250 of level 1."""
+    """1. Residuals of a frame that count as independent of each other: term `silhouettes`. Tuned as
+    100 for twelve frames, by which template is right in seeds 201 to 250 of level 1."""
     usual_error: float = 0.08
     """1. Median silhouette error of a right body: term `noise`. Right ones of random recordings
     have 0.06 to 0.10."""
@@ -223,23 +220,20 @@ class PersonCost:
     """1. Standard deviations above the usual error from which costly candidates are searched, too:
     an error of 0.146; 0.15 was tuned for sitting people (701 to 704 of `benchmarks.seated`)."""
     hull_sigma: float = 0.05
-    """1. Standard deviation of a stature's logarithm about the hull's height: term `hull`. Source
-    unknown: chosen by eye, not ablated."""
+    """1. Standard deviation of a stature's logarithm about the hull's height: term `hull`. By
+    eye."""
     hull_farthest_sigmas: float = 3.0
     """1. Standard deviations beyond which the hull's height says nothing, of who crouches or
     reaches up: term `hull`. As a factor 1.16; 1.15 stood for it, chosen by eye."""
-    adult_m: float = 1.70
-    """m. Mean of the statures: term `stature`. ANSUR II has 1.756 for men, 1.629 for women."""
     adult_sigma_m: float = 0.12
-    """m. Their standard deviation: term `stature`. ANSUR II has 0.09 for men and women together;
-    other peoples and youths widen it by eye."""
+    """m. Standard deviation of statures about the usual one: term `stature`. ANSUR II has 0.09 for
+    men and women together; other peoples and youths widen it by eye."""
     told_sigma_m: float = 0.006
     """m. Standard deviation of a stature that was told: term `stature`. Shoes and tape, by eye."""
-    sitting: float = 0.05
-    """1. Probability that somebody sits all the time: term `posture`. Chosen, not measured."""
-    objects: float = 0.05
-    """1. Probability that something came with the person and stays: term `objects`. Chosen, not
-    measured; of twelve ordinary recordings none showed anything."""
+    unusual: float = 0.05
+    """1. Probability that somebody sits all the time, and that something came with the person and
+    stays: terms `posture`, `objects`. Chosen, not measured; of twelve ordinary recordings none
+    showed anything."""
 
 
 @dataclass(frozen=True)
@@ -249,13 +243,9 @@ class PersonSearch:
     frames_per_anchor: int = 60
     """Frames of a recording for each in which bodies are compared. Source unknown: by eye."""
     fewest_anchors: int = 5
-    """Of these frames, at least. Source unknown: by eye."""
-    clear: float = 1.4
-    """1. A frame is used where its error is below so many times the smallest one's. By eye."""
+    """Frames of these, at least. Source unknown: by eye."""
     stature_step: float = 1.07
     """1. Ratio of neighbouring statures that are tried; adaptation bridges half of it."""
-    known_sigma: float = 1e-4
-    """1. Standard deviation of all axes of a known body but its clothes: none."""
 
 
 @dataclass(frozen=True)
@@ -277,10 +267,6 @@ class HullGirth:
 class SittingSearch:
     """Search for sitting postures (`person.sitting`)."""
 
-    thigh_flexion_deg: float = 80.0
-    """deg. Flexion of hip and knee on a chair, by eye."""
-    thigh_abduction_deg: float = 8.0
-    """deg. Abduction of the hips, by eye."""
     head_m: float = 0.12
     """m. Of the hull below its top, which is taken for the head: half of a head's height."""
 
@@ -292,8 +278,6 @@ class StaticObjectSearch:
     Chosen on seeds 701 to 704 of `benchmarks.seated`, not ablated.
     """
 
-    voxel_m: float = 0.025
-    """m. Edge of the voxels of an object."""
     beside_m: float = 0.03
     """m. From the body's outline, within which a silhouette is the body's."""
     widened_m: float = 0.04
@@ -314,13 +298,8 @@ class StaticObjectSearch:
 class CameraRepair:
     """Cameras that were turned or come late (`silhouettes.camera_repair`)."""
 
-    subframe: float = 0.6
-    """Frames. A smaller offset cannot be corrected by whole frames."""
     most_turned_deg: float = 5.0
-    """deg. A larger turn is no bump: somebody should look. By eye."""
-    improved: float = 0.5
-    """1. Share of the error that may be left by a repair which is sure although not all cameras
-    agree yet. Tuned on seed 322 of level 2."""
+    """Degrees. A larger turn is no bump: somebody should look. By eye."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, 
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import findings, noun_of, overall
 from voxelpose.results import Result
+from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
 from voxelpose.view.viewer.legend import display_name
@@ -164,7 +165,7 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
         "parts": parts,
         "part_table": _part_table(result),
         "covered": LIMITS.covered,
-        "doubtful": LIMITS.doubtful,
+        "doubtful": RELIABILITY.agreement,
         "cameras": cameras.lines,
         "agreement": cameras.summary,
         "missing": scenes.missing,
@@ -199,7 +200,7 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
         angles.append((time_chart(chart, motion.time_s, f"angle{k}"), note))
     quality = []
     for name, title, below in (
-        ("outline_agreement", "Outlines: body and silhouettes in common", LIMITS.doubtful),
+        ("outline_agreement", "Outlines: body and silhouettes in common", RELIABILITY.agreement),
         ("unexplained", "Unexplained share of the hull", None),
     ):
         if name in motion.quality:

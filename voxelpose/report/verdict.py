@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from silhouette_core.motion.dynamics import is_person_tree
 from voxelpose.report.cameras import CameraCheck
 from voxelpose.results import Result
-from voxelpose.tuning import REPORT
+from voxelpose.tuning import RELIABILITY, REPORT
 from voxelpose.view.viewer.legend import display_name
 
 Level = Literal["good", "look", "bad"]
@@ -100,7 +100,7 @@ def _lost(result: Result) -> Finding:
     count_filled = int(result.motion.filled.sum())
     filled = f" {count_filled} of them were filled by interpolation." if count_filled else ""
     return Finding(
-        "bad" if len(lost) > REPORT.lost * count else "look",
+        "bad" if len(lost) > RELIABILITY.lost * count else "look",
         "Frames",
         f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}",
         f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
@@ -113,14 +113,14 @@ def _outlines(result: Result) -> list[Finding]:
         return []
     agreement = np.asarray(result.motion.quality["outline_agreement"], float)
     median = float(np.nanmedian(agreement))
-    doubtful = agreement < REPORT.doubtful
+    doubtful = agreement < RELIABILITY.agreement
     level: Level = "look" if median < REPORT.sure or doubtful.any() else "good"
-    if median < REPORT.doubtful:
+    if median < RELIABILITY.agreement:
         level = "bad"
     words = f"The body's outline and the silhouettes agree to {100 * median:.0f} % (median)."
     if doubtful.any():
         runs = ranges_text(result.motion.frames[doubtful])
-        words += f" Below {100 * REPORT.doubtful:.0f} %: {runs}."
+        words += f" Below {100 * RELIABILITY.agreement:.0f} %: {runs}."
     noun = noun_of(result)
     advice = (
         f"Play the video at those frames. If the body misses the {noun}, check the silhouettes in"
@@ -141,7 +141,7 @@ def _parts(result: Result) -> list[Finding]:
     weak = {
         name: share
         for name, share in zip(model.names, uncovered.tolist(), strict=True)
-        if share > REPORT.often_uncovered and not name.endswith(_SMALL)
+        if share > RELIABILITY.lost and not name.endswith(_SMALL)
     }
     if not weak:
         return [Finding("good", "Body parts", "Every limb lies inside the carved hull.")]

@@ -266,7 +266,7 @@ def _trained_encoding(
         )
         return PictureBatch(
             *(pool.gathered(frames, name) for name in ("coverage", "skin", "shading")),
-            coloured=rng.random(samples) >= TRAINING.colourless,
+            coloured=rng.random(samples) >= TRAINING.withheld,
             samples=TrainingBatch(
                 np.concatenate(others, axis=1, dtype=np.float32),
                 pool.gathered(frames, "joints"),
@@ -298,8 +298,8 @@ def _trained(
 
     def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:
         frames = rng.integers(0, count, samples)
-        causal = rng.random(samples) < TRAINING.causal
-        coloured = rng.random(samples) >= TRAINING.colourless
+        causal = rng.random(samples) < TRAINING.withheld
+        coloured = rng.random(samples) >= TRAINING.withheld
         return TrainingBatch(
             network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
             filmed.joints[frames],

@@ -61,7 +61,7 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
     if rng.random() < VARIED.other_upper_body:
         angles[:, _UPPER_BODY] = _stretch(others, count, rng)[:, _UPPER_BODY]
     if rng.random() < VARIED.other_arms:
-        together = rng.random() < VARIED.both_arms
+        together = rng.random() < VARIED.both
         for arms in [_ARMS[0] | _ARMS[1]] if together else _ARMS:
             angles[:, arms] = _stretch(others, count, rng)[:, arms]
     for limbs in (_ARMS, _LEGS):
@@ -99,7 +99,7 @@ def _put_anywhere(
     """
     low, high = HUMAN.dof_limits_rad.T
     spread = _curves(len(angles_rad), len(low), 1.0, rng, _ANY_LIMB_KNOTS)
-    if rng.random() < VARIED.alike:
+    if rng.random() < VARIED.both:
         spread[:, limbs[1]] = spread[:, limbs[0]] + 0.3 * spread[:, limbs[1]]
     anywhere = low + (high - low) * ndtr(spread)
     either = limbs[0] | limbs[1]

@@ -17,10 +17,7 @@ from silhouette_core.monocular.proposal.kernels.mixture import (
     SIGMA,
 )
 from silhouette_core.monocular.proposal.silhouette_features import product
-
-_LAST_GAIN = 0.3  # of the last layer, and of that of every block
-_FIRST_SPREAD = 0.05  # statures between the modes at first
-_LEAST = 1e-5  # added to a variance
+from silhouette_core.monocular.tuning import TRAINING
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +93,9 @@ class MixtureNetwork:
             (rng.normal(size=(a, b)) * np.sqrt(2 / a)).astype(dtype) for a, b in pairwise(sizes)
         ]
         for weight in [*weights[2:-1:2], weights[-1]]:
-            weight *= _LAST_GAIN
+            weight *= TRAINING.last_gain
         biases = [np.zeros(size, dtype) for size in sizes[1:]]
-        biases[-1][: modes * count * 3] = rng.normal(0, _FIRST_SPREAD, modes * count * 3)
+        biases[-1][: modes * count * 3] = rng.normal(0, SIGMA, modes * count * 3)
         return cls(tuple(weights), tuple(biases), mean_joints, modes)
 
     @property
@@ -141,5 +138,5 @@ def normalised(
     deviations (N, 1).
     """
     centred = state - state.mean(axis=1, keepdims=True)
-    deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(_LEAST))
+    deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(1e-5))
     return centred / deviation, deviation

@@ -25,7 +25,7 @@ GRID = (60, 80)
 """Rows and columns of the grid of coverage."""
 FEET_GRID = (28, 48)
 """Rows and columns of the grid of the lowest part, whose cells are half as large."""
-STATURE_CELLS = 39.5
+STATURE_CELLS = 158 / 4
 """Cells of a stature at the assumed distance: 158 pixels of the library's window."""
 FULL = 4
 """Coverage of a cell inside the silhouette."""

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
+from silhouette_core.monocular.tuning import BARE
 
 _LIMBS = {  # parts: the joints between which they lie, and from where to where on that way
-    ("upper_arm",): ("shoulder", "elbow", 0.3, 0.9),
-    ("forearm",): ("elbow", "wrist", 0.3, 0.9),
-    ("hand", "thumb", "fingers"): ("elbow", "wrist", 1.1, 1.4),
-    ("thigh",): ("hip", "knee", 0.3, 0.9),
-    ("shin",): ("knee", "ankle", 0.3, 0.9),
+    ("upper_arm",): ("shoulder", "elbow", BARE.along),
+    ("forearm",): ("elbow", "wrist", BARE.along),
+    ("hand", "thumb", "fingers"): ("elbow", "wrist", BARE.hand_along),
+    ("thigh",): ("hip", "knee", BARE.along),
+    ("shin",): ("knee", "ankle", BARE.along),
 }
 _JOINTS = np.array(
     [
@@ -30,21 +31,12 @@ _JOINTS = np.array(
             [LANDMARK_NAMES.index(f"{side}_{joint}") for joint in joints]
             for side in ("left", "right")
         ]
-        for *joints, _, _ in _LIMBS.values()
+        for *joints, _ in _LIMBS.values()
     ]
 )
-_ALONG = np.array([np.linspace(first, last, 7) for *_, first, last in _LIMBS.values()])
+_ALONG = np.array([np.linspace(*along, 7) for *_, along in _LIMBS.values()])
 _PELVIS, _NECK = LANDMARK_NAMES.index("pelvis"), LANDMARK_NAMES.index("neck")
-# Half the trunk's width relative to its length, and how far before its axis, along the line of
-# sight, its surface is: what is farther away there is hidden by it.
-_TRUNK_WIDTH, _TRUNK_DEPTH_M = 0.37, 0.05
-_LEAST_PLACES, _LEAST_FRAMES = 3, 5.0
 _BINS = 20
-_SHARE = 0.75  # of the frames: in the others the part is not where the pose has it
-_KNOWN = {"head": 0.9, "neck": 0.5}
-_CLOTHED, _UNKNOWN = 0.05, 0.3
-_NATS = 0.12  # a pixel: neighbours are not independent
-_MOST_NATS = 5.0  # a frame
 
 
 class BareParts:
@@ -89,20 +81,20 @@ class BareParts:
         number = seen.sum(axis=-1)
         mean = (likelihood[row, column] * seen).sum(axis=-1) / np.maximum(number, 1)
         bins = np.minimum((mean * _BINS).astype(int), _BINS - 1)
-        limb, side = np.nonzero(number >= _LEAST_PLACES)
+        limb, side = np.nonzero(number >= BARE.least_places)
         np.add.at(self._counts, (limb, bins[limb, side]), 1.0)
 
     def probability(self) -> NDArray[np.float64]:
         """Probability (27,) that a pixel of each part has the colours of the head."""
         total = self._counts.sum(axis=1, keepdims=True)
-        rank = (np.cumsum(self._counts, axis=1) >= _SHARE * total).argmax(axis=1)
-        limbs = np.where(total[:, 0] < _LEAST_FRAMES, _UNKNOWN, (rank + 0.5) / _BINS)
-        known = dict(_KNOWN)
+        rank = (np.cumsum(self._counts, axis=1) >= BARE.share * total).argmax(axis=1)
+        limbs = np.where(total[:, 0] < BARE.least_frames, BARE.unknown, (rank + 0.5) / _BINS)
+        known = {"head": BARE.head, "neck": 0.5}  # a neck may be covered as well as bare
         for names, limb in zip(_LIMBS, limbs, strict=True):
             known |= dict.fromkeys(names, float(limb))
         parts = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
-        chance = np.array([known.get(part, _CLOTHED) for part in parts], float)
-        return np.clip(chance, _CLOTHED, 1 - _CLOTHED)
+        chance = np.array([known.get(part, BARE.clothed) for part in parts], float)
+        return np.clip(chance, BARE.clothed, 1 - BARE.clothed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +125,8 @@ class SkinEvidence:
         parts, likelihood = drawn[:, mask], self.likelihood[mask]
         cost = -np.log1p(-bare)[parts].sum(axis=1)
         cost += np.log((1 - bare) / bare)[parts] @ likelihood
-        above = _NATS * (cost - cost.min())
-        return _MOST_NATS * -np.expm1(-above / _MOST_NATS)
+        above = BARE.pixel * (cost - cost.min())
+        return BARE.most * -np.expm1(-above / BARE.most)
 
 
 def _behind_trunk(
@@ -146,5 +138,5 @@ def _behind_trunk(
     share = np.clip((places[..., :2] - pelvis[:2]) @ axis / length, 0.0, 1.0)
     nearest = pelvis + share[..., None] * (neck - pelvis)
     aside = np.linalg.norm(places[..., :2] - nearest[..., :2], axis=-1)
-    deeper = places[..., 2] > nearest[..., 2] - _TRUNK_DEPTH_M
-    return (aside < _TRUNK_WIDTH * np.sqrt(length)) & deeper
+    deeper = places[..., 2] > nearest[..., 2] - BARE.trunk_depth_m
+    return (aside < BARE.trunk_width * np.sqrt(length)) & deeper

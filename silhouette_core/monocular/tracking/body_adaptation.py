@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import STATURES_M
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
+from silhouette_core.monocular.tuning import ADAPTING
 from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
 from silhouette_core.refinement.joint_placement import place_bodies
@@ -20,16 +21,11 @@ from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import silhouette_error
+from silhouette_core.tuning import DYNAMICS, TRAJECTORY
 
-_FRAMES = 10
-_STATURE_SIGMA_M = 0.008
 _DECIMALS = 2  # of probabilities that are compared: the last digits are noise
-_WEIGHTS = RefineSettings(contour_m=0.02, independence=0.15)
+_WEIGHTS = RefineSettings(contour_m=ADAPTING.contour_m, independence=ADAPTING.independence)
 _POINTS = 500
-# By how much shoes and clothes make a person taller, a share of the stature; the lowest sampled
-# point of a foot that stands is 1.2 cm above the floor, by 2 cm more or less.
-_SHOD_SIGMA, _SOLE_M, _SOLE_SIGMA_M = 0.02, 0.012, 0.02
-_NEAR_FLOOR_M = 0.1
 
 
 def adapted_body(
@@ -57,7 +53,7 @@ def adapted_body(
         backend: scores the bodies.
     """
     sure = np.round([frame.probability.max() for frame in modes], _DECIMALS)
-    blocks = np.array_split(np.arange(len(modes)), min(_FRAMES, len(modes)))
+    blocks = np.array_split(np.arange(len(modes)), min(ADAPTING.frames, len(modes)))
     frames = [int(block[sure[block].argmax()]) for block in blocks]
     priors = [modes[t].priors[int(modes[t].probability.argmax())] for t in frames]
     observations = [Observation.from_masks(views, [masks[t]], modes[t].distance_m) for t in frames]
@@ -70,7 +66,7 @@ def adapted_body(
             surface,
             observations,
             poses,
-            Stature(template.sizes.stature_m, _STATURE_SIGMA_M),
+            Stature(template.sizes.stature_m, ADAPTING.stature_sigma_m),
             template.shape,
             clothed_covariance(),
             _WEIGHTS,
@@ -110,14 +106,14 @@ def shod_scale(lowest_m: NDArray[np.float64], camera_m: float) -> float:
 
     Source: own; similar triangles.
     """
-    near = np.abs(lowest_m) < _NEAR_FLOOR_M
-    if near.mean() < 0.5 or camera_m < 2 * _NEAR_FLOOR_M:
+    near = np.abs(lowest_m) < DYNAMICS.floor_m
+    if near.mean() < 0.5 or camera_m < 2 * DYNAMICS.floor_m:
         return 1.0
     quarter, middle, three_quarters = np.quantile(lowest_m, (0.25, 0.5, 0.75)).tolist()
-    height_m = middle - _SOLE_M
+    height_m = middle - ADAPTING.sole_m
     grown = camera_m / (camera_m - height_m) - 1
-    variance = (_SOLE_SIGMA_M**2 + ((three_quarters - quarter) / 2) ** 2) / camera_m**2
-    return 1 + max(0.0, _SHOD_SIGMA**2 / (_SHOD_SIGMA**2 + variance) * grown)
+    variance = (TRAJECTORY.foot_m**2 + ((three_quarters - quarter) / 2) ** 2) / camera_m**2
+    return 1 + max(0.0, ADAPTING.shod_sigma**2 / (ADAPTING.shod_sigma**2 + variance) * grown)
 
 
 def _grown(model: BodyModel, factor: float) -> BodyModel:

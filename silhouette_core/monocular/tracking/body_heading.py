@@ -10,16 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.monocular.tuning import HEADING
 from silhouette_core.motion.dynamics import FPS
 
-# The frames' mixtures read the same silhouettes: each counts as this fraction of an observation.
-_INDEPENDENCE = 0.5
 _HEADINGS = 72
 _STATES_RAD = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
-_HEADING_SIGMA_RAD, _TURN_RAD = np.radians(18.0), np.radians(9.0)
-_UNKNOWN = 0.02  # probability that no mode has the right heading
-_EXPECTED = 2.0  # concentration of the heading expected in the first frame
-_JUMP = 1e-5  # weight of any turn, relative to none
 _LEFT, _RIGHT = (
     [LANDMARK_NAMES.index(f"{side}_{name}") for name in ("hip", "shoulder")]
     for side in ("left", "right")
@@ -113,20 +108,20 @@ def _observed(
     with modes (…, M).
     """
     apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
-    kernel = np.exp(-0.5 * (apart / _HEADING_SIGMA_RAD) ** 2)
+    kernel = np.exp(-0.5 * (apart / np.radians(HEADING.sigma_deg)) ** 2)
     kernel /= kernel.sum(axis=-1, keepdims=True)
-    seen = (1 - _UNKNOWN) * np.einsum("...m,...ms->...s", probability, kernel)
-    return kernel, (seen + _UNKNOWN / _HEADINGS) ** _INDEPENDENCE
+    seen = (1 - HEADING.unknown) * np.einsum("...m,...ms->...s", probability, kernel)
+    return kernel, (seen + HEADING.unknown / _HEADINGS) ** HEADING.independence
 
 
 def _expected(heading_rad: float) -> NDArray[np.float64]:
-    return np.exp(_EXPECTED * (np.cos(_STATES_RAD - heading_rad) - 1))
+    return np.exp(HEADING.expected * (np.cos(_STATES_RAD - heading_rad) - 1))
 
 
 def _turning(interval_s: float) -> NDArray[np.complexfloating]:
     """Spectrum of the density of the turn within an interval."""
     turn, steps = (_STATES_RAD + np.pi) % (2 * np.pi) - np.pi, max(interval_s * FPS, 0.1)
-    moved = np.exp(-0.5 * (turn / _TURN_RAD) ** 2 / steps) + _JUMP * steps
+    moved = np.exp(-0.5 * (turn / np.radians(HEADING.turn_deg)) ** 2 / steps) + HEADING.jump * steps
     return np.fft.rfft(moved / moved.sum())
 
 

@@ -28,11 +28,10 @@ from silhouette_core.monocular.proposal.silhouette_features import (
 )
 from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.bare_parts import BareParts, SkinEvidence
+from silhouette_core.monocular.tuning import BARE
 from silhouette_core.monocular.window import Window
 
 _NECK, _TOP = LANDMARK_NAMES.index("neck"), LANDMARK_NAMES.index("head_top")
-_LOWEST = 0.35  # of the way from the neck to the top of the head: above it is the head
-_RADIUS = 0.15  # of the head, relative to that way
 
 
 class ColourEvidence:
@@ -142,12 +141,12 @@ class ColourEvidence:
     def _head(self, joints_m: NDArray[np.float64], crop: ColourCrop) -> NDArray[np.bool_]:
         """Pixels (h, w) bool of the head in a crop."""
         neck, top = joints_m[_NECK], joints_m[_TOP]
-        ends, depth = self.camera.project(np.stack([neck + _LOWEST * (top - neck), top]))
+        ends, depth = self.camera.project(np.stack([neck + BARE.head_from * (top - neck), top]))
         head = np.zeros(crop.bins.shape, np.uint8)
         if not np.isfinite(ends).all():  # behind the camera
             return head.astype(bool)
         length = float(np.linalg.norm(top - neck))
-        radius = _RADIUS * length * self.camera.matrix[0, 0] / max(float(depth[0]), 0.1)
+        radius = BARE.head_radius * length * self.camera.matrix[0, 0] / max(float(depth[0]), 0.1)
         one, other = (tuple(int(v) for v in np.round(end - crop.corner)) for end in ends)
         cv2.line(head, one, other, 1, max(1, round(2 * radius)))
         return head.astype(bool)

@@ -24,10 +24,10 @@ from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.tuning import REFINEMENT
 
-FROM_PREDICTION = RefineSettings(reaches_m=(0.12, 0.10, 0.08, 0.06))
+FROM_PREDICTION = RefineSettings(reaches_m=REFINEMENT.near_reaches_m[1:-1])
 """Refinement of a pose that is nearly right."""
-_EXPLAINED = 0.04  # silhouette distance up to which no limb is looked for elsewhere
 
 FoundPoses = tuple[list[Pose], list[LandmarkPrior | None]]
 """Poses, and the prior of the joints' positions that each was refined with."""
@@ -92,7 +92,9 @@ def _reaching(
         cost = 0.5 * (distance / settings.costs.silhouette) ** 2
         cost += proposal.cost(joints_of(surface.model, poses))
         best = np.argsort(cost, kind="stable")[: settings.reaching]
-        best = [int(k) for k in best if distance[k] > _EXPLAINED and k not in tried]
+        # Within its sigma, nothing is missing.
+        most = settings.costs.silhouette
+        best = [int(k) for k in best if distance[k] > most and k not in tried]
         known = [prior for prior in (priors[k] for k in best) if prior is not None]
         more, own = reach_uncovered(surface, observed, [poses[k] for k in best], known)
         if not more:

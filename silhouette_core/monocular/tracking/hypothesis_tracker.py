@@ -26,6 +26,7 @@ from silhouette_core.monocular.tracking.motion_cost import (
 )
 from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
 from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tuning import MODES
 from silhouette_core.motion.dynamics import (
     FPS,
     ROOT_STEP_M,
@@ -40,8 +41,6 @@ from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
-
-_LONGEST_FRAME = 3.0  # interval of frames up to which a frame counts more than one of 1 / FPS
 
 
 class HypothesisTracker:
@@ -155,7 +154,7 @@ class HypothesisTracker:
     def _continued(self, beam: Beam, previous: Beam, predicted: list[Pose]) -> Beam:
         """Hypotheses with the cheapest past of each."""
         # Costs of a frame are those of 1 / FPS; a longer one counts for as much more.
-        longer = float(np.clip((beam.time_s - previous.time_s) * FPS, 0.0, _LONGEST_FRAME))
+        longer = float(np.clip((beam.time_s - previous.time_s) * FPS, 0.0, MODES.longest_frame))
         own = beam.own * longer
         moving, restarted = self.moving(previous, predicted, beam)
         total = previous.cost[:, None] + moving

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-NEAR_MM = 30.0
+NEAR_MM = 30
 """Error for which the probability of a joint is stated."""
-ADDED_MM = 3.0
+ADDED_MM = 3
 """Added to errors before their logarithm is taken."""
-_SPREAD_MM, _LEAST_APART = 10.0, 0.02
+_SPREAD_MM, _LEAST_APART = 10, 1 / 50
 
 # Constants of the 15 joints, then the weights of: log of a joint's spread, log of the joints' mean
 # spread, log of the share of the outlines that differs, occlusion of the joint.
@@ -39,7 +39,7 @@ WORLD_WEIGHTS = np.array(
     ).split(),
     float,
 )
-WORLD_DEVIATION = 0.779
+WORLD_DEVIATION = 779 / 1000
 """Of what the weights leave of the logarithm of the errors."""
 # The same for errors relative to the pelvis.
 POSE_WEIGHTS = np.array(

@@ -21,17 +21,15 @@ from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
 from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
+from silhouette_core.monocular.tuning import BARE, MODES
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
-_MEMORY_S = 0.5  # of frames that the network reads without later ones
 _ROUNDS = 3  # in which the distance of a first frame is corrected
-# Weights of earlier pictures in the head's colours; without later frames these are learned from
-# every fifth frame.
-_BLOCKS_KEPT, _FRAMES_KEPT, _COLOURS_EVERY = 0.5, 0.9, 5
+_COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,7 @@ class ModeProposer:
 
     def note(self, number: int, time_s: float, person: Person) -> ModeNote:
         """See `frame_proposal.Proposer.note`."""
-        self._views = [one for one in self._views if time_s - one.time_s <= _MEMORY_S]
+        self._views = [one for one in self._views if time_s - one.time_s <= MODES.memory_s]
         if not self._views:
             self._distance_m = self._first_distance(time_s, person)
         window = self._window(person, self._distance_m)
@@ -120,7 +118,7 @@ class ModeProposer:
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
         """See `frame_proposal.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
-            self._colours.learn([person], [joints_m], _FRAMES_KEPT)
+            self._colours.learn([person], [joints_m], BARE.frames_kept)
 
     def _window(self, person: Person, distance_m: float) -> Window:
         scale = STATURE_PX / self._finder.stature_m
@@ -141,7 +139,7 @@ class ModeProposer:
         facing = self._facing and first
         views = self._finder.corrected(views, [person.mask for person in people])
         modes = self._finder.find(views, facing=facing)
-        if not self._colours.learn(people, [one.likeliest for one in modes], _BLOCKS_KEPT):
+        if not self._colours.learn(people, [one.likeliest for one in modes], BARE.blocks_kept):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
         return self._finder.find(views, facing=facing)

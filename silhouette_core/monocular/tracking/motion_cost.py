@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.monocular.occlusion import MAGNIFICATION
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import ROOT_STEP_M, elapsed_steps
 
 
@@ -47,7 +47,7 @@ class ProcessNoise:
     sigma_rad: NDArray[np.float64]
     root_rad: float = 0.10
     root_m: float = ROOT_STEP_M
-    magnification: float = MAGNIFICATION
+    magnification: float = MOTION_MODEL.magnification
     restart_cost: float = 40.0
     spacing_rad: float = 0.10
 

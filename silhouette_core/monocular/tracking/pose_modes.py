@@ -25,22 +25,16 @@ from silhouette_core.monocular.tracking.body_heading import (
     body_headings,
     smooth_headings,
 )
+from silhouette_core.monocular.tuning import MODES
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
-_LEAST_SIGMA_M = 0.012
-_PELVIS_SIGMA_M = 0.15
-_EVIDENCE = 0.1  # weight of a deviation from a mode: its 42 coordinates are not independent
-_DISTANCE_WINDOW_S = 0.17
-# Height of a person's middle, in statures: usual, and the range in which z = 0 may be the floor.
-_USUAL_HEIGHT, _HEIGHTS = 0.53, (0.15, 1.1)
-_ALIKE_M = 0.08  # mean distance of the joints of modes that are averaged
-_STARTED, _LEAST_PROBABILITY = 4, 0.02  # modes of a frame that become hypotheses
-_FROM_MODE = RefineSettings(reaches_m=(0.25, 0.18, 0.12, 0.09), contour_m=0.015, independence=0.3)
+_FROM_MODE = RefineSettings(MODES.reaches_m, TRAJECTORY.contour_m, TRAJECTORY.independence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +70,8 @@ class FrameModes:
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
-        expected = [self.priors[mode] for mode in self.probable(_STARTED, _LEAST_PROBABILITY)]
+        probable = self.probable(MODES.started, MODES.least_probability)
+        expected = [self.priors[mode] for mode in probable]
         placed = place_bodies(surface, contour, expected)
         return [
             RefineStart(pose, _FROM_MODE, None, prior)
@@ -101,7 +96,7 @@ class FrameModes:
             error = (relative - prior.relative_m)[:, 1:]
             square = np.einsum("kli,lij,klj->kl", error, prior.precision[1:], error)
             scale = 0.5 * (DEGREES_OF_FREEDOM + 3)
-            logs[:, mode] = np.log(max(self.probability[mode], 1e-6)) - _EVIDENCE * (
+            logs[:, mode] = np.log(max(self.probability[mode], 1e-6)) - MODES.evidence * (
                 scale * np.log1p(square / DEGREES_OF_FREEDOM)
             ).sum(axis=1)
         most = logs.max(axis=1, keepdims=True)
@@ -259,12 +254,12 @@ class ModeFinder:
         pelvis = window.unproject(pixel, depth)[0]
         along = np.outer(axes[1], axes[1])
         sigma = np.einsum("nm,mlk->nlk", nearby, modes.sigma[t].astype(float))
-        sigma = np.maximum(sigma * self.stature_m, _LEAST_SIGMA_M)
+        sigma = np.maximum(sigma * self.stature_m, REFINEMENT.contour_m)
         precision = (
             along / sigma[..., 1, None, None] ** 2
             + (np.eye(3) - along) / sigma[..., 0, None, None] ** 2
         )
-        pelvis_precision = np.eye(3) / _PELVIS_SIGMA_M**2
+        pelvis_precision = np.eye(3) / MODES.pelvis_sigma_m**2
         priors = [
             LandmarkPrior(joints[mode], precision[mode], pelvis, pelvis_precision)
             for mode in range(len(joints))
@@ -285,9 +280,9 @@ def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
     ]
     places = np.stack(anchors) / stature_m
     middle = float(np.median(places[:, 2]))
-    if not _HEIGHTS[0] < middle < _HEIGHTS[1]:
+    if not MODES.heights[0] < middle < MODES.heights[1]:
         # The world's z = 0 is not the floor, which the proposal takes for granted.
-        places[:, 2] += _USUAL_HEIGHT - middle
+        places[:, 2] += MODES.usual_height - middle
     return FrameFeatures(
         SilhouetteCodes.joined([view.codes[:1] for view in views]),
         np.array([window.pitch_rad for window in windows]),
@@ -313,12 +308,12 @@ def merge_modes(
     Source: Comaniciu and Meer, Mean shift (2002).
     """
     apart = np.linalg.norm(joints[:, None] - joints, axis=-1).mean(axis=-1)
-    kernel = np.exp(-0.5 * (apart / _ALIKE_M) ** 2)
+    kernel = np.exp(-0.5 * (apart / MODES.alike_m) ** 2)
     weights = kernel * probability
     density = weights.sum(axis=1)
     chosen: list[int] = []
     for mode in np.argsort(-density, kind="stable"):
-        if all(apart[mode, other] > _ALIKE_M for other in chosen):
+        if all(apart[mode, other] > MODES.alike_m for other in chosen):
             chosen.append(int(mode))
     owner = np.array(chosen)[apart[chosen].argmin(axis=0)]
     mass = np.array([probability[owner == mode].sum() for mode in chosen])
@@ -330,5 +325,5 @@ def merge_modes(
 
 def _smoothed(distance_m: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (T,) averaged, as logarithms, over the frames near each in time."""
-    near = np.abs(time_s[:, None] - time_s) <= _DISTANCE_WINDOW_S
+    near = np.abs(time_s[:, None] - time_s) <= MODES.distance_window_s
     return np.exp(near @ np.log(distance_m) / near.sum(axis=1))

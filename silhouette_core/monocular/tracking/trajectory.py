@@ -19,15 +19,14 @@ from silhouette_core.monocular.tracking.beam import Beam, backtrack
 from silhouette_core.monocular.tracking.frame_proposal import FrameProposal, Proposer
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
+from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.trajectory_fit import TrajectorySettings, fit_trajectory
 from silhouette_core.scoring.silhouette_error import mask_errors
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
-_LONGEST_GAP_S = 1.0
-# A frame is lost where its silhouette distance exceeds the usual one by this factor and excess.
-_LOST_FACTOR, _LOST_EXCESS, _REMEMBERED = 2.5, 0.05, 60
+_REMEMBERED = 60  # frames whose median distance is the usual one
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +226,7 @@ class PoseTrajectory:
         ]
         best = float(beam.distance.min())
         usual = float(np.median(self._usual)) if self._usual else best
-        lost = best > _LOST_FACTOR * usual + _LOST_EXCESS
+        lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._usual.append(best)
         probability, joints = beam.probabilities()
@@ -248,6 +247,6 @@ def _last_two(beams: Sequence[Beam], time_s: float) -> tuple[Beam | None, Beam |
     """The last hypotheses before a time and those before them, where there are any; after a gap, a
     trajectory begins anew.
     """
-    if not beams or time_s - beams[-1].time_s > _LONGEST_GAP_S:
+    if not beams or time_s - beams[-1].time_s > DISTANCES.longest_gap_s:
         return None, None
     return beams[-1], beams[-2] if len(beams) > 1 else None

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
+from silhouette_core.monocular.tuning import LIMBS
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.joint_placement import held_joints, place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
 _LIMBS = np.array(
     [
@@ -30,20 +32,10 @@ _LIMBS = np.array(
         for side in ("left", "right")
     ]
 )
-_LEAST_M = 0.08  # what stands out by less is cloth, hair or another girth
-_SEAM_M = 0.04  # width up to which what is uncovered is a seam along the outline
 _ENDS = 2  # hands and feet looked for in a pose
 _TRIED = 2  # limbs tried for each
-_TIP_M, _INWARD = 0.10, 0.7  # from the tip to the wrist or ankle, at most this share of the way in
-_NEAR_M = 0.12  # a wrist or ankle that is so near is there already
-_LONGEST, _STRETCHED = 1.1, 0.95  # of the limb's length: what it may reach, and straight
-_BENT = 0.4  # share of the length in depth from which before and behind are told apart
-_DEPTH = 0.6  # of that depth, where the wrist or ankle is tried
-_ACROSS_M, _ALONG_M = 0.04, 0.20  # standard deviations, across the viewing ray and along it
-# While the limb is put there: standard deviation of the other joints, weight of its own end.
-_PLACED_M, _PLACED_END = 0.03, 4.0
 _REFINING = RefineSettings(
-    reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06), contour_m=0.015, independence=0.3
+    REFINEMENT.near_reaches_m[:-1], TRAJECTORY.contour_m, TRAJECTORY.independence
 )
 
 
@@ -78,7 +70,10 @@ def reach_uncovered(
             starts.append(pose)
             held.append(
                 _moved_end(
-                    held_joints(own, _PLACED_M), limb, aim - own[0], _PLACED_END * _on_ray(ray)
+                    held_joints(own, LIMBS.placed_m),
+                    limb,
+                    aim - own[0],
+                    LIMBS.placed_end * _on_ray(ray),
                 )
             )
             wanted.append(_moved_end(prior, limb, aim - prior.pelvis_m, _on_ray(ray)))
@@ -109,18 +104,18 @@ def uncovered_ends(
     away = cv2.distanceTransform((~covered).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     away[~mask] = 0.0
     # One limb is one region: it is not joined to another by a seam along the outline.
-    regions = cv2.connectedComponents((away > _SEAM_M * px_per_m).view(np.uint8))[1]
+    regions = cv2.connectedComponents((away > LIMBS.seam_m * px_per_m).view(np.uint8))[1]
     tips = [
         np.array(np.unravel_index(int(np.where(regions == k, away, 0.0).argmax()), away.shape))
         for k in range(1, int(regions.max()) + 1)
     ]
-    tips = [tip for tip in tips if away[tuple(tip)] >= _LEAST_M * px_per_m]
+    tips = [tip for tip in tips if away[tuple(tip)] >= LIMBS.least_m * px_per_m]
     tips = sorted(tips, key=lambda tip: -away[tuple(tip)])[:_ENDS]
     body = np.argwhere(covered) if tips else np.empty((0, 2))
     ends: list[NDArray[np.float64]] = []
     for tip in tips:
         inward = body[np.square(body - tip).sum(axis=1).argmin()] - tip
-        step = min(_TIP_M * px_per_m / float(np.linalg.norm(inward)), _INWARD)
+        step = min(LIMBS.tip_m * px_per_m / float(np.linalg.norm(inward)), LIMBS.inward)
         ends.append((tip + step * inward)[::-1])
     return ends
 
@@ -140,7 +135,7 @@ def _aims(
     found = []
     for end in uncovered_ends(weights.mask, covered, px_per_m):
         gap_m = np.linalg.norm(projected[_LIMBS[:, 2]] - end, axis=1) / px_per_m
-        if gap_m.min() < _NEAR_M:
+        if gap_m.min() < LIMBS.near_m:
             continue
         ray = weights.rotation.T @ np.linalg.solve(weights.matrix, [*end, 1.0])
         ray /= np.linalg.norm(ray)
@@ -156,18 +151,18 @@ def _within_reach(
     length = float(np.linalg.norm(np.diff(limb_m, axis=0), axis=1).sum())
     nearest = center_m + ((limb_m[0] - center_m) @ ray) * ray
     apart = float(np.linalg.norm(nearest - limb_m[0]))
-    if apart > _LONGEST * length:
+    if apart > LIMBS.longest * length:
         return []
-    depth = np.sqrt(max((_STRETCHED * length) ** 2 - apart**2, 0.0))
-    if depth < _BENT * length:
+    depth = np.sqrt(max((LIMBS.stretched * length) ** 2 - apart**2, 0.0))
+    if depth < LIMBS.bent * length:
         return [nearest]
-    return [nearest - _DEPTH * depth * ray, nearest + _DEPTH * depth * ray]
+    return [nearest - LIMBS.depth * depth * ray, nearest + LIMBS.depth * depth * ray]
 
 
 def _on_ray(ray: NDArray[np.float64]) -> NDArray[np.float64]:
     """Precision (3, 3), 1/m², of a point that is known to lie on a ray."""
     along = np.outer(ray, ray)
-    return (np.eye(3) - along) / _ACROSS_M**2 + along / _ALONG_M**2
+    return (np.eye(3) - along) / LIMBS.across_m**2 + along / LIMBS.along_m**2
 
 
 def _moved_end(

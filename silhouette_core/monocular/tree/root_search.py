@@ -26,9 +26,10 @@ from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineS
 from silhouette_core.refinement.still_root import still_root
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import mask_errors
+from silhouette_core.tuning import REFINEMENT
 
-_STARTS = RefineSettings(reaches_m=ROOT_SEARCH.start_reaches_m)
-_HELD = RefineSettings(reaches_m=ROOT_SEARCH.held_reaches_m)
+_STARTS = RefineSettings(reaches_m=(ROOT_SEARCH.first_reach_m, *REFINEMENT.near_reaches_m))
+_HELD = RefineSettings(reaches_m=REFINEMENT.near_reaches_m)
 _OF_EACH_VIEW = 2  # poses refined of every view of a frame
 _LIKELY = 10  # poses of a frame that are tried with a root
 _ROOTS, _ROUNDS = 5, 2

@@ -14,6 +14,7 @@ from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.beam import select_different
 from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.monocular.window import Window
 from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks, place
@@ -21,12 +22,11 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.tuning import REFINEMENT
 
 _ROWS = 150  # samples of a posterior that are considered
 _BY_PROBABILITY, _BY_FIT = 8, 8  # seeds: likeliest samples, and those that fit best
-_FROM_LIBRARY = RefineSettings(reaches_m=(0.15, 0.12, 0.10, 0.08, 0.06, 0.06))
-# Deviations of a body's pose from the library's sample: place, orientation, joint angles.
-_SIGMA_M, _SIGMA_TURN_RAD, _SIGMA_RAD = 0.06, 0.15, 0.20
+_FROM_LIBRARY = RefineSettings(reaches_m=REFINEMENT.near_reaches_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,11 @@ class SampleProposer:
 def _deviations(model: BodyModel, held: bool) -> NDArray[np.float64]:
     """Deviations (6 + D,) of a pose from the library's; of a held root, those of a step."""
     sigma = np.concatenate(
-        [[_SIGMA_M] * 3, [_SIGMA_TURN_RAD] * 3, np.full(model.dof_count, _SIGMA_RAD)]
+        [
+            [ROOT_SEARCH.sigma_m] * 3,
+            [ROOT_SEARCH.sample_turn_rad] * 3,
+            np.full(model.dof_count, ROOT_SEARCH.sample_rad),
+        ]
     )
     if held:
         sigma[:6] = pose_step_sigma(model.tree)[:6]

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from silhouette_core.monocular.occlusion import MAGNIFICATION
 from silhouette_core.monocular.tree.kernels import transitions as kernels
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
@@ -178,8 +177,9 @@ def step_precisions(
     Source: Okada and Stenger, eq. (5).
     """
     model = library.model
-    sigma = np.where(occluded[:, model.dof_part], MAGNIFICATION, 1.0) * library.sigma_rad  # eq. (5)
-    root = np.where(occluded[:, 0], MAGNIFICATION, 1.0) * library.root_sigma_rad
+    factor = np.where(occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
+    sigma = factor[:, model.dof_part] * library.sigma_rad
+    root = factor[:, 0] * library.root_sigma_rad
     return 1 / sigma**2, 1 / root**2
 
 

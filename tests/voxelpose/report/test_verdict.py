@@ -38,7 +38,7 @@ def test_all_is_well(tmp_path):
         ({"lost": [4, 5, 6, 9]}, "bad", "4 of 20 frames have no pose: frames 4–6, 9."),
         ({"lost": [4]}, "look", "1 of 20 frames have no pose: frame 4."),
         ({"outline_agreement": 0.5}, "bad", "agree to 50 %"),
-        ({"outline_agreement": [0.9] * 18 + [0.6] * 2}, "look", "Below 70 %: frames 18–19."),
+        ({"outline_agreement": [0.9] * 18 + [0.6] * 2}, "look", "Below 75 %: frames 18–19."),
         ({"left_forearm": 0.3}, "look", "left forearm (100 % of frames)"),
         ({"thorax": 0.3, "left_forearm": [0.9] * 19 + [0.1]}, "bad", "thorax (100 % of frames)."),
     ],

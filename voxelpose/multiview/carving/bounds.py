@@ -288,7 +288,7 @@ def _shrink(
         volume = (high - low).prod()
         low = np.maximum(low, cropped.origin_m)
         high = np.minimum(high, cropped.origin_m + cropped.size_m)
-        if (high - low).prod() / volume > CARVING.least_shrinkage:
+        if (high - low).prod() / volume > CARVING.shrinkage:
             break
     return low, high
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxelpose.multiview.matching.kernels.bits import count_common, count_new, find_dominated
-from voxelpose.multiview.tuning import MATCHING
+from voxelpose.multiview.tuning import CARVING
 
 MOST_BYTES = 200_000_000
 """Memory that partial choices of one search may take."""
@@ -218,7 +218,7 @@ def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
         solved = [_solve([fewer[i] for i in group], memory) for group in groups]
         return {number: row for group in solved for number, row in group.items()}
     reduced = [_undominated(part) for part in _contested(fewer)]
-    if sum(len(part.rows) for part in reduced) < MATCHING.reduce_again * sum(
+    if sum(len(part.rows) for part in reduced) < CARVING.shrinkage * sum(
         len(part.rows) for part in parts
     ):
         return _solve(reduced, memory)

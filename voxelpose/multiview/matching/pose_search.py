@@ -23,6 +23,7 @@ from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import mask_errors
+from silhouette_core.tuning import MEASURING, REFINEMENT
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
@@ -37,12 +38,12 @@ def refinement(first_reach_m: float) -> RefineSettings:
     Args:
         first_reach_m: how far off the surface may be, m.
     """
-    last = REFINING.last_reach_m
+    last = 5 * REFINEMENT.contour_m
     steps = 1 + round(np.log(first_reach_m / last) / -np.log(REFINING.shrinkage))
     return RefineSettings(reaches_m=tuple(np.geomspace(first_reach_m, last, steps).tolist()))
 
 
-SEARCHED = refinement(REFINING.searched_reach_m)
+SEARCHED = refinement(REFINEMENT.reaches_m[0])
 """For poses from a search, right to within a sampling step."""
 STEP = refinement(REFINING.step_reach_m)
 """For poses that are predicted, or right but for a limb."""
@@ -103,7 +104,7 @@ class BodyGeometry:
 @cache
 def sampled_vertices(sex: str) -> np.ndarray:
     """The same vertices of all bodies of a template: choosing them takes longer than the rest."""
-    return Surface(BodyModel.from_sizes(BodySizes(1.7, None, sex))).taken
+    return Surface(BodyModel.from_sizes(BodySizes(MEASURING.usual_m, None, sex))).taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,7 @@ def find_pose(
     body: BodyGeometry,
     frame: FrameObservation,
     settings: MatchSettings | None = None,
-    count: int = 10,
+    count: int = MATCHING.placements,
 ) -> list[PoseFit]:
     """Searches the whole range of postures.
 

@@ -34,7 +34,7 @@ from voxelpose.multiview.person.girth import GIRTH_CAMERAS, chest_from_hull, hul
 from voxelpose.multiview.person.posterior import ShapePrior, is_improbable, posterior_cost
 from voxelpose.multiview.person.sitting import find_sitting_pose
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH
+from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
 _STARTS = 3  # poses of a frame from which candidates are refined
 _ROUNDS = 2  # of adaptation about the stature that was found
@@ -132,7 +132,7 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
 
 def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
     """Fits of the frames in which they explain the silhouettes nearly as well as in the best."""
-    most = PERSON_SEARCH.clear * min(fit.error for fit in fits.values())
+    most = TRACKING.bad * min(fit.error for fit in fits.values())
     return {t: fit for t, fit in fits.items() if fit.error <= most}
 
 
@@ -181,7 +181,7 @@ class _Search:
         """Starts with a person's body, whose clothes are adapted unless they are kept."""
         body = BodyGeometry.from_model(model, self.voxel_size_m, self.backend)
         metres = stature_of(model)
-        sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, PERSON_SEARCH.known_sigma)
+        sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, 1e-4)  # but for clothes, none
         expected = model.shape if keep_clothes else np.where(IS_CLOTHING, 0.0, model.shape)
         covariance = None if keep_clothes else np.diag(sigma**2)
         prior = ShapePrior(Stature(metres, PERSON_COST.told_sigma_m), expected, covariance)

@@ -9,6 +9,7 @@ import numpy as np
 
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M, BodySizes
 from silhouette_core.estimator import Settings
+from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.tuning import PERSON_COST
 
@@ -71,7 +72,7 @@ class StatureEvidence:
         # Somebody who crouches or jumps is as high as the hull is at times.
         varies = np.log(largest / usual) > 2 * PERSON_COST.hull_sigma
         heights = ((usual, largest) if varies else (usual,),) if posture == "any" else ()
-        return (*heights, (PERSON_COST.adult_m,))
+        return (*heights, (MEASURING.usual_m,))
 
 
 def hull_height_m(frame: FrameObservation) -> float:

@@ -20,6 +20,7 @@ import numpy as np
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.population import sex_probability, usual_range
 from silhouette_core.refinement.adaptation import Stature, stature_of
+from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
 from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST
 
@@ -75,8 +76,8 @@ def cost_terms(
         "stature": _stature(metres, evidence),
         "hull": 0.0 if candidate.posture == "sitting" else _hull(metres, evidence),
         "girth": _girth(candidate),
-        "posture": _chosen(PERSON_COST.sitting, candidate.posture == "sitting"),
-        "objects": _chosen(PERSON_COST.objects, candidate.objects),
+        "posture": _chosen(PERSON_COST.unusual, candidate.posture == "sitting"),
+        "objects": _chosen(PERSON_COST.unusual, candidate.objects),
     }
 
 
@@ -104,7 +105,7 @@ def _shape(deviation: np.ndarray, covariance: np.ndarray | None) -> float:
 def _stature(metres: float, evidence: StatureEvidence) -> float:
     if evidence.told_m is not None:
         return 0.5 * ((metres - evidence.told_m) / PERSON_COST.told_sigma_m) ** 2
-    return 0.5 * ((metres - PERSON_COST.adult_m) / PERSON_COST.adult_sigma_m) ** 2
+    return 0.5 * ((metres - MEASURING.usual_m) / PERSON_COST.adult_sigma_m) ** 2
 
 
 def _hull(metres: float, evidence: StatureEvidence) -> float:

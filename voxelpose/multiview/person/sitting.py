@@ -20,9 +20,9 @@ from voxelpose.multiview.matching.pose_search import (
     refine_fits,
 )
 from voxelpose.multiview.matching.torso_search import find_torso
-from voxelpose.multiview.tuning import SITTING_SEARCH
+from voxelpose.multiview.tuning import OFF_LINE, SITTING_SEARCH
 
-_HEADINGS, _PLACEMENTS, _BEST = 12, 20, 5
+_HEADINGS, _BEST = 12, 5
 
 
 def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
@@ -35,11 +35,7 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
     """
     model, points = body.model, frame.grid.occupied_points(frame.occupancy)
     angles = relaxed_rad(model.tree).copy()
-    bent_deg = {
-        "thigh.flexion": SITTING_SEARCH.thigh_flexion_deg,
-        "thigh.abduction": SITTING_SEARCH.thigh_abduction_deg,
-        "shin.flexion": SITTING_SEARCH.thigh_flexion_deg,
-    }
+    bent_deg = {"thigh.flexion": 80, "thigh.abduction": 8, "shin.flexion": 80}  # on a chair
     for k, name in enumerate(model.tree.dof_names):
         joint = name.partition("_")[2]
         if joint in bent_deg:
@@ -47,7 +43,7 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
     root = _below_head(model, points)
     headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
     places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
-    torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, _PLACEMENTS)
+    torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, OFF_LINE.again_placements)
     places += [(torso.root_m, torso.root_rotation) for torso in torsos]
     starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in places]
     fits = sorted(refine_fits(body, frame.observation, starts), key=_error)

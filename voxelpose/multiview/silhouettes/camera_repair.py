@@ -14,6 +14,7 @@ from calib.errors import InputError
 from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import OutlineTrack
+from calib.tuning import AGREEMENT
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.tuning import CAMERA_REPAIR
 
@@ -108,12 +109,12 @@ def repair_cameras(
         return unchanged
     frames = {name: round(seconds * fps) for name, seconds in late.items() if seconds}
     if all(
-        found.kind == "out of step" and abs(found.offset_s) * fps <= CAMERA_REPAIR.subframe
+        found.kind == "out of step" and abs(found.offset_s) * fps <= AGREEMENT.subframe
         for found in repairs
     ):
         return unchanged
     told = "; ".join(found.summary for found in repairs)
-    improved = after.error_px < CAMERA_REPAIR.improved * checked.error_px and not set(late) & set(
+    improved = after.error_px < AGREEMENT.helping_share * checked.error_px and not set(late) & set(
         after.culprits
     )
     explained = after.agrees or improved

@@ -24,7 +24,7 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
-from voxelpose.multiview.tuning import STATIC_OBJECTS
+from voxelpose.multiview.tuning import CARVING, STATIC_OBJECTS
 
 _FRAMES = 24
 
@@ -86,7 +86,7 @@ def find_static_objects(
         for shown, seen, count in zip(always, clear, beside, strict=True)
     ]
     low = observer.volume.origin_m
-    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, STATIC_OBJECTS.voxel_m)
+    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, CARVING.voxel_m)
     found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
     if not found.any():
         return None

@@ -24,11 +24,12 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
 from silhouette_core.scoring.backend import load_backend
+from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
-from voxelpose.multiview.tuning import PERSON_COST, UP_SEARCH
+from voxelpose.multiview.tuning import UP_SEARCH
 
 _MOMENTS = 3
 _PLACEMENTS = 3
@@ -108,7 +109,7 @@ def _trunk(
     """
     settings = search.settings
     sex = "male" if settings.sex == "unknown" else settings.sex
-    sizes = BodySizes(settings.stature_m or PERSON_COST.adult_m, settings.chest_m, sex)
+    sizes = BodySizes(settings.stature_m or MEASURING.usual_m, settings.chest_m, sex)
     moments = even_moments(len(masks), _MOMENTS)
     best: dict[int, tuple[float, FloatArray]] = {}
     for up in possible:

@@ -18,6 +18,7 @@ from silhouette_core.motion.dynamics import MOMENTUM, elapsed_steps, pose_step_s
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior
+from silhouette_core.tuning import REFINEMENT
 from voxelpose.multiview.carving.observe import observation_at
 from voxelpose.multiview.matching.pose_search import (
     SEARCHED,
@@ -27,7 +28,7 @@ from voxelpose.multiview.matching.pose_search import (
     move_limbs,
     refine_fit,
 )
-from voxelpose.multiview.tuning import REFINING, TRACKING
+from voxelpose.multiview.tuning import TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
 
@@ -179,7 +180,7 @@ def observed_near(body: BodyGeometry, rig: Rig, masks: Masks, pose: Pose) -> Obs
         pixels = (inside[:, :2] / depth[:, None] * focal + center) / _REDUCED
         x, y = np.clip(pixels, 0, np.array(small.shape[::-1]) - 1).astype(int).T
         small[y, x] = 1
-        near_px = REFINING.searched_reach_m * focal[0] / float(np.median(depth))
+        near_px = REFINEMENT.reaches_m[0] * focal[0] / float(np.median(depth))
         reach = max(round(near_px / _REDUCED), 1)
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         size = small.shape[1] * _REDUCED, small.shape[0] * _REDUCED

@@ -25,7 +25,7 @@ from voxelpose.multiview.tracking.track_jobs import (
     search,
     search_limbs,
 )
-from voxelpose.multiview.tuning import LIVE, TRACKING
+from voxelpose.multiview.tuning import LIVE, MATCHING, TRACKING
 
 _Searched = Future[BodyTrack | None]
 
@@ -141,7 +141,7 @@ class PoseFollower:
         if bad and now - person.searched_s > LIVE.poor_again_s:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
-            self._submit(search, self.rig, self.settings, body, moment, LIVE.placements)
+            self._submit(search, self.rig, self.settings, body, moment, MATCHING.placements)
         elif len(person.samples) >= LIVE.adapted:
             samples, person.samples = person.samples, []
             person.adapted += 1

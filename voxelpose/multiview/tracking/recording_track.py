@@ -23,9 +23,9 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhoue
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
 from voxelpose.multiview.tracking.body_refit import refit, spread_errors
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tuning import OFF_LINE
 
 _ROUNDS = 4  # in which something that stands beside the person is left out
-_AGAIN_FRAMES, _AGAIN_PLACEMENTS = 9, 20  # in which poses are searched again
 _Facts = dict[str, object]
 
 
@@ -163,8 +163,9 @@ class TrackWork:
         What the first poses have in common, like a head in the place of an arm, is carried through
         the whole recording and shows as no rise of the error.
         """
-        for t in even_moments(len(tracker.observations), _AGAIN_FRAMES).tolist():
-            if is_improbable(spread_errors(tracker)) and tracker.anchor(t, _AGAIN_PLACEMENTS):
+        for t in even_moments(len(tracker.observations), OFF_LINE.again_frames).tolist():
+            improbable = is_improbable(spread_errors(tracker))
+            if improbable and tracker.anchor(t, OFF_LINE.again_placements):
                 tracker.carry(t)
 
     def _polish(self, tracker: PoseTracker) -> None:

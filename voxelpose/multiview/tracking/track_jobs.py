@@ -29,7 +29,7 @@ from voxelpose.multiview.tracking.body_track import (
     observed_near,
     views_of,
 )
-from voxelpose.multiview.tuning import LIVE, TRACKING
+from voxelpose.multiview.tuning import CARVING, LIVE, PERSON_COST, TRACKING
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,8 @@ def adapt_body(
     """
     model = track.body.model
     stature = model.sizes.stature_m
-    sigma = LIVE.given_sigma_m if settings.stature_m is not None else LIVE.hull_sigma * stature
+    told = settings.stature_m is not None
+    sigma = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * stature
     observations = [
         observed_near(track.body, rig, moment.masks(), pose) for moment, pose in samples
     ]
@@ -106,7 +107,7 @@ def adapt_body(
         Stature(stature, sigma),
         model.shape,
     )
-    body = BodyGeometry.from_surface(surface, LIVE.voxel_size_m)
+    body = BodyGeometry.from_surface(surface, CARVING.voxel_m)
     if samples[-1][0].time_s != track.time_s:
         return replace(track, body=body)
     error = silhouette_error(surface.model, poses[-1], observations[-1], body.body_volume.backend)
@@ -149,7 +150,7 @@ def _body(settings: FollowSettings, frame: FrameObservation) -> BodyGeometry:
     if settings.chest_m is None and len(frame.masks) >= GIRTH_CAMERAS:
         chest = chest_from_hull(model, hull_volume_m3(frame))
         model = BodyModel.from_sizes(BodySizes(stature, chest, sex))
-    return BodyGeometry.from_surface(Surface(model), LIVE.voxel_size_m)
+    return BodyGeometry.from_surface(Surface(model), CARVING.voxel_m)
 
 
 def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
@@ -157,7 +158,7 @@ def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
     views, images = views_of(rig, tuple(masks)), list(masks.values())
     rule = body_rule(len(images), 0)
     try:
-        grid = place_grid(views.rig, images, voxel_size_m=2 * LIVE.voxel_size_m, rule=rule)
+        grid = place_grid(views.rig, images, voxel_size_m=CARVING.coarse_m, rule=rule)
     except InputError:
         return None
-    return HullObserver(views, grid, LIVE.voxel_size_m, rule).observe(images)
+    return HullObserver(views, grid, CARVING.voxel_m, rule).observe(images)

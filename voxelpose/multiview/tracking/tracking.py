@@ -28,7 +28,7 @@ from voxelpose.multiview.matching.pose_search import (
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.body_track import BodyTrack, process_noise
-from voxelpose.multiview.tuning import OFF_LINE, REFINING, TRACKING
+from voxelpose.multiview.tuning import MATCHING, OFF_LINE, REFINING, TRACKING
 
 _SMOOTH = refinement(REFINING.smooth_reach_m)
 
@@ -102,7 +102,7 @@ class PoseTracker:
         for t in sorted(poses, key=lambda k: errors[k]):
             self.carry(t)
 
-    def anchor(self, t: int, count: int = 10) -> bool:
+    def anchor(self, t: int, count: int = MATCHING.placements) -> bool:
         """Searches one frame without a prior; whether that gave a better pose than before.
 
         Args:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.tuning import VIEWER
+from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour
 from voxelpose.view.viewer.scene import Scene
 
@@ -23,7 +23,9 @@ DISPUTED: Colour = (122, 62, 178)
 HYPOTHESIS: Colour = (60, 60, 60)
 PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
-_FAR = f"more than {100 * VIEWER.outlying_m:.0f} cm from the body"
+OUTLYING_CM = 5
+"""Distance from the body above which a voxel is unexplained: a hull of few cameras is too large."""
+_FAR = f"more than {OUTLYING_CM} cm from the body"
 
 
 def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -94,14 +96,14 @@ def frame_html(scene: Scene) -> str:
         weak = [
             display_name(name)
             for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
-            if overlap < VIEWER.weak_overlap
+            if overlap < REPORT.covered
         ]
         if weak:
             lines.append(f"Little inside the hull: {', '.join(weak)}.")
     if scene.hull is not None:
         lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
         if scene.body is not None:
-            far = scene.hull.litres(scene.hull.distance_m > VIEWER.outlying_m)
+            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_CM / 100)
             lines.append(f"{far:.0f} litres of it are {_FAR}.")
     lines += [f"⚠ {note}" for note in scene.notes]
     lines += [

@@ -17,8 +17,8 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.export.hypotheses import HYPOTHESES, Hypothesis, read_hypotheses
 from voxelpose.multiview.carving.observe import FrameObservation, body_rule
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.multiview.multiview_estimator import VOXEL_M
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
+from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, is_result
 from voxelpose.view.viewer.camera_frames import CameraFrames
@@ -86,7 +86,7 @@ class ResultScenes:
             self.fps = self.recording.fps
             self.frames = np.arange(self.recording.frame_count)
         options = settings.get("options", {})
-        self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", VOXEL_M))
+        self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", CARVING.voxel_m))
         views = {
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }

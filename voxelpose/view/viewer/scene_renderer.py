@@ -14,13 +14,13 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.hypotheses import Hypothesis
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.tuning import VIEWER
 from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (
     AREA,
     DISPUTED,
     HULL,
+    OUTLYING_CM,
     SILHOUETTE,
     UNEXPLAINED,
     faded,
@@ -117,7 +117,7 @@ class SceneRenderer:
         if hull is not None and "hull" in shown and scene.body is not None:
             dots = hull.vertices_m
         if hull is not None and "unexplained" in shown:
-            outlying = hull.unexplained_m[hull.distance_m > VIEWER.outlying_m]
+            outlying = hull.unexplained_m[hull.distance_m > OUTLYING_CM / 100]
         self._points("hull/dots", dots, HULL, 0.003)
         self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
 

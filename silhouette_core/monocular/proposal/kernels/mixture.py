@@ -10,14 +10,13 @@ from math import lgamma
 import numpy as np
 
 from silhouette_core.jit import parallel_kernel, prange
+from silhouette_core.monocular.tuning import MIXTURE
+from silhouette_core.tuning import REFINEMENT
 
-FREEDOM = 4.0  # degrees of freedom of Student's t
-SIGMA = 0.05  # deviation at a logarithm of 0, statures
-JOINT_LOG_SIGMA = (-1.6, 2.2)  # range of a joint's log deviation
-OFFSET_LOG_SIGMA = (-2.0, 3.0)
-LEAST_PART = 1e-9  # smaller parts of the modes are 0: arithmetic with denormal numbers is slow
+FREEDOM, SIGMA = REFINEMENT.student_freedom, MIXTURE.sigma
+JOINT_LOG_SIGMA, OFFSET_LOG_SIGMA = MIXTURE.joint_log_sigma, MIXTURE.offset_log_sigma
 # Logarithms of the densities' constants for one dimension and for two.
-_LOG_1 = lgamma((FREEDOM + 1) / 2) - lgamma(FREEDOM / 2) - 0.5 * np.log(FREEDOM * np.pi)
+_LOG_1 = lgamma((FREEDOM + 1) / 2) - lgamma(FREEDOM / 2) - np.log(FREEDOM * np.pi) / 2
 _LOG_2 = lgamma((FREEDOM + 2) / 2) - lgamma(FREEDOM / 2) - np.log(FREEDOM * np.pi)
 
 
@@ -79,7 +78,8 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
             total += part[m]
         likelihoods[n] = best + np.log(total)
         for m in range(modes):
-            part[m] = part[m] / total if part[m] > LEAST_PART * total else 0.0
+            # Smaller parts are 0: arithmetic with denormal numbers is slow.
+            part[m] = part[m] / total if part[m] > 1e-9 * total else 0.0
             if share > 0:
                 part[m] = share / modes + (1 - share if m == nearest else 0.0)
             gradients[n, first_logit + m] = pi[m] - part[m]
