@@ -98,7 +98,7 @@ class ExposureField:
     stiffness: float = 2e-5
     """1. Weight of a flat field, relative to the pixels."""
     rounds: int = 6
-    """Rounds of reweighting."""
+    """1. Rounds of reweighting."""
     least: float = 0.02
     """1. Least scale of the logarithms' residuals: noise."""
 
@@ -126,7 +126,7 @@ class EmptyScene:
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
     least_step: float = 1.0
-    """Radii of a mode. Steps between colours that cost nothing: noise, texture."""
+    """1. Of a mode's radius. Steps between colours that cost nothing: noise, texture."""
     still: float = 0.05
     """1. Cost of a step between colours that does not move."""
     least_sigma: float = 4.0
@@ -148,9 +148,9 @@ class Cut:
     least_contrast: float = 4.0
     """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
     rounds: int = 6
-    """Sweeps of the messages from each side."""
+    """1. Sweeps of the messages from each side."""
     learned: int = 3
-    """Times that the colours are learned and the samples cut."""
+    """1. Times that the colours are learned and the samples cut."""
     unseen: float = 3.0
     """Nats. Odds of the person where nobody saw the background, when colours are first learned."""
     typical: float = 0.25

@@ -36,7 +36,7 @@ from voxelpose.recording.unknown_places import (
 )
 
 _CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
-_FEW_FRAMES, _FEW = 3, 0.02  # frames, or share of them, that files promise and lack
+_FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 
 
@@ -448,7 +448,9 @@ def _select_cameras(
 
 def _nearly_whole(reader: FrameReader) -> bool:
     """Whether a file lacks hardly any of the frames that it promises."""
-    return reader.promised - reader.frame_count <= max(_FEW_FRAMES, _FEW * reader.promised)
+    return reader.promised - reader.frame_count <= max(
+        _FEW_FRAMES, _FEW_PERCENT * reader.promised / 100
+    )
 
 
 def _frame_range(
