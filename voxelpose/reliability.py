@@ -44,10 +44,10 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
 
     A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
     wrong more likely than not, or most of its joints are (several cameras), or if body and
-    silhouettes have less than three quarters of their union in common (one camera), or if the poses
-    that one camera leaves are so far apart that the joints' mean error is likely above 75 mm, or if it was joined of pieces that
-    do not meet. So is one from which an object was left out that nobody marked: legs that do not
-    move may have been taken for it.
+    silhouettes have less than three quarters of their union in common (one camera), or if the
+    poses that one camera leaves are so far apart that the joints' mean error is likely above 75
+    mm, or if it was joined of pieces that do not meet. So is one from which an object was left
+    out that nobody marked: legs that do not move may have been taken for it.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
