@@ -288,6 +288,8 @@ class StaticObjectSearch:
     """1. Share of frames in which the body does not hide it."""
     least_m3: float = 0.002
     """m³. Smallest volume of an object: half of a lower leg."""
+    moved_m: float = 0.1
+    """m. Way of a part of the body: while none goes so far, anything may seem static. By eye."""
     apart_m: float = 0.15
     """m. From the body's surface: what is farther away in all frames is no limb (standing4)."""
     person_m: float = 1.4

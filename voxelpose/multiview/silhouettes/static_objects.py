@@ -54,7 +54,7 @@ def find_static_objects(
     *,
     behind: bool = False,
 ) -> StaticObjects | None:
-    """Objects beside a body; None where there are none.
+    """Objects beside a body; None where there are none, or nothing moves, so that none is known.
 
     A voxel belongs to one if all cameras show foreground there in nearly all frames, and at least
     half of them beside the body's outline whenever the body is not before it.
@@ -68,6 +68,9 @@ def find_static_objects(
     """
     posed = [(t, pose) for t, pose in enumerate(poses) if pose is not None]
     chosen = [posed[k] for k in even_moments(len(posed), _FRAMES)]
+    places_m = np.array([posed_mesh(model, pose) for _, pose in chosen])
+    if np.ptp(places_m, axis=0).max() < STATIC_OBJECTS.moved_m:
+        return None
     views = observer.views
     foreground, clear, beside = (
         [np.zeros(camera.size[::-1], np.int32) for camera in views.rig] for _ in range(3)

@@ -106,11 +106,22 @@ def test_what_stands_at_a_distance_is_apart(observer):
 def test_somebody_who_stands_still_is_not_set_aside_as_an_object(observer):
     """The body was taken for a small thing's that lies on the floor."""
     lying = stance(MODEL)
-    thing = Pose(np.array([0.9, 0.0, 0.1]), lying.root_rotation, lying.angles_rad)
+    things = [
+        Pose(np.array([x, 0.0, 0.1]), lying.root_rotation, lying.angles_rad)
+        for x in (0.9, 0.8, 0.7)
+    ]
     small = BodyModel.from_sizes(BodySizes(0.6))
     still = photograph(SCENE, PERSON, stance(PERSON, None, (-0.6, 0.0)))
-    found = find_static_objects(small, [thing] * 3, filmed([thing] * 3, small, still), observer)
+    found = find_static_objects(small, things, filmed(things, small, still), observer)
     assert found is not None and not found.apart
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_while_nothing_moves_nothing_is_known_to_be_static(poses, observer, count):
+    still = [poses[0]] * count
+    store = filmed(still, MODEL, furniture(boxes()))
+    for behind in (False, True):
+        assert find_static_objects(MODEL, still, store, observer, behind=behind) is None
 
 
 def test_without_a_chair_nothing_is_found(poses, observer):
