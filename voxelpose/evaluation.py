@@ -179,7 +179,7 @@ def score_motion(
     """
     check_array("truth_m", truth_m, ("T", len(names), 3))
     check_array("estimate_m", estimate_m, truth_m.shape)
-    known = np.isfinite(truth_m).all(axis=2).any(axis=1)
+    known = np.array([bool(np.isfinite(joints).all(axis=1).any()) for joints in truth_m])
     if not known.any():
         raise ValueError("no frame of the truth has a joint")
     truth_m, estimate_m = truth_m[known], estimate_m[known]

@@ -111,4 +111,4 @@ def _reduced(background: Background) -> Background:
 
 def _resized(frame: NDArray[np.uint8], reduced: Background) -> NDArray[np.uint8]:
     size = reduced.mean.shape[1::-1]
-    return np.ascontiguousarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)

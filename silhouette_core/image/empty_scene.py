@@ -106,7 +106,8 @@ def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
         height, width, _MODES
     )
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    limits = radius, *map(np.float32, (SCENE.least_step, SCENE.still, SCENE.border))
+    least, still = np.float32(SCENE.least_step), np.float32(SCENE.still)
+    limits = radius, least, still, np.float32(SCENE.border)
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
     labels = np.empty((height, width), np.int64)
@@ -126,5 +127,6 @@ def _moments(
         count += seen
         total += seen * frame
         squares += seen * np.square(frame, dtype=np.float32)
-    mean = total / np.maximum(count, 1)
-    return mean, np.maximum(squares / np.maximum(count, 1) - mean**2, 0)
+    mean = np.asarray(total / np.maximum(count, 1), np.float32)
+    variance = np.maximum(squares / np.maximum(count, 1) - mean**2, 0)
+    return mean, np.asarray(variance, np.float32)

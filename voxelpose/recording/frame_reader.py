@@ -194,7 +194,8 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
     if path.suffix.lower() == ".avi":  # empty pieces in its middle count in its header
         count = min(count, _pieces(path) or count)
     height, width = frame.shape[:2]
-    promised = promised if path.suffix.lower() in _COUNTED else count
+    if promised is None or path.suffix.lower() not in _COUNTED:
+        promised = count
     return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None, promised
 
 
@@ -203,7 +204,7 @@ def _pieces(path: Path) -> int:
     import imageio_ffmpeg
 
     try:
-        return imageio_ffmpeg.count_frames_and_secs(str(path))[0]
+        return imageio_ffmpeg.count_frames_and_secs(str(path))[0] or 0
     except (RuntimeError, OSError):
         return 0
 
