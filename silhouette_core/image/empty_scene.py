@@ -56,18 +56,9 @@ class EmptyScene:
         height, width = median.shape[:2]
         factor = min(1.0, SCENE.side_px / min(height, width))
         size = max(round(width * factor), 1), max(round(height * factor), 1)
-        shown = _background_frames(
-            np.stack(
-                [
-                    np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_AREA), np.float32)
-                    for one in frames
-                ]
-            )
-        )
-        nearest = np.ix_(
-            *(np.arange(n) * m // n for n, m in zip((height, width), size[::-1], strict=True))
-        )
-        shown = shown[nearest]
+        small = [cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in frames]
+        rows, columns = np.arange(height) * size[1] // height, np.arange(width) * size[0] // width
+        shown = _background_frames(np.stack(small).astype(np.float32))[np.ix_(rows, columns)]
         mean, variance = _moments(frames, shown)
         unseen = shown == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)

@@ -194,8 +194,7 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
     if path.suffix.lower() == ".avi":  # empty pieces in its middle count in its header
         count = min(count, _pieces(path) or count)
     height, width = frame.shape[:2]
-    if promised is None or path.suffix.lower() not in _COUNTED:
-        promised = count
+    promised = promised if path.suffix.lower() in _COUNTED else count
     return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None, promised
 
 
