@@ -28,6 +28,7 @@ from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repai
 from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.floor_shadows import floor_under
+from voxelpose.multiview.silhouettes.hull_size import check_hull_size
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
 from voxelpose.multiview.tuning import CARVING, COLOURS
@@ -136,7 +137,11 @@ def prepare_silhouettes(
         moments = [stores[0][int(t)] for t in even_moments(len(stores[0]), MOMENTS)]
         by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
         check_plausible(by_camera, least=LEAST_CAMERAS)
-        checked = work.check_cameras(Rig(tuple(lens.pinhole for lens in lenses)), times_s)
+        pinholes = Rig(tuple(lens.pinhole for lens in lenses))
+        if preparation.person:
+            rule = body_rule(len(pinholes), preparation.tolerance, len(shares))
+            check_hull_size(pinholes, moments[::3], rule, settings.stature_m, unknown)
+        checked = work.check_cameras(pinholes, times_s)
         reporter.stage("volume")
         search = UpSearch(checked.rig, settings, preparation.matching, preparation.person)
         upright = choose_upright(search, stores[0], work.observer, reporter)
