@@ -65,7 +65,7 @@ def check_hull_size(
 def _edges_m(
     rig: Rig, masks: Sequence[np.ndarray], rule: CarveRule, unknown: Sequence[np.ndarray] | None
 ) -> np.ndarray | None:
-    """Edges (3,) of the largest piece of a moment's hull, ascending, m; None where there is none."""
+    """Ascending edges (3,) of the largest piece of a moment's hull, m; None where there is none."""
     try:
         grid = place_grid(rig, list(masks), rule=rule, unknown=unknown)
     except InputError:
