@@ -10,19 +10,20 @@ from calib.camera import Rig
 from calib.components import label_components
 from calib.errors import InputError
 from silhouette_core.body.sizes import STATURES_M
+from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.bounds import place_grid
 from voxelpose.multiview.carving.carver import CarveRule, carve
-from voxelpose.multiview.tuning import CARVING, PERSON_COST
+from voxelpose.multiview.tuning import CARVING
 
 _MISTAKES = {
-    10: ("millimetres, and not in centimetres", "mm"),
-    100: ("centimetres, and not in metres", "cm"),
-    1000: ("millimetres, and not in metres", "mm"),
-    0.1: ("centimetres, and not in millimetres", "cm"),
-    0.01: ("metres, and not in centimetres", "m"),
-    0.001: ("metres, and not in millimetres", "m"),
+    1: ("millimetres, and not in centimetres", "mm"),
+    2: ("centimetres, and not in metres", "cm"),
+    3: ("millimetres, and not in metres", "mm"),
+    -1: ("centimetres, and not in millimetres", "cm"),
+    -2: ("metres, and not in centimetres", "m"),
+    -3: ("metres, and not in millimetres", "m"),
 }
-"""What the calibration's lengths are by how many times the hull is too large, and their unit."""
+"""What the calibration's lengths are by the power of ten of the hull's size, and their unit."""
 
 
 def check_hull_size(
@@ -50,12 +51,12 @@ def check_hull_size(
         return
     width_m, length_m = np.median(edges_m, axis=0)[1:].tolist()
     # Two cameras that look at each other bound a hull in all directions but one.
-    large = np.sqrt(width_m * length_m) > CARVING.unlikely * (stature_m or PERSON_COST.adult_m)
+    large = np.sqrt(width_m * length_m) > CARVING.unlikely * (stature_m or MEASURING.usual_m)
     if not large and length_m > (stature_m or STATURES_M[0]) / CARVING.unlikely:
         return
-    times = length_m / (stature_m or PERSON_COST.adult_m)
-    factor = min(_MISTAKES, key=lambda factor: abs(np.log(factor / times)))
-    lengths, unit = _MISTAKES[factor]
+    times = length_m / (stature_m or MEASURING.usual_m)
+    power = min(_MISTAKES, key=lambda power: abs(power - np.log10(times)))
+    lengths, unit = _MISTAKES[power]
     raise InputError(
         f"the person is about {length_m:.3g} m tall by the hull: are the calibration's lengths in"
         f" {lengths}? Correct the unit that it states, or give --unit {unit} where it states none"
