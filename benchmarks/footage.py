@@ -34,7 +34,7 @@ from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import Frame
-from silhouette_core.image.plausibility import MOMENTS
+from silhouette_core.image.plausibility import telling_frames
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.joined_person import JoinedPerson, Sample
@@ -225,7 +225,7 @@ def _follow(
 
 
 def _joining(recording: Recording, silhouettes: Silhouettes) -> JoinedPerson | None:
-    name, steps = recording.rig.names[0], even_moments(recording.frame_count, MOMENTS).tolist()
+    name, steps = recording.rig.names[0], telling_frames(recording.frame_count)[::2]
     samples = [Sample(frames, silhouettes.of(frames)[name]) for frames in recording.at(steps)]
     return JoinedPerson.learned(silhouettes, name, samples)
 

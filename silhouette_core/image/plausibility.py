@@ -3,46 +3,85 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.components import label_components
 from calib.errors import InputError
+from calib.moments import even_moments
 from silhouette_core.tuning import PLAUSIBILITY
 
-MOMENTS = 8
-"""Number of moments of a recording that tell it."""
+_MOMENTS = 8
+_LEAST_MOMENTS = 3  # from which changes tell
 
 
-def check_plausible(masks: Mapping[str, Sequence[NDArray[np.bool_]]], least: int) -> None:
+def telling_frames(count: int) -> list[int]:
+    """Frames of a recording of `count` that tell it: some moments, each with the frame after it."""
+    moments = even_moments(count, _MOMENTS).tolist()
+    return [min(t + later, count - 1) for t in moments for later in (0, 1)]
+
+
+def check_plausible(
+    masks: Mapping[str, Sequence[NDArray[np.bool_]]], least: int, *, person: bool = True
+) -> None:
     """Checks that enough cameras have silhouettes that can be those of a person.
 
     Args:
-        masks: silhouettes (H, W) bool of a few moments, by camera name.
+        masks: silhouettes (H, W) bool of the `telling_frames`, by camera name.
         least: number of cameras that must have them.
+        person: whether it is a person; of other bodies shape and changes are not checked.
 
     Raises:
-        InputError: fewer do: the others' cover nearly the whole picture, or are noise.
+        InputError: fewer do: the others' cover nearly the whole picture, are noise, are straight
+            like a wall, or jump.
     """
-    found = {name: _fault(kept) for name, kept in masks.items()}
+    found = {name: _fault(kept, person) for name, kept in masks.items()}
     faults = [f"those of {name} {fault}" for name, fault in found.items() if fault]
     if len(masks) - len(faults) < least and faults:
         raise InputError(
-            f"the silhouettes cannot be those of a person: {'; '.join(faults)}: look at the masks,"
-            " or at the background"
+            f"the silhouettes cannot be those of a person: {'; '.join(faults)}: look at them with"
+            " `voxelpose setup`, and record the empty view as background, draw regions/CAMERA.png,"
+            " or mend the masks"
         )
 
 
-def _fault(masks: Sequence[NDArray[np.bool_]]) -> str:
+def _fault(masks: Sequence[NDArray[np.bool_]], person: bool) -> str:
     shares = [float(mask.mean()) for mask in masks]
     share = float(np.median(shares))
     if share > PLAUSIBILITY.covered:
         return f"cover {100 * share:.0f} % of the picture"
-    solid = [_solid(mask) for mask in masks if mask.any()]
-    return (
-        "are specks all over the picture" if solid and np.median(solid) < PLAUSIBILITY.solid else ""
-    )
+    seen = [mask for mask in masks if mask.any()]
+    if seen and np.median([_solid(mask) for mask in seen]) < PLAUSIBILITY.solid:
+        return "are specks all over the picture"
+    if not seen or not person:
+        return ""
+    shapes = [_shape(mask) for mask in seen]
+    if np.median([filled for filled, _ in shapes]) > PLAUSIBILITY.rectangle:
+        return "fill a rectangle"
+    moments = masks[::2]
+    if len(moments) < _LEAST_MOMENTS:
+        return ""
+    changed = [(a ^ b).sum() / max((a | b).sum(), 1) for a, b in pairwise(moments)]
+    spans = np.mean([spanning for _, spanning in shapes]) > 0.5
+    if spans and np.median(changed) < PLAUSIBILITY.changed:
+        return "go from border to border and never change"
+    areas = np.array([(a.sum(), b.sum()) for a, b in zip(moments, masks[1::2], strict=False)])
+    jumps = np.abs(np.diff(np.log(areas[areas.any(axis=1)] + 1.0), axis=1))
+    return "jump in size from frame to frame" if np.median(jumps) > PLAUSIBILITY.jump else ""
+
+
+def _shape(mask: NDArray[np.bool_]) -> tuple[float, bool]:
+    """What the largest piece fills of its upright rectangle, and whether that goes from one border
+    of the picture to the opposite one.
+    """
+    pieces = label_components(mask)
+    largest = int(pieces.sizes[1:].argmax())
+    low, high = pieces.bounds[largest]
+    spans = bool(((low == 0) & (high == mask.shape)).any())
+    return float(pieces.sizes[1 + largest] / (high - low).prod()), spans
 
 
 def _solid(mask: NDArray[np.bool_]) -> float:

@@ -10,10 +10,9 @@ import numpy as np
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.moments import even_moments
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
-from silhouette_core.image.plausibility import MOMENTS, check_plausible
+from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
 from silhouette_core.monocular.body_library import (
@@ -77,7 +76,7 @@ class MonocularEstimator:
         if silhouettes.unknown:
             reporter.note("with one camera, what is marked as unknown counts as background")
         samples = (
-            _plausible_samples(source, silhouettes)
+            _plausible_samples(source, silhouettes, isinstance(known, PoseLibrary))
             if settings.smooth or source.silhouettes_given
             else []
         )
@@ -141,16 +140,16 @@ class MonocularEstimator:
         )
 
 
-def _plausible_samples(source: FrameSource, silhouettes: Silhouettes) -> list[Sample]:
+def _plausible_samples(source: FrameSource, silhouettes: Silhouettes, person: bool) -> list[Sample]:
     """Some frames of the only camera and their silhouettes.
 
     Raises:
         InputError: these cannot be those of a person.
     """
-    steps, name = even_moments(source.frame_count, MOMENTS).tolist(), source.rig.names[0]
+    steps, name = telling_frames(source.frame_count), source.rig.names[0]
     samples = [Sample(frames, silhouettes.of(frames)[name]) for frames in source.at(steps)]
-    check_plausible({name: [sample.mask for sample in samples]}, least=1)
-    return samples
+    check_plausible({name: [sample.mask for sample in samples]}, least=1, person=person)
+    return samples[::2]
 
 
 def _joining(

@@ -137,6 +137,8 @@ class Carving:
     """m. In most poses it is so long; shorter ones count for less. As `person_m3`."""
     near_m: float = 1.0
     """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
+    unlikely: float = 2.5
+    """1. Hulls so many times larger or smaller than people are in a wrong unit. By eye."""
     shrinkage: float = 0.9
     """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
     no accuracy."""

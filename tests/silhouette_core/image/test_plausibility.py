@@ -1,10 +1,11 @@
 """Silhouettes that cannot be those of a person are told before any pose is looked for."""
 
+import cv2
 import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.image.plausibility import check_plausible
+from silhouette_core.image.plausibility import check_plausible, telling_frames
 
 RNG = np.random.default_rng(3)
 PERSON = np.zeros((120, 160), bool)
@@ -12,6 +13,11 @@ PERSON[20:100, 60:80] = PERSON[30:40, 40:100] = True
 WHITE = np.ones((120, 160), bool)
 NOISE = RNG.random((120, 160)) < 0.5
 NOBODY = np.zeros((120, 160), bool)
+WALL = np.zeros((120, 160), bool)
+WALL[10:110, 30:120] = True
+COLUMN = np.zeros((120, 160), bool)
+COLUMN[:, 70:90] = COLUMN[40:80, 40:120] = True
+LARGER = cv2.dilate(PERSON.view(np.uint8), np.ones((15, 15), np.uint8)) > 0
 
 
 def test_a_person_and_an_empty_view_are_plausible():
@@ -35,3 +41,35 @@ def test_a_few_bad_moments_are_no_reason():
     check_plausible({"a": [WHITE, PERSON, PERSON]}, least=1)
     with pytest.raises(InputError, match="those of a"):
         check_plausible({"a": [WHITE, WHITE, PERSON]}, least=1)
+
+
+@pytest.mark.parametrize(
+    ("masks", "words"),
+    [
+        ([WALL] * 6, "those of a fill a rectangle"),
+        ([COLUMN] * 6, "those of a go from border to border and never change"),
+        ([PERSON, LARGER] * 4, "those of a jump in size from frame to frame"),
+        ([PERSON, NOBODY] * 4, "those of a jump in size from frame to frame"),
+    ],
+)
+def test_walls_and_flicker_are_no_person(masks, words):
+    with pytest.raises(InputError, match=f"{words}: look at them with `voxelpose setup`"):
+        check_plausible({"a": masks}, least=1)
+    check_plausible({"a": masks}, least=1, person=False)
+
+
+def test_somebody_who_stands_still_or_is_cut_off_is_plausible():
+    check_plausible({"a": [PERSON] * 16}, least=1)
+    check_plausible({"a": [COLUMN] * 4}, least=1)  # two moments are too few to tell
+    moving = [np.roll(COLUMN, x, axis=1) for x in range(8)]
+    check_plausible({"a": moving}, least=1)
+    check_plausible({"a": [NOBODY] * 10 + [PERSON, LARGER] + [PERSON] * 4}, least=1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 400])
+def test_every_moment_has_the_frame_after_it(count):
+    frames = telling_frames(count)
+    assert frames == sorted(frames) and max(frames) < count
+    assert [b - a for a, b in zip(frames[::2], frames[1::2], strict=True)][:-1] == [1] * (
+        len(frames) // 2 - 1
+    )

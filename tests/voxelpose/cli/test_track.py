@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -131,6 +132,23 @@ def test_a_library_without_a_proposal(room, capsys):
 def test_nobody_in_any_frame(room, capsys):
     line = refused(room, capsys, *TRACK, "--stature", "1.75")
     assert "camera cam_1 shows nobody in any frame" in line
+
+
+@pytest.mark.parametrize("command", [["track", *TRACK], ["fit"]])
+def test_a_wall_is_no_person(room, capsys, command):
+    for number in (1, 2):
+        folder = room / "walk" / "masks" / f"cam_{number}"
+        folder.mkdir(parents=True)
+        for video in (room / "walk").glob(f"cam_{number}.*"):
+            video.unlink()
+        wall = np.zeros((120, 160), np.uint8)
+        wall[20:100, 40:120] = 255
+        for frame in range(FRAMES):
+            cv2.imwrite(str(folder / f"{frame}.png"), wall)
+    assert run([command[0], "walk", "--out", "x", "--fps", "25", *command[1:]]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "cannot be those of a person: those of cam_1 fill a rectangle" in said
+    assert left(room) == []
 
 
 def test_results_are_not_overwritten_unasked(room, capsys):

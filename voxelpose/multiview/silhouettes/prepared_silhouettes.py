@@ -16,7 +16,7 @@ from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.plausibility import MOMENTS, check_plausible
+from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
@@ -28,6 +28,7 @@ from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repai
 from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.floor_shadows import floor_under
+from voxelpose.multiview.silhouettes.hull_size import check_hull_size
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
 from voxelpose.multiview.tuning import CARVING, COLOURS
@@ -133,10 +134,14 @@ def prepare_silhouettes(
             reporter.note(f"marked as unknown, and left out: {listed}")
         work = _Preparation(source, stores, unknown, preparation, clock, reporter)
         numbers, times_s = work.subtract_background(silhouettes, lenses)
-        moments = [stores[0][int(t)] for t in even_moments(len(stores[0]), MOMENTS)]
+        moments = [stores[0][t] for t in telling_frames(len(stores[0]))]
         by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
-        check_plausible(by_camera, least=LEAST_CAMERAS)
-        checked = work.check_cameras(Rig(tuple(lens.pinhole for lens in lenses)), times_s)
+        check_plausible(by_camera, least=LEAST_CAMERAS, person=preparation.person)
+        pinholes = Rig(tuple(lens.pinhole for lens in lenses))
+        if preparation.person:
+            rule = body_rule(len(pinholes), preparation.tolerance, len(shares))
+            check_hull_size(pinholes, moments[::6], rule, settings.stature_m, unknown)
+        checked = work.check_cameras(pinholes, times_s)
         reporter.stage("volume")
         search = UpSearch(checked.rig, settings, preparation.matching, preparation.person)
         upright = choose_upright(search, stores[0], work.observer, reporter)
