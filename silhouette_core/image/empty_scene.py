@@ -7,9 +7,11 @@ together, so that
 1. the frames show the background as often as possible,
 2. no edge of the background moves: where a colour ends beside another, neither of the two pixels
    shows the other's colour at other times. Outlines of people do, those of furniture do not,
-3. what was never seen is small, and beside it nothing is gained by a thin rim.
+3. what was never seen is small, and beside it nothing is gained by a thin rim,
+4. it is not shown where somebody is in front of it: in the convex hull of all that differs from the
+   background in a frame. Of who stays in place, limbs move, and the trunk between them does not.
 
-Frames are first given the same exposure. The colours around what was never seen are continued into
+The hulls come from labels that are first chosen without them. Frames are first given the same exposure. The colours around what was never seen are continued into
 it (`cv2.inpaint`, Telea), with the noise of a guess.
 
 This project's extension of Okada and Stenger's section 5.1. Background estimation as a labelling
@@ -22,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import aligned
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
@@ -101,10 +104,40 @@ def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
     limits = radius, least, still, np.float32(SCENE.border)
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
-    labels = np.empty((height, width), np.int64)
-    kernels.least_cost_labels(own, right, down, _ROUNDS, labels)
     frames = np.append(shown, np.zeros((pixels, 1), np.uint64), axis=1)
-    return np.take_along_axis(frames, labels.reshape(-1, 1), axis=1).reshape(height, width)
+    labels = np.empty((height, width), np.int64)
+
+    def chosen() -> NDArray[np.uint64]:
+        kernels.least_cost_labels(own, right, down, _ROUNDS, labels)
+        return np.take_along_axis(frames, labels.reshape(-1, 1), axis=1).reshape(height, width)
+
+    own[..., :-1] += SCENE.hidden * _hidden(chosen(), shown.reshape(height, width, _MODES), count)
+    return chosen()
+
+
+def _hidden(
+    background: NDArray[np.uint64], shown: NDArray[np.uint64], count: int
+) -> NDArray[np.float32]:
+    """Share (h, w, K) of the frames in which a mode is shown by somebody in front of the
+    background, as far as somebody always is.
+
+    Args:
+        background: (h, w), bit t for frame t, which shows it; 0: none does.
+        shown: (h, w, K), likewise of each mode.
+        count: number of frames.
+    """
+    always = np.zeros(background.shape, np.float32)
+    hidden = np.zeros(shown.shape, np.float32)
+    for frame in np.arange(count, dtype=np.uint64):
+        differs = ((background >> frame) & np.uint64(1) == 0) & (background > 0)
+        opened = cv2.morphologyEx(differs.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        pieces = clean(opened.view(np.bool_), min_share=SCENE.piece)
+        hull = np.zeros_like(opened)
+        if pieces.any():
+            cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)
+        always += hull / count
+        hidden += ((shown >> frame) & np.uint64(1)) * hull[..., None] / np.float32(count)
+    return hidden * (always**SCENE.always)[..., None]
 
 
 def _moments(
