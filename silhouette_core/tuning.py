@@ -129,7 +129,7 @@ class EmptyScene:
     """1. Of a mode's radius. Steps between colours that cost nothing: noise, texture."""
     still: float = 0.05
     """1. Cost of a step between colours that does not move."""
-    piece: float = 0.1
+    piece: float = 0.05
     """1. Of the largest piece that differs from the background in a frame: least of the others."""
     always: float = 4.0
     """1. Power of the share of the frames in which somebody is before a pixel, by which it counts

@@ -11,8 +11,9 @@ together, so that
 4. it is not shown where somebody is in front of it: in the convex hull of all that differs from the
    background in a frame. Of who stays in place, limbs move, and the trunk between them does not.
 
-The hulls come from labels that are first chosen without them. Frames are first given the same exposure. The colours around what was never seen are continued into
-it (`cv2.inpaint`, Telea), with the noise of a guess.
+The hulls come from labels that are first chosen without them. All frames are given the same
+exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea), with
+the noise of a guess.
 
 This project's extension of Okada and Stenger's section 5.1. Background estimation as a labelling
 problem: Cohen (ICCV 2005), with another cost of steps.

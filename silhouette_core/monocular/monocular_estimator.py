@@ -70,11 +70,7 @@ class MonocularEstimator:
         )
         frame = upright_frame(source.rig, settings, reporter)
         camera = frame.rig(source.rig).cameras[0]
-        reporter.stage("background")
-        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
-        silhouettes.note(reporter)
-        if silhouettes.unknown:
-            reporter.note("with one camera, what is marked as unknown counts as background")
+        silhouettes = _silhouettes(source, settings, reporter)
         samples = (
             _plausible_samples(source, silhouettes, isinstance(known, PoseLibrary))
             if settings.smooth or source.silhouettes_given
@@ -107,20 +103,10 @@ class MonocularEstimator:
         if settings.smooth:  # otherwise a frame needs what was found in the last
             frames = read_ahead(frames)
 
-        def estimates() -> Iterator[FrameEstimate]:
-            reporter.stage("tracking", source.frame_count)
-            for number, noted in frames:
-                if noted is None:
-                    absent.append(number)
-                else:
-                    yield from stages.trajectory.add(noted)
-                reporter.advance()
-            reporter.stage("last frames")
-            yield from stages.trajectory.finish()
-
+        estimates = _estimates(frames, stages, absent, source.frame_count, reporter)
         with nullcontext() if settings.smooth else fewer_threads():
             motion = _motion(
-                estimates(),
+                estimates,
                 stages.trajectory,
                 hypotheses,
                 source.fps,
@@ -138,6 +124,16 @@ class MonocularEstimator:
             facts,
             hypotheses,
         )
+
+
+def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) -> Silhouettes:
+    """Silhouettes of the only camera; what is missing or marked is told in notes."""
+    reporter.stage("background")
+    silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
+    silhouettes.note(reporter)
+    if silhouettes.unknown:
+        reporter.note("with one camera, what is marked as unknown counts as background")
+    return silhouettes
 
 
 def _plausible_samples(source: FrameSource, silhouettes: Silhouettes, person: bool) -> list[Sample]:
@@ -198,6 +194,25 @@ def _noted(
     """Number of every frame, and what is kept of it if it shows a person."""
     for number, seconds, person in people:
         yield number, None if person is None else stages.noted(number, seconds, person)
+
+
+def _estimates(
+    frames: Iterable[tuple[int, PendingFrame | None]],
+    stages: PoseStages,
+    absent: list[int],
+    count: int,
+    reporter: Reporter,
+) -> Iterator[FrameEstimate]:
+    """Estimates of all frames that show a person; the numbers of the others are added to absent."""
+    reporter.stage("tracking", count)
+    for number, noted in frames:
+        if noted is None:
+            absent.append(number)
+        else:
+            yield from stages.trajectory.add(noted)
+        reporter.advance()
+    reporter.stage("last frames")
+    yield from stages.trajectory.finish()
 
 
 def _motion(

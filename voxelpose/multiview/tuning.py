@@ -55,12 +55,9 @@ class Tracking:
 class OffLine:
     """Repair of a whole recording's poses (`tracking.tracking`)."""
 
-    again: float = 0.12
-    """1. Median error from which a recording is begun again; right ones have 0.06 to 0.10."""
-    again_frames: int = 9
-    """Frames that are searched then. Chosen by eye."""
     again_placements: int = 20
-    """Placements of the torso that are tried then, and of a sitting person. By eye."""
+    """Placements of the torso that are tried where an improbable track is begun again, and of a
+    sitting person. By eye."""
     beside: int = 3
     """Frames beside a searched one that are not searched as well. Chosen by eye."""
     limbs_again_s: float = 0.5

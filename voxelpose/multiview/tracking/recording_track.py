@@ -21,7 +21,7 @@ from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
-from voxelpose.multiview.tracking.body_refit import refit, spread_errors
+from voxelpose.multiview.tracking.body_refit import REFIT_FRAMES, refit, spread_errors
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 from voxelpose.multiview.tuning import OFF_LINE
 
@@ -150,23 +150,11 @@ class TrackWork:
         tracker.begin(poses, errors)
         self.reporter.stage("repair")
         with self.clock("repair"):
-            self._begin_again(tracker)
+            begin_again(tracker)
             tracker.repair(3 + count // 100)
             tracker.mend_jumps()
         self.reporter.stage("limbs")
         tracker.recheck()
-
-    def _begin_again(self, tracker: PoseTracker) -> None:
-        """Searches other frames without a prior while the track is improbable, and tracks from
-        those that improve.
-
-        What the first poses have in common, like a head in the place of an arm, is carried through
-        the whole recording and shows as no rise of the error.
-        """
-        for t in even_moments(len(tracker.observations), OFF_LINE.again_frames).tolist():
-            improbable = is_improbable(spread_errors(tracker))
-            if improbable and tracker.anchor(t, OFF_LINE.again_placements):
-                tracker.carry(t)
 
     def _polish(self, tracker: PoseTracker) -> None:
         self.reporter.stage("refinement", len(tracker.observations))
@@ -176,6 +164,19 @@ class TrackWork:
 def _cost(tracker: PoseTracker, start: Start) -> float:
     """Cost of the person that was tracked."""
     return start.cost_of(spread_errors(tracker))
+
+
+def begin_again(tracker: PoseTracker) -> None:
+    """Searches other frames without a prior while the track is improbable, and tracks from those
+    that improve.
+
+    What the first poses have in common, like a head in the place of an arm, is carried through the
+    whole recording and shows as no rise of the error.
+    """
+    for t in even_moments(len(tracker.observations), REFIT_FRAMES).tolist():
+        improbable = is_improbable(spread_errors(tracker))
+        if improbable and tracker.anchor(t, OFF_LINE.again_placements):
+            tracker.carry(t)
 
 
 def _found(tracker: PoseTracker, anchors: dict[int, Pose]) -> dict[str, object]:

@@ -169,20 +169,6 @@ class PoseTracker:
                 stepped = stepped.with_limbs(frame.observation)
         return stepped if stepped.fit.error < TRACKING.lost else None
 
-    def begin_again(self) -> None:
-        """Searches other frames without a prior where all poses are worse than they should be, and
-        tracks from those that improve.
-
-        What the first poses have in common, like a head in the place of an arm, is carried through
-        the whole recording and shows as no rise of the error.
-        """
-        if self._usual() < OFF_LINE.again:
-            return
-        last = len(self.poses) - 1
-        for t in np.unique(np.linspace(0, last, min(OFF_LINE.again_frames, last + 1)).astype(int)):
-            if self.anchor(int(t), OFF_LINE.again_placements):
-                self.carry(int(t))
-
     def repair(self, most: int) -> None:
         """Searches at most `most` of the worst frames again, and tracks from those that improve."""
         tried = np.zeros(len(self.poses), bool)
