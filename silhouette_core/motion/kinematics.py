@@ -83,6 +83,20 @@ def place_with_axes(
     return *placed, axes
 
 
+def relative_rotations(part_rotation: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Rotations (…, P, 3, 3) of parts relative to their parents, the identity at rest; of the root
+    relative to the world.
+
+    Args:
+        part_rotation: (…, P, 3, 3) float64, world from part.
+        parents: (P,) int; -1 for the root.
+    """
+    local, children = part_rotation.copy(), parents >= 0
+    above = np.swapaxes(part_rotation[..., parents[children], :, :], -1, -2)
+    local[..., children, :, :] = above @ part_rotation[..., children, :, :]
+    return local
+
+
 def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
     """World positions (T, L, 3) of the landmarks, m, in the order of the body's tree: of a person
     `joints.LANDMARK_NAMES`.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, FloatArray, Rig
+from calib.points import nearest_point
 from calib.upright import UprightFrame, up_candidates
 from voxelpose.view.images.canvas import (
     FAINT,
@@ -131,12 +132,7 @@ def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
     centers = np.array([camera.center_m for camera in rig])
     axes = np.array([camera.rotation[2] for camera in rig])
     # The point nearest to all optical axes; limited for almost parallel axes.
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    middle = np.linalg.lstsq(
-        across.sum(axis=0) + 1e-3 * np.eye(3),
-        (across @ centers[..., None]).sum(axis=0)[:, 0],
-        rcond=None,
-    )[0]
+    middle = nearest_point(centers, axes)
     depth = max(1.0, float(np.ptp(centers, axis=0).max()))
     middle = np.clip(middle, centers.min(axis=0) - depth, centers.max(axis=0) + depth)
     shown = np.vstack(

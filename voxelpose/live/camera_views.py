@@ -33,11 +33,10 @@ class CameraViews:
         self._cameras = tuple(rig)
         self._views = [UndistortedView.from_camera(camera, _LONG_SIDE_PX) for camera in rig]
         look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
-        drawn = [
+        drawn = (
             add_camera(scene, camera, format="jpeg", jpeg_quality=70, **look) for camera in rig
-        ]
-        self._handles = [frustum for frustum, _ in drawn]
-        self._labels = [label for _, label in drawn]
+        )
+        self._handles, self._labels = zip(*drawn, strict=True)
         self._next = 0
 
     def show(self, visible: bool) -> None:
