@@ -25,7 +25,6 @@ from voxelpose.cli.arguments import (
     Threads,
     Unit,
     Up,
-    frames_of,
     up_direction,
 )
 
@@ -90,7 +89,7 @@ class EstimationArguments:
             from silhouette_core.motion.body_source import resolved_body
             from silhouette_core.motion.conditioning import Conditioning
             from voxelpose.fitting import Output, fit
-            from voxelpose.recording.folder import Recording
+            from voxelpose.recording.folder import Recording, frame_range
 
             settings = Settings(
                 stature_m=self.stature,
@@ -107,7 +106,7 @@ class EstimationArguments:
                 options=dict(options)
                 | ({} if self.body is None else {"body": resolved_body(self.body)}),
             )
-            frames = frames_of(self.frames)
+            frames = frame_range(self.frames)
             recording = Recording.open(self.recording, frames, cameras, self.unit, self.fps)
             if recording.calibration_path is None:
                 progress.note(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError, check_name
@@ -217,7 +217,7 @@ class Recording:
         readers = {name: reader.select(numbers) for name, reader in self.readers.items()}
         return read_together(readers, 0, len(numbers))
 
-    def upright_frame(self, up: Sequence[float] | None = None) -> UprightFrame:
+    def upright_frame(self, up: ArrayLike | None = None) -> UprightFrame:
         """The frame with z up, as far as it is known without looking for a person.
 
         Args:
@@ -340,16 +340,30 @@ def only_camera(folder: Path) -> str:
     return names[0]
 
 
-def frame_range(text: str) -> tuple[int | None, int | None]:
+def frame_range(
+    text: str | None, setting: str = "--frames {}"
+) -> tuple[int | None, int | None] | None:
     """Reads A:B as a Python slice (10:50, 10:, :50); a single number is that frame alone.
 
+    Args:
+        text: the range; None: all frames.
+        setting: how it is given, with {} in its place, for messages.
+
     Raises:
-        ValueError: the text is none of these.
+        InputError: the text is none of these.
     """
+    if text is None:
+        return None
     first, colon, last = text.partition(":")
-    if not colon:
-        return int(first), int(first) + 1
-    return (int(first) if first else None), (int(last) if last else None)
+    try:
+        if not colon:
+            return int(first), int(first) + 1
+        return (int(first) if first else None), (int(last) if last else None)
+    except ValueError:
+        raise InputError(
+            f"{setting.format(text)} is not understood: give first:last, as in"
+            f" {setting.format('0:100')} (the last is not included)"
+        ) from None
 
 
 def is_recording(folder: Path) -> bool:

@@ -30,23 +30,7 @@ def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
         if any("," in name for name in chosen.cameras):
             raise InputError("a camera whose name holds a comma cannot be chosen: rename its files")
     if chosen.up is not UNSET and chosen.up is not None:
-        up_vector(chosen.up)
-
-
-def up_vector(text: str) -> tuple[float, float, float]:
-    """Direction of up, unit, of an axis or three numbers.
-
-    Raises:
-        InputError: the text is neither.
-    """
-    try:
-        x, y, z = direction_of(text).tolist()
-    except ValueError:
-        raise InputError(
-            f"up = {text[:40]!r} is no direction: give an axis, as in -z, or three numbers, as in"
-            " 0,0.1,-1"
-        ) from None
-    return x, y, z
+        direction_of(chosen.up)
 
 
 def save_choices(path: Path, chosen: FitChosen) -> bool:

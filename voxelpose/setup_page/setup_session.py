@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import UNSET
 
 from calib.errors import InputError
-from calib.upright import UprightFrame, axis_name
+from calib.upright import UprightFrame, axis_name, direction_of
 from voxelpose.recording.settings_files import SETTINGS_FILE
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
@@ -22,7 +22,7 @@ from voxelpose.setup_page.clicked_points import (
     save_clicked,
 )
 from voxelpose.setup_page.drawn_places import DrawnRecording, PlaceFiles
-from voxelpose.setup_page.fit_choices import check_choices, save_choices, up_vector
+from voxelpose.setup_page.fit_choices import check_choices, save_choices
 from voxelpose.setup_page.ground import ground_lines, up_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
@@ -188,7 +188,7 @@ class SetupSession:
             InputError: there is no calibration, or up is no direction.
         """
         self._need("floor")
-        up = None if asked.up is None else up_vector(asked.up)
+        up = None if asked.up is None else direction_of(asked.up)
         frame = self._recording.upright_frame(up)
         frame = UprightFrame(frame.rotation, asked.height_m)
         return {
