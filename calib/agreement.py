@@ -164,26 +164,16 @@ def signed_errors(errors: PairErrors, name: str, others: Sequence[str]) -> Float
     listed = [
         values * (1 if first == name else -1)
         for (first, second), values in errors.items()
-        if _joins(name, first, second, others)
+        if (first == name and second in others) or (second == name and first in others)
     ]
     flat = np.concatenate([np.zeros(0), *(values.ravel() for values in listed)])
     return flat[np.isfinite(flat)]
 
 
-def _joins(name: str, first: str, second: str, others: Sequence[str]) -> bool:
-    return (first == name and second in others) or (second == name and first in others)
-
-
 def group_error(errors: PairErrors, names: Sequence[str]) -> float:
     """Error, px, of a group of cameras among themselves; NaN for a single camera."""
-    return trimmed_mean(
-        np.concatenate(
-            [
-                np.zeros(0),
-                *(v.ravel() for pair, v in errors.items() if pair[0] in names and pair[1] in names),
-            ]
-        )
-    )
+    inside = [values.ravel() for pair, values in errors.items() if set(pair) <= set(names)]
+    return trimmed_mean(np.concatenate([np.zeros(0), *inside]))
 
 
 def trimmed_mean(errors: FloatArray) -> float:

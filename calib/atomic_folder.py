@@ -174,7 +174,9 @@ class FolderWriter:
 
     def _put_in_place(self) -> None:
         target = self.out.resolve()
-        _flush_folder(self._partial)
+        for path in self._partial.rglob("*"):
+            if path.is_file() and not path.is_symlink():
+                flush(path)
         try:
             self._check(self.out)
             with suppress(OSError):
@@ -269,13 +271,6 @@ def remove_leftovers(folder: Path) -> list[Path]:
         with suppress(InputError), claimed(folder / name):  # else somebody is writing it
             removed += recover(folder / name)
     return removed
-
-
-def _flush_folder(folder: Path) -> None:
-    """Waits until all files of a folder are on the disk."""
-    for path in folder.rglob("*"):
-        if path.is_file() and not path.is_symlink():
-            flush(path)
 
 
 def _exchanged(first: Path, second: Path) -> bool:
