@@ -108,22 +108,14 @@ class Recording:
             InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
-        if not folder.is_dir():
-            raise InputError(
-                f"{folder} is not a recording: give a folder with a video per camera and"
-                " calibration.toml"
-            )
-        paths, silhouettes_given = _paths(folder, cameras)
-        for path in (folder.resolve(), *paths.values()):
-            check_name(path)
-        readers = {name: FrameReader.open(path) for name, path in paths.items()}
+        readers, silhouettes_given = open_readers(folder, cameras)
         calibration = calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
             rig = Rig((default_camera(cameras[0], sizes.pop()),))
             names = tuple(_paths(folder, None)[0])
         elif calibration is None:
-            raise _no_calibration(folder, tuple(paths))
+            raise _no_calibration(folder, tuple(readers))
         else:
             rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
             names = rig.names
@@ -374,6 +366,29 @@ def is_recording(folder: Path) -> bool:
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
+def open_readers(
+    folder: Path, cameras: Sequence[str] | None = None
+) -> tuple[dict[str, FrameReader], bool]:
+    """Readers of a recording's pictures by camera name, and whether they are silhouettes.
+
+    Args:
+        folder: the recording folder.
+        cameras: names of the cameras to use; None: all.
+
+    Raises:
+        InputError: it is no folder, or there are no pictures, or some that cannot be read.
+    """
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder} is not a recording: give a folder with a video per camera and"
+            " calibration.toml"
+        )
+    paths, silhouettes_given = _paths(folder, cameras)
+    for path in (folder.resolve(), *paths.values()):
+        check_name(path)
+    return {name: FrameReader.open(path) for name, path in paths.items()}, silhouettes_given
+
+
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
     """Videos or image folders by camera name, and whether they are silhouettes, from masks/."""
     paths = pictures_by_camera(folder)
@@ -382,8 +397,8 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
         paths = pictures_by_camera(folder / "masks")
     if not paths:
         raise InputError(
-            f"{folder} holds no video: put one per camera there, named as in the calibration"
-            " (cam_1.mp4)"
+            f"{folder} holds no video: put one per camera there, or a folder of frames, named as in"
+            " the calibration (cam_1.mp4, or cam_1/0001.png ...)"
         )
     if cameras is not None:
         filmed = ", ".join(paths)

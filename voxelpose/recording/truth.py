@@ -129,10 +129,7 @@ def _read_json(path: Path) -> NDArray[np.float64]:
         count = max(len(joints.get(name) or ()) for name in LANDMARK_NAMES)
         unknown = [np.nan] * 3
         frames = [
-            [
-                unknown if position is None else position
-                for position in joints.get(name) or [None] * count
-            ]
+            [unknown if place is None else place for place in joints.get(name) or [None] * count]
             for name in LANDMARK_NAMES
         ]
         return np.array(frames, float).reshape(len(frames), count, 3).swapaxes(0, 1)

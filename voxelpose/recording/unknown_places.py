@@ -10,7 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
 from calib.documents import load_text, parse_toml
@@ -79,15 +79,24 @@ def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> Unknown
         InputError: the file is not TOML, a key is not known, there is no such camera, or what it
             holds are no polygons.
     """
-    masks: UnknownMasks = {}
-    for name, polygons in unknown_polygons(path, names).items():
-        if name in rig:
-            width, height = rig[name].size
-            image = np.zeros((height, width), np.uint8)
-            for polygon in polygons:
-                cv2.fillPoly(image, [np.rint(polygon).astype(np.int32)], 1)
-            masks[name] = image.view(np.bool_)
-    return masks
+    return {
+        name: painted_mask(polygons, rig[name].size)
+        for name, polygons in unknown_polygons(path, names).items()
+        if name in rig
+    }
+
+
+def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Pixels (H, W) bool within any of the polygons.
+
+    Args:
+        polygons: corners (N, 2) each, in px.
+        size: width and height in px.
+    """
+    image = np.zeros(size[::-1], np.uint8)
+    for polygon in polygons:
+        cv2.fillPoly(image, [np.rint(np.asarray(polygon)).astype(np.int32)], 1)
+    return image.view(np.bool_)
 
 
 def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray[np.float64]]]:

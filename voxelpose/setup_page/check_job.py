@@ -78,9 +78,14 @@ class CheckJob:
             "total": progress.total,
         }
 
-    @property
-    def picture(self) -> bytes | None:
-        """PNG of the last check; None where there is none."""
+    def picture(self) -> bytes:
+        """PNG of the last check.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self._picture is None:
+            raise InputError("the cameras have not been checked")
         return self._picture
 
     def close(self) -> None:

@@ -16,15 +16,14 @@ from calib.atomic import write_whole
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.recording.folder import Recording, pictures_by_camera
-from voxelpose.recording.unknown_places import RECORDING_FILE, paint_unknown, unknown_polygons
-from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon
-from voxelpose.setup_page.region_files import (
-    RegionFile,
-    drawn_region,
+from voxelpose.recording.unknown_places import (
+    RECORDING_FILE,
+    paint_unknown,
     painted_mask,
-    read_regions,
-    write_region,
+    unknown_polygons,
 )
+from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon
+from voxelpose.setup_page.region_files import RegionFile, drawn_region, read_regions, write_region
 
 _LARGEST_BYTES = 1_000_000
 

@@ -6,11 +6,10 @@ The picture alone decides: polygons count only where they paint exactly what it 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from PIL import Image, PngImagePlugin
 from calib.atomic import unwritable, write_whole
 from calib.errors import InputError
 from voxelpose.recording.folder import pictures_by_camera
+from voxelpose.recording.unknown_places import painted_mask
 from voxelpose.setup_page.page_requests import Polygon, Polygons, RegionDrawing
 
 _KEY = "voxelpose polygons"
@@ -42,19 +42,6 @@ class RegionFile:
     def painted(self) -> bool:
         """Whether the file is no drawing of polygons alone."""
         return not self.polygons
-
-
-def painted_mask(polygons: Sequence[Polygon], size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Pixels (H, W) bool within any of the polygons, as the reader of recording.toml paints them.
-
-    Args:
-        polygons: corners in px.
-        size: width and height in px.
-    """
-    image = np.zeros(size[::-1], np.uint8)
-    for polygon in polygons:
-        cv2.fillPoly(image, [np.rint(np.array(polygon)).astype(np.int32)], 1)
-    return image.view(np.bool_)
 
 
 def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[str, RegionFile]:

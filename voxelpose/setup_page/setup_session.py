@@ -49,6 +49,7 @@ class SetupSession:
 
     Attributes:
         folder: the folder.
+        check: the check of its cameras.
     """
 
     def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
@@ -67,13 +68,13 @@ class SetupSession:
         self._places = PlaceFiles.read(self._recording)
         self._moments = MomentFrames(self._recording)
         self._backgrounds = BackgroundModels(self._recording)
-        self._check = CheckJob(self._recording)
+        self.check = CheckJob(self._recording)
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
 
     def close(self) -> None:
         """Ends what is running."""
-        self._check.close()
+        self.check.close()
 
     def state(self) -> dict[str, Any]:
         """All that the page shows at first, and after saving.
@@ -203,22 +204,8 @@ class SetupSession:
             InputError: it is not possible.
         """
         self._need("check")
-        self._check.start()
-        return self._check.status()
-
-    def check_status(self) -> dict[str, Any]:
-        """State of the check; see `CheckJob.status`."""
-        return self._check.status()
-
-    def check_picture(self) -> bytes:
-        """PNG of the last check.
-
-        Raises:
-            InputError: there is none.
-        """
-        if self._check.picture is None:
-            raise InputError("the cameras have not been checked")
-        return self._check.picture
+        self.check.start()
+        return self.check.status()
 
     def save(self, asked: SaveRequest) -> dict[str, Any]:
         """Writes what is asked for; returns the files, what is left out, and the new state.

@@ -81,15 +81,8 @@ def dot(image: Image, point: NDArray[np.float64], radius: float, colour: Colour)
     """Draws a filled circle around (2,) pixels in place."""
     fixed = _fixed(point[None])
     if len(fixed):
-        cv2.circle(
-            image,
-            tuple(int(v) for v in fixed[0, 0]),
-            int(radius * 2**_SHIFT),
-            colour,
-            cv2.FILLED,
-            cv2.LINE_AA,
-            _SHIFT,
-        )
+        x, y = fixed[0, 0].tolist()
+        cv2.circle(image, (x, y), int(radius * 2**_SHIFT), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
 
 def tint(

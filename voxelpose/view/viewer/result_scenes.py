@@ -217,13 +217,6 @@ def _open_recording(
     Its own frame rate is used where there is one that agrees with the fit's, else the fit's, else a
     default. A fit has its cameras in metres already: there the unit of the recording's calibration
     does not matter.
-
-    Args:
-        folder: the recording.
-        frames: first frame and one past the last.
-        cameras: their names.
-        unit: of the calibration.
-        fps: frames per second of the fit; None where there is none.
     """
     failure = None
     for tried_unit in (unit, "m") if unit is None and fps is not None else (unit,):

@@ -160,14 +160,8 @@ class SceneRenderer:
 
     def _points(self, name: str, points: NDArray[np.float64], colour: Colour, size: float) -> None:
         if len(points):
-            self._api.add_point_cloud(
-                f"/{name}",
-                points,
-                colour,
-                point_size=size,
-                precision="float32",
-                point_shape="rounded",
-            )
+            look: dict[str, Any] = {"precision": "float32", "point_shape": "rounded"}
+            self._api.add_point_cloud(f"/{name}", points, colour, point_size=size, **look)
         else:
             self._api.remove_by_name(f"/{name}")
 
