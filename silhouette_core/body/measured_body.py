@@ -18,9 +18,7 @@ from calib.errors import InputError
 from silhouette_core.body.mesh_measurements import BodyMeasurements, TapeMeasure
 from silhouette_core.body.model import BodyModel, read_template
 from silhouette_core.body.population import check_measurements
-from silhouette_core.body.shape import ShapeSpace
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
-from silhouette_core.body.template_warp import warp_template
 from silhouette_core.tuning import MEASURING
 
 _AXES = {axis.name: k for k, axis in enumerate(SHAPE_AXES)}
@@ -187,18 +185,10 @@ class _Family:
 @lru_cache(maxsize=2)
 def _family(sex: str) -> _Family:
     body = read_template(sex)
-
-    def space(vertices: NDArray[np.float64]) -> ShapeSpace:
-        skin = body.skin_parts, body.skin_weights
-        return ShapeSpace.from_rest(body.joints_m, vertices, body.landmarks_m, *skin, body.faces)
-
     spaces = [(body.space.vertices_m, body.space.vertices_change)]
     for change in range(4):
         first, second, third, fourth = np.eye(4)[change].tolist()
-        unit = (first, second, third, fourth)
-        warped = space(
-            warp_template(body.vertices_m, body.joints_m, body.skin_parts, body.skin_weights, unit)
-        )
+        warped = body.warped((first, second, third, fourth)).space
         spaces.append(
             (
                 warped.vertices_m - body.space.vertices_m,

@@ -90,7 +90,7 @@ class BodyModel:
         """
         template = read_template(sizes.sex)
         if any(sizes.changes):
-            template = template._warped(sizes.changes)
+            template = template.warped(sizes.changes)
         scale = sizes.stature_m / template.sizes.stature_m
         body = template._scaled(scale, sizes)
         if sizes.chest_girth_m is None or any(sizes.changes):
@@ -155,7 +155,7 @@ class BodyModel:
             shape=np.asarray(shape, float),
         )
 
-    def _warped(self, changes: Changes) -> BodyModel:
+    def warped(self, changes: Changes) -> BodyModel:
         """This template with other chest, waist, hips and thighs."""
         vertices = warp_template(
             self.vertices_m, self.joints_m, self.skin_parts, self.skin_weights, changes

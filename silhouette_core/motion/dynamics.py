@@ -70,8 +70,6 @@ def _per_dof_rad(
 
 RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)
 """(D,) joint angles of a person's resting stance."""
-STEP_SIGMA_RAD = _per_dof_rad(_STEP_SIGMA_DEG, _OTHER_STEP_DEG)
-"""(D,) standard deviation of a person's joint angles' steps within 1 / `FPS`."""
 
 
 def is_person_tree(tree: KinematicTree) -> bool:

@@ -232,7 +232,11 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
         up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
         filled=arrays.get("filled", np.zeros(0, bool)),
-        conditioning=_conditioning(about.get("conditioning")),
+        conditioning=(  # None in files of earlier versions
+            msgspec.convert(json.loads(about["conditioning"]), Conditioning)
+            if "conditioning" in about
+            else None
+        ),
     )
     if _UNFILTERED + "root_m" not in arrays:
         return motion
@@ -240,12 +244,6 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     poses = {name: arrays[_UNFILTERED + name] for name in _POSES}
     unfiltered = replace(found, **poses, quality={}, conditioning=None)
     return replace(motion, unfiltered=unfiltered)
-
-
-def _conditioning(text: str | None) -> Conditioning | None:
-    """The settings of a file; None of files of earlier versions."""
-    content = {} if text is None else json.loads(text)
-    return None if text is None else msgspec.convert(content, Conditioning)
 
 
 def _model(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> BodyModel:

@@ -140,9 +140,11 @@ def smooth(values: np.ndarray, fps: float, low_pass: LowPass | None = None) -> n
 
 
 def continuous_quaternions(quaternions: np.ndarray) -> np.ndarray:
-    """Quaternions (T, 4) with the signs that make each nearest to its predecessor."""
-    signs = np.cumprod(np.where((quaternions[1:] * quaternions[:-1]).sum(1) < 0, -1.0, 1.0))
-    return quaternions * np.concatenate([[1.0], signs])[:, None]
+    """Quaternions (T, ..., 4) with the signs that make each nearest to its predecessor."""
+    signs = np.cumprod(
+        np.where((quaternions[1:] * quaternions[:-1]).sum(-1) < 0, -1.0, 1.0), axis=0
+    )
+    return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
 
 
 def smooth_quaternions(

@@ -43,10 +43,6 @@ def skin_vertices(rng):
     return Example((vertices, joints, parts, weights, *placed, np.empty((20, 3))), atol=1e-12)
 
 
-def pose_many(rng):
-    return Example((*posed(rng, 6), *skinned(rng, 20), np.empty((6, 20, 3))), atol=1e-12)
-
-
 def solve_angles(rng):
     body = skeleton(rng)
     limits = np.tile([-0.8, 0.8], (DOFS, 1))

@@ -82,26 +82,6 @@ def skin_vertices(vertices, joints, skin_parts, skin_weights, part_rotation, par
     posed[:] = np.einsum("vk,vki->vi", skin_weights, placed)
 
 
-def pose_many(
-    parents,
-    joints,
-    dof_part,
-    dof_axis,
-    root_rotation,
-    root,
-    angles,
-    vertices,
-    skin_parts,
-    skin_weights,
-    posed,
-):
-    """Kinematics and skinning for every row of angles."""
-    rotation, origin = np.empty((len(parents), 3, 3)), np.empty((len(parents), 3))
-    for k, row in enumerate(angles):
-        place_parts(parents, joints, dof_part, dof_axis, root_rotation, root, row, rotation, origin)
-        skin_vertices(vertices, joints, skin_parts, skin_weights, rotation, origin, posed[k])
-
-
 def solve_angles(
     parents, joints, dof_part, dof_axis, limits, roots, targets, directions, rest, angles
 ):

@@ -12,6 +12,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.smoothing import continuous_quaternions
 from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
 from voxelpose.version import __version__
 
@@ -145,7 +146,7 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
 
 
 def _add_animation(document: gltf.GLTF2, packer: _Packer, motion: Motion) -> None:
-    rotations = _continuous(
+    rotations = continuous_quaternions(
         quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T)
     )
     root = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
@@ -168,10 +169,3 @@ def _add_channel(animation: gltf.Animation, time: int, values: int, node: int, p
     animation.samplers.append(
         gltf.AnimationSampler(input=time, output=values, interpolation=gltf.ANIM_LINEAR)
     )
-
-
-def _continuous(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T, P, 4) quaternions with the signs that make each nearest to its predecessor."""
-    agrees = (quaternion[1:] * quaternion[:-1]).sum(axis=-1) >= 0
-    signs = np.cumprod(np.where(agrees, 1.0, -1.0), axis=0)
-    return np.concatenate([quaternion[:1], quaternion[1:] * signs[..., None]])

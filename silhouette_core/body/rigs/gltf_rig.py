@@ -18,12 +18,14 @@ from silhouette_core.body.rigs.gltf_document import GltfDocument
 from silhouette_core.body.rigs.rig_checks import (
     MOST_VERTICES,
     check_bones,
+    check_different,
     check_rest,
     normalised_weights,
     parents_first,
     part_of_faces,
     short,
     strongest_four,
+    z_up,
 )
 from silhouette_core.body.rigs.rig_dofs import read_rig_table
 
@@ -95,14 +97,14 @@ def read_gltf(path: Path) -> BodyModel:
         root_fixed=table.root_fixed,
     )
     check_bones(path, order, tree.parents, joints)
-    return _body(path, tree, _upright(joints), surfaces)
+    return _body(path, tree, z_up(joints), surfaces)
 
 
 def _body(
     path: Path, tree: KinematicTree, joints: NDArray[np.float64], surfaces: list[_Surface]
 ) -> BodyModel:
     first = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    vertices = _upright(np.concatenate([surface.vertices for surface in surfaces]))
+    vertices = z_up(np.concatenate([surface.vertices for surface in surfaces]))
     faces = np.concatenate([s.faces + n for s, n in zip(surfaces, first, strict=False)])
     check_rest(path, joints, vertices)
     kept, faces, vertices, _ = close_surface(vertices, faces)
@@ -188,10 +190,7 @@ def _skin_joints(document: GltfDocument, skin: object) -> list[int]:
 
 def _node_names(document: GltfDocument, nodes: list[int]) -> dict[int, str]:
     names = {node: str(document.item("nodes", node).get("name", f"joint_{node}")) for node in nodes}
-    if len(set(names.values())) < len(names):
-        every = list(names.values())
-        twice = next(name for name in every if every.count(name) > 1)
-        raise InputError(f"{document.path} has two joints with the name {short(twice)}: rename one")
+    check_different(document.path, list(names.values()))
     return names
 
 
@@ -266,8 +265,3 @@ def _surface_of(
         moved = np.einsum("vij,vj->vi", move[:, :, :3], points) + move[:, :, 3]
         rest += weights[:, k, None] * moved
     return _Surface(rest, corners.reshape(-1, 3), parts[joints], weights)
-
-
-def _upright(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From y up, facing +z, to z up, facing -y."""
-    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)

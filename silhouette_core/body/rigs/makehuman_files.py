@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
-from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short
+from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short, z_up
 
 _LARGEST = 60_000_000  # bytes of a file; the largest, skin weights, have 3 MB
 _FARTHEST_DM = 10_000
+_METRES = 0.1  # per decimetre
 _BODY = "body"  # group of the faces that are the body; the others are helpers
 
 
@@ -93,7 +94,7 @@ def read_base_mesh(folder: Path) -> BaseMesh:
         raise InputError(f"{path} has a face with a vertex that does not exist: copy it again")
     _check_positions(path, vertices)
     cubes = {name: np.array(sorted(own)) for name, own in members.items()}
-    return BaseMesh(_metres(vertices), faces, cubes)
+    return BaseMesh(_METRES * z_up(vertices), faces, cubes)
 
 
 def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
@@ -128,7 +129,7 @@ def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
     except (ValueError, IndexError) as error:
         raise InputError(f"{path} is damaged ({str(error)[:150]}): copy it again") from None
     _check_positions(path, change)
-    return _metres(change)
+    return _METRES * z_up(change)
 
 
 def read_bones(folder: Path, rig: str) -> dict[str, RigBone]:
@@ -245,9 +246,3 @@ def _unpacked(path: Path) -> str:
 def _check_positions(path: Path, numbers: NDArray[np.float64]) -> None:
     if not (np.isfinite(numbers).all() and np.abs(numbers).max(initial=0) < _FARTHEST_DM):
         raise InputError(f"{path} has positions that no body has: copy it again")
-
-
-def _metres(decimetres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From decimetres, y up, facing +z, to metres, z up, facing -y."""
-    x, y, z = decimetres.T
-    return 0.1 * np.stack([x, -z, y], axis=1)

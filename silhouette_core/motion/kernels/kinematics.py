@@ -168,29 +168,6 @@ def skin_vertices(vertices, joints, skin_parts, skin_weights, part_rotation, par
         posed[v, 0], posed[v, 1], posed[v, 2] = x, y, z
 
 
-@parallel_kernel
-def pose_many(
-    parents,
-    joints,
-    dof_part,
-    dof_axis,
-    root_rotation,
-    root,
-    angles,
-    vertices,
-    skin_parts,
-    skin_weights,
-    posed,
-):
-    """Fills posed (K, V, 3), the skinned vertices for each row of angles (K, D) and one root."""
-    for k in prange(angles.shape[0]):
-        rotation, origin = np.empty((parents.shape[0], 3, 3)), np.empty((parents.shape[0], 3))
-        place_parts(
-            parents, joints, dof_part, dof_axis, root_rotation, root, angles[k], rotation, origin
-        )
-        skin_vertices(vertices, joints, skin_parts, skin_weights, rotation, origin, posed[k])
-
-
 @kernel
 def _descends(parents, ancestor, part):
     """Whether a part hangs on another, or is it."""

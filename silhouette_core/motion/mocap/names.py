@@ -83,7 +83,9 @@ class NameMap:
             elif key in _LIMBS:
                 for side in _SIDES:
                     names[f"{side}_{key}"] = tuple(
-                        _SIDE_WORD.sub(lambda m, s=side: _word(m[1], s), spelling)
+                        _SIDE_WORD.sub(
+                            lambda m, s=side: m[1] if s == "left" else _RIGHT[m[1]], spelling
+                        )
                         for spelling in spellings
                     )
             else:
@@ -136,10 +138,6 @@ def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[st
         f"{source}: unknown joints: nothing found for {lacking} (the skeleton has {seen}): give a"
         " joint-name map in TOML"
     )
-
-
-def _word(word: str, side: str) -> str:
-    return word if side == "left" else _RIGHT[word]
 
 
 def _plain(name: str) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.upright import UprightFrame
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.inverse_kinematics import Targets, lowest_foot
@@ -58,7 +59,7 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
     reference = reference or find_joint_frames(recorded)
     if len(recorded) > 3 and _leaps(recorded):
         recorded = recorded.posed(recorded.rotations[1:], recorded.positions[1:])
-    world = _world_from_file(up_axis(recorded))
+    world = UprightFrame.from_up(up_axis(recorded)).rotation
     targets = _targets(recorded, reference, model, world)
     roots = _in_world(recorded, "pelvis", reference.joint_from_body["pelvis"], world)
     angles = targets.angles(roots)
@@ -127,19 +128,6 @@ def _leaps(recorded: MocapClip) -> bool:
     relative = recorded.positions - recorded.positions[:, :1]
     steps = np.linalg.norm(np.diff(relative[:30], axis=0), axis=2).max(axis=1)
     return steps[0] > 3 * steps[1:].max()
-
-
-def _world_from_file(up: NDArray) -> NDArray[np.float64]:
-    if up[2] < -0.5:
-        return np.diag([1.0, -1.0, -1.0])
-    return _shortest(up, _Z)
-
-
-def _shortest(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Smallest rotation (3, 3) from unit vector a to b."""
-    cross, cosine = np.cross(a, b), float(a @ b)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    return np.eye(3) + skew + skew @ skew / max(1 + cosine, 1e-9)
 
 
 def _scale(recorded: MocapClip, model: BodyModel) -> float:
