@@ -1,7 +1,5 @@
 """Files that are written whole or not at all: written beside their target, then renamed."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

@@ -1,7 +1,5 @@
 """Folders that are written whole or not at all, by one process at a time."""
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os

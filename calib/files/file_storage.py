@@ -7,8 +7,6 @@ is made. The dialect: YAML begins with `%YAML:1.0`; a matrix is a map with rows,
 base64; XML has `<_>` or spaces between the items of a list; `.Nan` and `-.Inf` are numbers.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import json

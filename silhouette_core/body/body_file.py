@@ -20,8 +20,6 @@ With [template] or [shape], the body is made from these, at the stature; without
 that has the measurements.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any

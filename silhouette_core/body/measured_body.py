@@ -5,8 +5,6 @@ Eight parameters answer eight measurements; a measurement that is not known leav
 where the template, or the other parameters, suggest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

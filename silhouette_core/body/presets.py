@@ -3,8 +3,6 @@
 The sources of every number are told in presets.toml, and what could not be verified.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Bodies made of rigid parts: capsules, boxes and closed meshes on a kinematic tree."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Constants of posture and movement, and prediction of poses from frame to frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The floor on which a moving body stands."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from calib.moments import even_moments

@@ -1,7 +1,5 @@
 """Frames without a pose between others: how many may be filled, and with which poses."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Inverse kinematics: joint angles for given directions of parts, and the height of the feet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion files: safetensors, whose content is never executed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace

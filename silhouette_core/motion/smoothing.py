@@ -1,7 +1,5 @@
 """Zero-phase low-pass filters over the poses of a finished motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

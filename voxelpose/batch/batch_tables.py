@@ -1,7 +1,5 @@
 """Tables of a batch: table.csv, table.md, and index.html with pictures and links."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections import Counter

@@ -1,7 +1,5 @@
 """Long recordings in pieces that overlap, estimated side by side and joined."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The run of a batch: every job in whichever process is free, none stopping the others."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

@@ -1,7 +1,5 @@
 """Check of a recording's calibration against its silhouettes, with diagnosis and repair."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Signals by which a recording's cameras are synchronised: outlines, a carried board, sound."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

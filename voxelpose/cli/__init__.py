@@ -3,8 +3,6 @@
 Slow imports are left to the commands' `run`, so that help is printed at once.
 """
 
-from __future__ import annotations
-
 import errno
 import importlib
 import os

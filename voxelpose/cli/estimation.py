@@ -1,7 +1,5 @@
 """What `voxelpose fit` and `voxelpose track` share: arguments, and the estimation itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Values of a command's options from voxelpose.toml of a recording, the folders above, the user."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace

@@ -1,7 +1,5 @@
 """Options of a command: names and types, and their values from files."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import types

@@ -1,7 +1,5 @@
 """C3D: named points over time, for motion capture software, MATLAB and biomechanics tools."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """export.json: how the files of an export were made, for formats that have no place to say so."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

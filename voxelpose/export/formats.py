@@ -1,7 +1,5 @@
 """Export of a motion in several formats at once, whole or not at all."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterable
 from contextlib import ExitStack, suppress

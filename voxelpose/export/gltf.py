@@ -1,7 +1,5 @@
 """Binary glTF (GLB): skinned, animated body for Blender, three.js, Unity, Unreal and Godot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """hypotheses.csv: the most probable poses of every frame, as joint positions."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ made with one calibration coincide. A person who faces the world's +y faces Open
 OpenSim's models do.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -6,8 +6,6 @@ own models under SimTK's MIT use agreement; nothing of it is part of this packag
 its bodies and coordinates. Axes and names are those of `voxelpose.export.trc`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Quantities that several formats share: local rotations, named points, frames, y-up axes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

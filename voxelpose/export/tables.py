@@ -1,7 +1,5 @@
 """Tables as CSV and arrays as NPZ, for spreadsheets, R, MATLAB and Python."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ files of both programs made with one calibration with z up coincide. A person wh
 OpenSim's +x, as OpenSim's models do.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The cameras in the page: where they stand, and small pictures of what they see."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

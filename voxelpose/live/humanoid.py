@@ -5,8 +5,6 @@ rotation in the T-pose (VRM's normalised bones): upright, legs straight down, ar
 sides, palms down.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

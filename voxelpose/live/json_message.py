@@ -1,7 +1,5 @@
 """Frames as JSON, one line each: the schema that docs/live.md describes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

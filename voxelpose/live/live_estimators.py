@@ -1,7 +1,5 @@
 """The two estimators in live use: silhouettes of a moment in, a posed body out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager

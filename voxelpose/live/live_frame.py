@@ -1,7 +1,5 @@
 """What the stages of live estimation hand to each other and show."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal

@@ -1,7 +1,5 @@
 """Recording of live pictures as a recording folder, complete at every moment."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 import threading

@@ -1,7 +1,5 @@
 """All receivers of a session."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

@@ -1,7 +1,5 @@
 """A live session: capture, silhouettes, estimation and sending, each in threads of its own."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

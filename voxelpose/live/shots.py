@@ -1,7 +1,5 @@
 """Pictures of several cameras that were taken at one moment, matched by their time stamps."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence

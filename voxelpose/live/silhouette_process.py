@@ -1,7 +1,5 @@
 """Live silhouettes in a process of their own."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from multiprocessing.shared_memory import SharedMemory

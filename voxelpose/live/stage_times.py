@@ -1,7 +1,5 @@
 """Durations of the stages of a session: of recent frames, and since its start."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

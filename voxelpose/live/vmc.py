@@ -3,8 +3,6 @@
 Source: VMC protocol specification, protocol.vmc.info, performer to marionette.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder

@@ -1,7 +1,5 @@
 """voxelpose.toml: settings of commands that a folder, those above it or a user have in common."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Loudness of a video's sound over time, read by FFmpeg, which imageio-ffmpeg brings along."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path

@@ -3,8 +3,6 @@
 They are painted, unknown/CAMERA.png, or drawn as polygons in recording.toml.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

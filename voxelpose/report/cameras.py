@@ -1,7 +1,5 @@
 """Agreement of the cameras with the fitted body, and of their outlines with one another."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

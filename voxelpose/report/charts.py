@@ -1,7 +1,5 @@
 """Charts as self-contained SVG elements, whose text and colours follow the page."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The report's page, self-contained in one file."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from importlib import resources

@@ -4,8 +4,6 @@ Single pictures rather than the videos themselves: the page stays one file, can 
 and stays synchronous with the charts.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator
 from dataclasses import dataclass

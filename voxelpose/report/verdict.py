@@ -1,7 +1,5 @@
 """Assessment of a result by its numbers, in plain words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """The check of the cameras, in a thread of its own, with its progress and its findings."""
 
-from __future__ import annotations
-
 import threading
 import traceback
 from typing import Any

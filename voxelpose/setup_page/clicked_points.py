@@ -1,7 +1,5 @@
 """Points of the scene, clicked in the pictures: points.csv, and how far off they are."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

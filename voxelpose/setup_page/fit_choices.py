@@ -1,7 +1,5 @@
 """Settings of `fit` in the voxelpose.toml of a recording; its comments and all else stay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

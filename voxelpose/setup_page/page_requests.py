@@ -1,7 +1,5 @@
 """What the page may send: every number bounded, every text short, nothing else let through."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Annotated, Literal, TypeVar
 

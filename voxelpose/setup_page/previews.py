@@ -1,7 +1,5 @@
 """Pictures of the page: moments, the empty view, silhouettes and painted places as overlays."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future

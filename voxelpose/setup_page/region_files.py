@@ -3,8 +3,6 @@
 The picture alone decides: polygons count only where they paint exactly what it shows.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The setup page's server: its own files, pictures, and requests as JSON, behind the gate."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import traceback

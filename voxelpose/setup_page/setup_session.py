@@ -1,7 +1,5 @@
 """What the page shows and saves: one recording folder that is being set up."""
 
-from __future__ import annotations
-
 import base64
 import threading
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Skeleton of a BVH file, its bones as capsules."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

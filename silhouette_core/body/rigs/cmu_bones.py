@@ -4,8 +4,6 @@ MakeHuman stands with bent elbows, the human tree with straight arms 45 degrees 
 horizontal. A bone's turn brings it from the first rest pose into the second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

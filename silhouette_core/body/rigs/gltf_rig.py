@@ -1,7 +1,5 @@
 """Rigged glTF and GLB: a skinned mesh and its skeleton, in the names of its nodes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Closed surfaces of a URDF link: boxes, cylinders, spheres and mesh files."""
 
-from __future__ import annotations
-
 from pathlib import Path, PurePosixPath
 from typing import Any
 

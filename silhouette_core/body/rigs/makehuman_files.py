@@ -6,8 +6,6 @@ rigs/standard/rig.NAME.json and weights.NAME.json, and the files
 Lengths are in decimetres there, y up; here they become metres, z up, facing -y.
 """
 
-from __future__ import annotations
-
 import gzip
 import zlib
 from collections.abc import Mapping
@@ -24,7 +22,6 @@ from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short, z_up
 
 _LARGEST = 60_000_000  # bytes of a file; the largest, skin weights, have 3 MB
 _FARTHEST_DM = 10_000
-_METRES = 0.1  # per decimetre
 _BODY = "body"  # group of the faces that are the body; the others are helpers
 
 
@@ -94,7 +91,7 @@ def read_base_mesh(folder: Path) -> BaseMesh:
         raise InputError(f"{path} has a face with a vertex that does not exist: copy it again")
     _check_positions(path, vertices)
     cubes = {name: np.array(sorted(own)) for name, own in members.items()}
-    return BaseMesh(_METRES * z_up(vertices), faces, cubes)
+    return BaseMesh(0.1 * z_up(vertices), faces, cubes)
 
 
 def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
@@ -129,7 +126,7 @@ def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
     except (ValueError, IndexError) as error:
         raise InputError(f"{path} is damaged ({str(error)[:150]}): copy it again") from None
     _check_positions(path, change)
-    return _METRES * z_up(change)
+    return 0.1 * z_up(change)
 
 
 def read_bones(folder: Path, rig: str) -> dict[str, RigBone]:

@@ -1,7 +1,5 @@
 """Checks of rigs that were read from files, whoever made them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Degrees of freedom of a rig's joints, and limits from a table beside the rig."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -3,8 +3,6 @@
 yourdfpy (MIT, last release 2026) parses them, from text that was found to be XML of bounded depth.
 """
 
-from __future__ import annotations
-
 import io
 import logging
 from collections.abc import Callable

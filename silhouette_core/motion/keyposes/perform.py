@@ -1,7 +1,5 @@
 """Motions of a body that performs movements."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator

@@ -5,8 +5,6 @@ object for every joint and frame; pybvh 0.9 refuses joints with positions of the
 by Blender and MotionBuilder.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Body axes in the joint frames of a recorded skeleton."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motions of the body model from files and folders of recorded motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 

@@ -9,8 +9,6 @@ to its neighbours. Degrees of freedom that silhouettes do not show (`KinematicTr
 at rest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

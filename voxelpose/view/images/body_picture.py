@@ -1,7 +1,5 @@
 """Pictures of bodies at rest and bent, drawn by the project's own rasteriser."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

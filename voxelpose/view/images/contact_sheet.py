@@ -1,7 +1,5 @@
 """A contact sheet: moments from left to right, cameras from top to bottom."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

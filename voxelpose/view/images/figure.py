@@ -1,7 +1,5 @@
 """The fitted body over a camera's picture: tinted sides, outline, skeleton."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2

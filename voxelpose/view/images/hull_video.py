@@ -1,7 +1,5 @@
 """Pictures and videos of hull and skeleton; they need no screen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Overlays and contact sheet: the fitted body over the pictures it was fitted to."""
 
-from __future__ import annotations
-
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain

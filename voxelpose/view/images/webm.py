@@ -1,7 +1,5 @@
 """Videos that browsers play: VP9 in WebM, encoded by FFmpeg in a process of its own."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 from collections.abc import Generator, Sequence

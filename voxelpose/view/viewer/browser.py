@@ -3,8 +3,6 @@
 Callbacks only record the choice; one thread draws it.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace

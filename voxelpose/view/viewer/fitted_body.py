@@ -1,7 +1,5 @@
 """The fitted body of a result at any frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

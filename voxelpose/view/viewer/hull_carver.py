@@ -1,7 +1,5 @@
 """Hulls of a result's frames, carved as the fit carved them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes of a result and the recording it was made from, made when asked for, and kept."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache

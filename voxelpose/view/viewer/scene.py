@@ -1,7 +1,5 @@
 """Contents of one frame of a result, before they are drawn."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Drawing of scenes with viser: cameras, voxels, body, skeletons, movable areas."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 
