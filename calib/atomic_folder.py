@@ -231,9 +231,6 @@ def recover(target: Path) -> list[Path]:
     """Removes what killed processes left of a folder beside it, and puts the earlier folder back
     where one was killed between the two renames of `replace_folder`. The caller has claimed the
     folder.
-
-    Returns:
-        What was removed.
     """
     removed = []
     pattern = _LEFTOVER.format(name=re.escape(target.name))
@@ -248,12 +245,9 @@ def recover(target: Path) -> list[Path]:
 
 
 def remove_leftovers(folder: Path) -> list[Path]:
-    """Removes what killed processes left of any file or folder in a folder.
+    """Removes what killed processes left of any file or folder in a folder, and returns it.
 
     Folders that are being written, and those below, are left alone.
-
-    Returns:
-        What was removed.
 
     Raises:
         InputError: the folder cannot be read.

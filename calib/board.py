@@ -112,16 +112,13 @@ class Board:
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
     def find(self, picture: Image, effort: Effort = "thorough") -> BoardView | Refusal:
-        """Detects the board in an image.
+        """Detects the board's corners in an image, or says why there are none.
 
         Args:
             picture: (H, W) or (H, W, 3) uint8.
             effort: "quick" gives up early where no board is likely (about 10 ms); "patient" always
                 runs the detector (ten times as long); "thorough" then tries a second detector (a
                 hundred times as long).
-
-        Returns:
-            The detected corners, or the reason why there are none.
         """
         check_array("picture", picture, ("H", "W", 3)[: max(picture.ndim, 2)], np.uint8)
         grey = _grey(picture)

@@ -71,7 +71,7 @@ class Extrinsics:
 def calibrate_extrinsics(
     board: Board, lenses: Rig, views: Views, floor: str | None = None, refine_lenses: bool = False
 ) -> Extrinsics:
-    """Estimates the poses of cameras.
+    """Estimates the poses of cameras, and their accuracy.
 
     Args:
         board: The board that was moved through the room.
@@ -83,9 +83,6 @@ def calibrate_extrinsics(
             squares in one direction and an even number in the other.
         refine_lenses: Whether the lens parameters are refined too; only useful if they are not
             known better from boards closer to the camera.
-
-    Returns:
-        The rig and its accuracy.
 
     Raises:
         InputError: A camera saw no board, the cameras are not connected by shared boards, or the

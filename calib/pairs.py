@@ -130,13 +130,11 @@ def _disconnected(names: tuple[str, ...], reached: set[str], shared: Mapping[Pai
 
 
 def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray, FloatArray, int]:
-    """Relative pose of two cameras on which most boards agree.
+    """Relative pose of two cameras on which most boards agree: rotation and translation, new from
+    known, and the number of boards that agree.
 
     The tilt of a small board is ambiguous, and a symmetric board may be numbered from either end,
     so each board gives several candidates; the right one recurs with every board.
-
-    Returns:
-        Rotation and translation, new from known, and the number of boards that agree.
     """
     candidates: list[tuple[FloatArray, FloatArray, int, float]] = []
     tiny = 1e-6  # ideal coordinates: a thousandth of a pixel

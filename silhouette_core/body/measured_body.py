@@ -57,14 +57,12 @@ _CHILD_HEAD = {"head_length": 30, "head_girth": 36, "neck_girth": 12, "foot_leng
 
 
 def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> BodyModel:
-    """Body whose measurements, taken on its mesh, are the wanted ones.
+    """Body whose measurements, taken on its mesh, are the wanted ones; its `sizes` and `shape` make
+    it again.
 
     Args:
         wanted: the stature, and what else is known.
         sex: "male", "female" or "unknown", which takes the man's template.
-
-    Returns:
-        The body; its `sizes` and `shape` make it again.
 
     Raises:
         InputError: a measurement is no person's, or no body has all of them.

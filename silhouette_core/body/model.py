@@ -230,13 +230,11 @@ class BodyModel:
         return vertex_normals(self.vertices_m, self.faces)
 
     def part_points(self, spacing_m: float) -> list[np.ndarray]:
-        """Lattice points inside every part.
+        """Lattice points inside every part: 27 arrays (n_p, 3) float64, positions at rest relative
+        to the part's own joint.
 
         Args:
             spacing_m: distance between neighbouring samples.
-
-        Returns:
-            27 arrays (n_p, 3) float64, positions at rest relative to the part's own joint.
         """
         points, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
         return [points[part == p] - self.joints_m[p] for p in range(len(self.names))]

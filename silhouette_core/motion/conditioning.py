@@ -71,14 +71,12 @@ class Conditioning:
 
 
 def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
-    """A motion with its gaps filled and filtered, which keeps the poses as they were.
+    """A motion with its gaps filled and filtered, which keeps the poses as they were. Frames that
+    were filled have the quality NaN, False or 0.
 
     Args:
         motion: as estimated, or conditioned otherwise before: that is undone.
         conditioning: what is done.
-
-    Returns:
-        The motion. Frames that were filled have the quality NaN, False or 0.
     """
     source = _as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
@@ -130,14 +128,12 @@ def _with_frames(motion: Motion, missing: np.ndarray, method: str) -> Motion:
 def quality_with_filled(
     filled: np.ndarray, quality: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Quality of all frames out of that of the frames with a pose of their own.
+    """Quality of all T frames out of that of the frames with a pose of their own: NaN, False or 0
+    in the frames that were filled.
 
     Args:
         filled: (T,) bool.
         quality: arrays with as many rows as `filled` has False.
-
-    Returns:
-        Arrays with T rows: NaN, False or 0 in the frames that were filled.
     """
     return {
         name: _among(filled, array, np.nan if array.dtype.kind == "f" else 0)

@@ -11,13 +11,11 @@ _MOST_FRAMES = 60
 
 
 def floor_height(motion: Motion) -> float:
-    """Height of the floor by the lowest points of the body.
+    """Height of the floor, m, by the lowest points of the body; 0 where it stands within 0.1 m of z
+    = 0.
 
     Args:
         motion: at least one pose, in a frame with z up.
-
-    Returns:
-        Metres; 0 where the body stands within 0.1 m of z = 0.
     """
     some = motion.select(even_moments(len(motion), _MOST_FRAMES, margin=0))
     lowest = [

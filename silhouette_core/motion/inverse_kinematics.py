@@ -39,7 +39,8 @@ class Targets:
         self.weights.append(weight)
 
     def angles(self, root_rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-        r"""Joint angles that minimise the weighted errors of the directions in every frame.
+        r"""Joint angles (T, D) float64, rad, in the order of `KinematicTree.dof_names`, that
+        minimise the weighted errors of the directions in every frame.
 
         .. math:: \min_q \sum_k w_k \lVert R_k(q)\, a_k - t_k \rVert^2 + \lambda \lVert q \rVert^2
 
@@ -48,9 +49,6 @@ class Targets:
 
         Args:
             root_rotation: (T, 3, 3) float64, world from body, of the pelvis.
-
-        Returns:
-            (T, D) float64, radians, in the order of `KinematicTree.dof_names`.
 
         Source: textbook Gauss-Newton with an active set of limits.
         """

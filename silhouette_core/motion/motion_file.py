@@ -140,13 +140,10 @@ def _with_ordered_metadata(data: bytes) -> bytes:
 
 
 def read_motion(path: Path) -> Motion:
-    """Motion of a file written by `write_motion`.
+    """Motion of a file written by `write_motion`, its body made from the measurements.
 
     Args:
         path: the file.
-
-    Returns:
-        The motion, its body made from the measurements.
 
     Raises:
         InputError: the file is missing, damaged, or of another kind.

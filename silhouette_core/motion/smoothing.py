@@ -106,16 +106,13 @@ class LowPass:
 
 
 def smooth(values: np.ndarray, fps: float, low_pass: LowPass | None = None) -> np.ndarray:
-    """Smooths evenly sampled signals without lag.
+    """Smooths evenly sampled signals (T, n) float64 without lag.
 
     Args:
         values: (T, n) float64.
         fps: samples per second.
         low_pass: the filter; None: the usual one. Signals on which it does not act, short ones or
             of low frame rates, are returned unchanged.
-
-    Returns:
-        (T, n) float64.
     """
     low_pass = low_pass or LowPass()
     if not low_pass.acts(len(values), fps):

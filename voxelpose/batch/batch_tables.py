@@ -18,14 +18,11 @@ _SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "joint_angle_deg", "flips", "lost")
 
 
 def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
-    """Writes the three tables.
+    """Writes the three tables; returns their paths.
 
     Args:
         outcomes: of all jobs.
         folder: the batch's folder.
-
-    Returns:
-        Their paths.
 
     Raises:
         InputError: a file cannot be written.

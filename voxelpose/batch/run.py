@@ -118,7 +118,7 @@ class _Task:
 def run_batch(
     jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
-    """Runs the jobs that are not done yet.
+    """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
     has other settings now.
@@ -128,9 +128,6 @@ def run_batch(
         settings: where, and by whom.
         told: told every outcome, and how many there are so far; None for a piece of a long
             recording.
-
-    Returns:
-        An outcome for each job, in their order.
 
     Raises:
         InputError: there is no worker, the folder cannot be made, or another batch is writing it.

@@ -121,16 +121,13 @@ def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures
 def find_views(
     board: Board, pictures: CameraPictures, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | Refusal]:
-    """Detects the board in one camera's pictures.
+    """Detects the board in one camera's pictures: by name a view, or the reason why there is none.
 
     Args:
         board: The board.
         pictures: The pictures.
         max_views: Maximum number of frames of a video; stills are all used.
         reporter: Receives the progress.
-
-    Returns:
-        A view, or the reason why there is none, by the picture's name.
 
     Raises:
         InputError: A picture cannot be read, or none shows the board; another board that they show

@@ -319,15 +319,13 @@ def remedy(check: Check, camera: str) -> str:
 
 
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
-    """Writes the repaired calibration, and timestamps.csv where a camera is out of step.
+    """Writes the repaired calibration, and timestamps.csv where a camera is out of step, into a
+    folder.
 
     Args:
         check: a check with something to repair.
         recording: the checked recording.
         out: a folder to be created.
-
-    Returns:
-        The folder.
 
     Raises:
         InputError: nothing can be repaired, or the folder exists or cannot be made.

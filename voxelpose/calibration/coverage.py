@@ -24,11 +24,7 @@ _FILLED = (66, 56, 48)
 
 
 def coverage_picture(lenses: list[Lens]) -> Image:
-    """Draws the used corners of every camera; cells of the image without any are red.
-
-    Returns:
-        (H, W, 3) uint8, BGR.
-    """
+    """Used corners of every camera, (H, W, 3) uint8 BGR; cells of the image without any are red."""
     panels = [_panel(lens) for lens in lenses]
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
     width = max(sum(panel.shape[1] for panel in row) for row in rows)

@@ -44,7 +44,7 @@ def calibrate_lenses(
     max_views: int,
     reporter: Reporter,
 ) -> tuple[list[Lens], dict[str, str]]:
-    """Calibrates each camera separately.
+    """Calibrates each camera separately; returns also the reasons of failure by camera.
 
     Args:
         board: The board.
@@ -52,9 +52,6 @@ def calibrate_lenses(
         kind: Lens model.
         max_views: Maximum number of frames of a video.
         reporter: Receives the progress.
-
-    Returns:
-        The lenses, and the reasons of failure by camera.
     """
     lenses, failures = [], {}
     for name, pictures in cameras.items():

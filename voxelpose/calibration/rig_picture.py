@@ -59,15 +59,12 @@ class _Panel:
 
 
 def rig_picture(rig: Rig, floor: bool = True) -> Image:
-    """Draws a rig.
+    """Picture of a rig, (H, W, 3) uint8 BGR: from above on the left, from the side on the right.
 
     Args:
         rig: The cameras.
         floor: Whether the world's z is the height above the floor; if not, what is up for the
             cameras is drawn upward.
-
-    Returns:
-        (H, W, 3) uint8, BGR: from above on the left, from the side on the right.
     """
     rig = rig if floor else UprightFrame.from_up(up_candidates(rig)[0]).rig(rig)
     low, high = _extent(rig, floor)

@@ -97,13 +97,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Runs a command.
+    """Runs a command; returns the exit code.
 
     Args:
         arguments: arguments after `voxelpose`.
-
-    Returns:
-        The exit code.
 
     Raises:
         SystemExit: the arguments are wrong (code 2), or help was requested (code 0).

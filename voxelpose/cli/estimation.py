@@ -68,15 +68,12 @@ class EstimationArguments:
         options: Mapping[str, bool | int | float | str],
         estimator: str,
     ) -> int:
-        """Estimates the motion, writes the result and prints a summary.
+        """Estimates the motion, writes the result and prints a summary; returns the exit code.
 
         Args:
             cameras: names of the cameras to use; None for all.
             options: settings of the estimator alone.
             estimator: name under which the estimator is registered.
-
-        Returns:
-            The exit code.
         """
         from voxelpose.cli.progress import Progress
 

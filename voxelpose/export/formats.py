@@ -39,7 +39,8 @@ _WRITERS["opensim"] = {
 def export_motion(
     motion: Motion, folder: Path | str, formats: Iterable[str] = FORMATS, overwrite: bool = False
 ) -> list[Path]:
-    """Writes a motion in several formats.
+    """Writes a motion in several formats; returns the files' paths, with export.json, which says
+    how they were made.
 
     Args:
         motion: at least one pose.
@@ -47,9 +48,6 @@ def export_motion(
         formats: names out of `FORMATS`, or `opensim`: TRC, MOT and the setup files of OpenSim. Of a
             body that is no person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
-
-    Returns:
-        Paths of the files, with export.json, which says how they were made.
 
     Raises:
         InputError: a format is unknown or does not fit the body, the motion has no pose, a file

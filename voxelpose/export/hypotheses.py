@@ -57,14 +57,11 @@ def write_hypotheses(
 
 
 def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[Hypothesis, ...]]:
-    """Reads the hypotheses of every frame.
+    """Reads the hypotheses of every frame number, the most probable first.
 
     Args:
         path: the CSV file; a missing file gives no hypotheses.
         tree: as of `write_hypotheses`.
-
-    Returns:
-        Hypotheses by frame number, the most probable first.
 
     Raises:
         InputError: the file is damaged.

@@ -93,13 +93,11 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
 
 
 def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation angles about z, x and y that are continuous in time.
+    """Rotation angles (3, T) about z, x and y, degrees, that are continuous in time: of the
+    equivalent triples, each is the nearest to its predecessor.
 
     Args:
         matrices: (T, 3, 3) float64.
-
-    Returns:
-        (3, T) float64, degrees; of the equivalent triples, each is the nearest to its predecessor.
     """
     angles = euler_degrees(matrices, "ZXY")
     for row in range(1, len(angles)):

@@ -101,9 +101,6 @@ class Recording:
             fps: frames per second; needed for folders of images without timestamps.csv, and takes
                 precedence over both the videos' rates and timestamps.csv.
 
-        Returns:
-            The recording.
-
         Raises:
             InputError: a file is missing, unreadable or does not fit the others.
         """

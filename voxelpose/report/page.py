@@ -87,9 +87,6 @@ def write_report(
         overwrite: whether a file that is not a report may be replaced.
         reporter: notified of every stage.
 
-    Returns:
-        The file.
-
     Raises:
         InputError: it is no result, or the file cannot be written.
     """

@@ -55,14 +55,12 @@ def check_points(points: Sequence[PointClicked]) -> None:
 
 
 def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
-    """Writes points.csv, in which further columns of an earlier one are kept.
+    """Writes points.csv, in which further columns of an earlier one are kept; returns the names
+    that are clicked nowhere and so were not written.
 
     Args:
         path: the file.
         points: all points; rows of cameras that are not shown are among their pixels.
-
-    Returns:
-        Names of points that were not written since they are clicked nowhere.
 
     Raises:
         InputError: the file cannot be written.

@@ -126,15 +126,13 @@ class DrawnRecording(Recording):
 
 
 def change_section(path: Path, section: str, values: Mapping[str, Any]) -> bool:
-    """Changes a section of a TOML file; its comments, and all else in it, stay.
+    """Changes a section of a TOML file; its comments, and all else in it, stay. Returns whether
+    there was anything to write.
 
     Args:
         path: the file; made where there is none and something to write.
         section: its name.
         values: by key; None takes one out.
-
-    Returns:
-        Whether there was anything to write.
 
     Raises:
         InputError: the file is no TOML, the section is none, or the file cannot be written.

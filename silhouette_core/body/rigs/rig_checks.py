@@ -160,14 +160,12 @@ def normalised_weights(
 def strongest_four(
     parts: NDArray[np.integer], weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The four largest weights of each vertex, summing to 1.
+    """The four largest weights of each vertex, summing to 1: parts (V, 4) int32 and weights (V, 4)
+    float64, largest first.
 
     Args:
         parts: (V, K) number of each weight's part.
         weights: (V, K).
-
-    Returns:
-        Parts (V, 4) int32 and weights (V, 4) float64, largest first.
     """
     if weights.shape[1] < 4:
         room = ((0, 0), (0, 4 - weights.shape[1]))

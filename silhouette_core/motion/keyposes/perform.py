@@ -46,15 +46,12 @@ def keypose_motions(
 
 
 def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
-    """Motion of one movement.
+    """Motion of one movement, with the lower foot on the floor throughout.
 
     Args:
         movement: key poses, joined by monotone cubic curves.
         model: the body.
         fps: frames per second.
-
-    Returns:
-        The motion, with the lower foot on the floor throughout.
     """
     times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / fps)
     curves = dict(

@@ -109,15 +109,12 @@ class NameMap:
 
 
 def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[str, int]:
-    """Index of the joint of every role.
+    """Index of the joint of every role, at least of those of `NEEDED`.
 
     Args:
         source: name of the motion's file, for messages.
         joints: names of the skeleton's joints.
         path: a map; None: the shipped map that covers most roles.
-
-    Returns:
-        Indices by role, at least those of `NEEDED`.
 
     Raises:
         InputError: a required joint has no name.

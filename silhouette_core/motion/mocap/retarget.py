@@ -37,7 +37,7 @@ _X, _Y, _Z = np.eye(3)
 
 
 def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | None = None) -> Motion:
-    """Motion of a body that moves as a recorded skeleton.
+    """Motion of a body that moves as a recorded skeleton, at the recording's rate.
 
     The file's up axis, along which the body stands on average, becomes z; y up becomes x, -z, y, so
     that a body that faces the file's +z faces -y. Positions are scaled by the ratio of the legs'
@@ -50,9 +50,6 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
         model: the body.
         reference: axes of the trunk, if another clip of the skeleton shows them better; None: from
             this clip.
-
-    Returns:
-        The motion, at the recording's rate.
     """
     reference = reference or find_joint_frames(recorded)
     if len(recorded) > 3 and _leaps(recorded):

@@ -88,16 +88,13 @@ def dot(image: Image, point: NDArray[np.float64], radius: float, colour: Colour)
 def tint(
     image: Image, outlines: list[NDArray[np.float64]], colour: Colour, strength: float
 ) -> Image:
-    """Mixes the inside of closed outlines with a colour, in place.
+    """Mixes the inside of closed outlines with a colour, in place, and returns the image.
 
     Args:
         image: (h, w, 3) uint8 BGR.
         outlines: arrays (N, 2), pixels; holes by the even-odd rule.
         colour: BGR.
         strength: fraction of the colour.
-
-    Returns:
-        The image.
     """
     fixed = [_fixed(outline) for outline in outlines]
     fixed = [outline for outline in fixed if len(outline) > 2]

@@ -31,13 +31,10 @@ _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
 def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
-    """Lines of the skeleton.
+    """Lines of the skeleton: the joints at both ends, as rows of `skeleton_joints`, and the colour.
 
     Args:
         model: the body.
-
-    Returns:
-        For each line the joints at both ends, as rows of `skeleton_joints`, and the colour.
     """
     if model.names != PART_NAMES:
         marks, first = model.tree.landmark_names, len(model.names)
@@ -141,15 +138,12 @@ class FigurePainter:
     def paint(
         self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> Image:
-        """Draws one pose.
+        """Draws one pose, and returns the image.
 
         Args:
             image: (h, w, 3) uint8 BGR at the working size (see `resized`); changed in place.
             rotation: (P, 3, 3) world from part.
             origin: (P, 3) joints in the world, metres.
-
-        Returns:
-            The image.
         """
         parts = body_parts(self.model, kinematics.skin(self.model, rotation, origin), self.ideal)
         left, top, width, height = cv2.boundingRect((parts > 0).view(np.uint8))
