@@ -76,7 +76,6 @@ def adjust(
 
     Args:
         scene: Initial values.
-        observations: The detected corners.
         free: "poses": poses of boards and cameras are free. "lenses": poses of boards and the lens
             parameters are free. "both": all are free.
         fixed: What defines the world if camera poses are free: the first camera or the first board.

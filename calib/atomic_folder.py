@@ -37,7 +37,6 @@ def claimed(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[N
     A lock beside it, `.NAME.lock`, which ends with the process however that ends.
 
     Args:
-        path: the file or folder.
         waiting: called where another process has it, whose end is then awaited; None: that is an
             error.
 

@@ -328,7 +328,6 @@ def view_between(
     """View of a moving board at a time between two frames of one camera.
 
     Args:
-        board: The board.
         before: View in the earlier frame.
         after: View in the later frame.
         fraction: Time passed since the earlier frame, 0 to 1 of that between the two.

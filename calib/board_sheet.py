@@ -49,7 +49,6 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
     returns the page's width and height, m.
 
     Args:
-        board: The board.
         path: The file. A failure leaves no partial file.
         paper: A key of `PAPERS_M`, portrait or landscape as the board fits better; None for a page
             of the size that the board needs.

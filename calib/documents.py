@@ -24,7 +24,6 @@ def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
     """Text of a file in UTF-8, with or without its mark, lines ended by a newline.
 
     Args:
-        path: The file.
         largest_bytes: Size beyond which the file is refused.
         errors: "replace" puts a mark in the place of bytes that are no text.
 
@@ -52,7 +51,6 @@ def parse_json(text: str, path: Path) -> Any:
     """Content of JSON; whole numbers that no float64 can hold become infinite.
 
     Args:
-        text: The text.
         path: Its file, for messages.
 
     Raises:
@@ -72,7 +70,6 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
     """Content of TOML.
 
     Args:
-        text: The text.
         path: Its file, for messages.
 
     Raises:
@@ -93,7 +90,6 @@ def parse_xml(text: str, path: Path) -> ElementTree.Element:
     """Root element of XML.
 
     Args:
-        text: The text.
         path: Its file, for messages.
 
     Raises:

@@ -223,7 +223,6 @@ def camera_error(index: int, adjusted: Adjustment, seen: Observations, count: in
 
     Args:
         index: Number of the camera.
-        adjusted: The adjusted scene.
         seen: The observations of all cameras.
         count: Number of boards or points that this camera saw.
     """

@@ -94,7 +94,6 @@ def calibrate_intrinsics(
     one by one, worst first, and named in the table.
 
     Args:
-        board: The board.
         views: Result of `Board.find` for each picture, by its name.
         lens: "pinhole" (k1 k2 p1 p2), "rational" (eight terms, for wide lenses) or "fisheye".
         camera: The camera's name, for messages.

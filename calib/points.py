@@ -44,7 +44,6 @@ def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
 
     Args:
         lenses: Cameras with calibrated lenses; their poses are ignored.
-        points: The observed points.
 
     Returns:
         The rig in the world of the measured points. Standard errors are relative to that world, and

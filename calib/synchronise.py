@@ -234,7 +234,6 @@ def _refined_offsets(
     """Offsets (cameras,), s, that minimise the weighted errors, and their standard errors.
 
     Args:
-        tracks: The outlines.
         start: (cameras,), s, initial offsets.
         weights: (pairs,), weight of each pair of cameras.
     """

@@ -54,7 +54,6 @@ class Outline:
         """Outline of the large components of a silhouette, or None if it is (nearly) empty.
 
         Args:
-            camera: The camera.
             mask: (H, W) bool, silhouette in the camera's image or in a reduced one.
             unknown: (H, W) bool, where nothing is known: where that touches the silhouette, the
                 body may go on behind it, as it does at the image's border. None: nowhere.

@@ -118,7 +118,6 @@ def direction_of(text: str, setting: str = 'up = "{}"', where: str = "") -> Floa
     """Direction (3,), unit, of an axis' name (`-z`) or of three numbers (`0,0.1,-1`).
 
     Args:
-        text: the direction.
         setting: how it is given, with {} in its place, for messages.
         where: what stands before that in messages.
 

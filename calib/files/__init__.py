@@ -76,7 +76,6 @@ def write_rig(
     """Writes a calibration in metres, with the unit stated. A failure leaves no partial file.
 
     Args:
-        rig: The cameras.
         path: The file. Its suffix selects the format: .toml aniposelib layout; .yml, .yaml, .xml
             OpenCV FileStorage; .json plain JSON; .txt Qualisys; none EasyMocap's folder.
         style: A name from `RIG_FORMATS`, to override the suffix.

@@ -104,7 +104,6 @@ class Source:
         """Camera from raw values.
 
         Args:
-            name: Camera name.
             values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation`
                 and optionally `fisheye`.
             metres_per_unit: Length of the translation's unit, m.
@@ -224,7 +223,6 @@ def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
     """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64.
 
     Args:
-        camera: The camera.
         container: What holds no other numbers, for the message.
 
     Raises:

@@ -76,7 +76,6 @@ def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
 
     Args:
         motion: as estimated, or conditioned otherwise before: that is undone.
-        conditioning: what is done.
     """
     source = _as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))

@@ -118,7 +118,6 @@ def predict(
     """Pose expected after `pose`, which followed on `previous`, at a damped constant velocity.
 
     Args:
-        pose: the latest pose.
         previous: the pose one frame before it; None if unknown: the body is expected to stay.
         limits_rad: (D, 2) limits of the body's angles, by default those of a person.
     """

@@ -38,9 +38,6 @@ def mirrored(motion: Motion) -> Motion:
 
     The body keeps its shape; only a symmetric body becomes its mirror image.
 
-    Args:
-        motion: the motion.
-
     Returns:
         A motion whose landmarks are those of `motion`, reflected, with left and right exchanged.
     """

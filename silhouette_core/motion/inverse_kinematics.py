@@ -77,7 +77,6 @@ def lowest_foot(
     """Height of the lowest point of the feet above the pelvis, (T,) float64, m; negative.
 
     Args:
-        model: the body.
         root_quaternion: (T, 4) float64, w, x, y, z, world from body.
         angles_rad: (T, D) float64, joint angles.
     """

@@ -81,7 +81,6 @@ def write_motion(motion: Motion, path: Path) -> None:
     itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
 
     Args:
-        motion: the motion.
         path: the file, usually motion.safetensors.
     """
     arrays = {
@@ -141,9 +140,6 @@ def _with_ordered_metadata(data: bytes) -> bytes:
 
 def read_motion(path: Path) -> Motion:
     """Motion of a file written by `write_motion`, its body made from the measurements.
-
-    Args:
-        path: the file.
 
     Raises:
         InputError: the file is missing, damaged, or of another kind.

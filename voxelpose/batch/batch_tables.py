@@ -20,10 +20,6 @@ _SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "joint_angle_deg", "flips", "lost")
 def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
     """Writes the three tables; returns their paths.
 
-    Args:
-        outcomes: of all jobs.
-        folder: the batch's folder.
-
     Raises:
         InputError: a file cannot be written.
     """

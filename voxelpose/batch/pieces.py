@@ -26,7 +26,6 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
     Those after the first keep the body that the first one finds.
 
     Args:
-        job: the recording.
         piece_s: length of a piece, s.
         out: folder of the results.
 
@@ -58,7 +57,6 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
     overlap.
 
     Args:
-        job: the recording.
         folders: results of its pieces, in their order.
         output: destination.
 

@@ -124,7 +124,6 @@ def run_batch(
     has other settings now.
 
     Args:
-        jobs: the jobs.
         settings: where, and by whom.
         told: told every outcome, and how many there are so far; None for a piece of a long
             recording.

@@ -124,10 +124,7 @@ def find_views(
     """Detects the board in one camera's pictures: by name a view, or the reason why there is none.
 
     Args:
-        board: The board.
-        pictures: The pictures.
         max_views: Maximum number of frames of a video; stills are all used.
-        reporter: Receives the progress.
 
     Raises:
         InputError: A picture cannot be read, or none shows the board; another board that they show
@@ -200,7 +197,6 @@ def select_views(board: Board, views: Mapping[str, BoardView], max_views: int) -
     """Selects frames of a video with a still board at different positions, sizes and tilts.
 
     Args:
-        board: The board.
         views: Views by frame, in order of time.
         max_views: Maximum number of frames.
 

@@ -101,8 +101,6 @@ def check_recording(
 
     Args:
         recording: at least two cameras.
-        settings: settings; None for the defaults.
-        reporter: receives the progress.
 
     Raises:
         InputError: one camera only, nobody seen, or a file that cannot be read.
@@ -212,7 +210,6 @@ def outline_track(
     """Outlines of one camera over time.
 
     Args:
-        camera: the camera.
         frames: its T frames.
         time_s: (T,) float64, their times, s.
         silhouettes: of a recording with this camera.

@@ -47,11 +47,9 @@ def calibrate_lenses(
     """Calibrates each camera separately; returns also the reasons of failure by camera.
 
     Args:
-        board: The board.
         cameras: Pictures by camera.
         kind: Lens model.
         max_views: Maximum number of frames of a video.
-        reporter: Receives the progress.
     """
     lenses, failures = [], {}
     for name, pictures in cameras.items():

@@ -62,7 +62,6 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
     """Picture of a rig, (H, W, 3) uint8 BGR: from above on the left, from the side on the right.
 
     Args:
-        rig: The cameras.
         floor: Whether the world's z is the height above the floor; if not, what is up for the
             cameras is drawn upward.
     """

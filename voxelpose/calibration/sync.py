@@ -118,9 +118,7 @@ def sync_recording(
     Args:
         folder: the recording folder; its videos may differ in length and rate. Only geometry needs
             a calibration.
-        settings: settings; None for the defaults.
         cameras: names of the cameras used; None for all.
-        reporter: receives the progress.
 
     Raises:
         InputError: something is missing, or nothing that all cameras recorded tells their offsets.

@@ -37,7 +37,6 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
     """
     motion = motion.upright()
     local, root = _without_gaps(motion)

@@ -31,7 +31,6 @@ def write_c3d(motion: Motion, path: Path) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
 
     Raises:
         InputError: the motion is too long for C3D.

@@ -40,7 +40,6 @@ def write_export_record(
         motion: at least one pose.
         names: files that were written now.
         earlier: entries of other files of the folder, which are kept.
-        path: the file.
     """
     entry = {
         "fps": motion.fps,

@@ -39,7 +39,6 @@ def write_glb(motion: Motion, path: Path) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
     """
     motion = motion.upright()
     model = motion.model

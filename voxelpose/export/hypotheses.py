@@ -45,7 +45,6 @@ def write_hypotheses(
     Args:
         hypotheses: frame number, probabilities (n,) in descending order, and joint positions
             (n, L, 3), world, metres, of every frame.
-        path: the CSV file.
         tree: of the body, with L landmarks; by default a person's.
     """
     with path.open("w", encoding="utf-8", newline="") as file:

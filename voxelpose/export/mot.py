@@ -44,7 +44,6 @@ def write_mot(motion: Motion, path: Path) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
     """
     columns = mot_coordinates(motion)
     # Adding 0.0 turns -0.0 into 0.0.

@@ -118,7 +118,6 @@ def write_marker_set(motion: Motion, path: Path) -> None:
 
     Args:
         motion: not used; the marker set is that of a person 1.70 m tall, which scaling adapts.
-        path: the file.
     """
     root = ElementTree.Element("MarkerSet", name="voxelpose")
     objects = ElementTree.SubElement(root, "objects")
@@ -140,7 +139,6 @@ def write_static(motion: Motion, path: Path) -> None:
 
     Args:
         motion: its body is a person's.
-        path: the file.
     """
     model = motion.model
     turned = np.array([0.0, 0.0, 0.0, 1.0])  # half round, since bodies rest facing -y
@@ -160,7 +158,6 @@ def write_seen(motion: Motion, path: Path) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
     """
     write_trc(motion, path, lost_rows=False)
 
@@ -171,7 +168,6 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
 
     Args:
         motion: gives the frame rate, which decides the times of the static pose.
-        path: the file.
     """
     times = f"0 {(_STATIC_FRAMES - 1) / motion.fps:.6f}"
     tool = ElementTree.Element("ScaleTool", name="voxelpose")
@@ -212,7 +208,6 @@ def write_ik_setup(motion: Motion, path: Path) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
     """
     first, last = motion.frames[[0, -1]] / motion.fps
     tool = ElementTree.Element("InverseKinematicsTool", name="voxelpose")

@@ -21,7 +21,6 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
 
     Args:
         motion: T poses.
-        path: the CSV file.
     """
     names = [f"{joint}_{axis}_m" for joint in motion.model.tree.landmark_names for axis in "xyz"]
     _write(motion, names, motion.landmarks().reshape(len(motion), -1), 6, path)
@@ -36,7 +35,6 @@ def write_angles(motion: Motion, path: Path) -> None:
 
     Args:
         motion: T poses.
-        path: the CSV file.
     """
     model, known = motion.model, AnatomicalAngles((), np.zeros((len(motion), 0)))
     if is_person_tree(model.tree):
@@ -62,7 +60,6 @@ def write_npz(motion: Motion, path: Path) -> None:
 
     Args:
         motion: T poses.
-        path: the file.
     """
     model, anatomical = motion.model, {}
     if is_person_tree(model.tree):

@@ -97,9 +97,6 @@ def humanoid_pose(body: PosedBody) -> HumanoidPose:
     with the part's rotation :math:`R_p`, the turn :math:`A_b` from T-pose to rest pose (45 degrees
     for arms, forearms and hands, else none) and Unity's axes :math:`M`. Twist of forearm and hand
     is left to the humanoid: silhouettes do not show it.
-
-    Args:
-        body: the pose.
     """
     turned = body.part_rotation[BONE_PARTS] @ _REST_FROM_T_POSE
     world = UNITY_FROM_WORLD @ turned @ UNITY_FROM_WORLD.T

@@ -17,7 +17,6 @@ def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
     """One frame as a line of JSON that ends with a line feed.
 
     Args:
-        frame: one moment.
         sent_unix_s: the present, Unix time.
 
     Returns:

@@ -261,7 +261,6 @@ class LiveMonocular(EstimatorProcess):
     """One camera: the person here, poses in a process of their own.
 
     Args:
-        setup: the camera and the person.
         reporter: told about the library.
     """
 
@@ -285,11 +284,7 @@ class LiveMonocular(EstimatorProcess):
 
 
 class MonocularPoses:
-    """Poses of the person whom one camera sees.
-
-    Args:
-        setup: the camera and the person.
-    """
+    """Poses of the person whom one camera sees."""
 
     def __init__(self, setup: MonocularSetup):
         """Reads the library."""

@@ -39,8 +39,6 @@ class LiveRecorder:
 
     Args:
         folder: the recording folder to be made.
-        rig: the cameras.
-        subject: the person.
         empty: pictures of the empty view by camera name; left out where `private`.
         private: whether silhouettes are kept instead of pictures.
 
@@ -83,7 +81,6 @@ class LiveRecorder:
         It is left out where the disk is too slow.
 
         Args:
-            shot: the pictures.
             masks: the silhouettes, which a private recording keeps instead.
         """
         kept = masks if self.private else shot.pictures

@@ -50,7 +50,6 @@ class SilhouetteProcess:
         """Silhouettes of one moment, and the names of the cameras that show somebody else too.
 
         Args:
-            time_s: of the moment.
             pictures: (H, W, 3) uint8 BGR by camera name, as recorded.
         """
         for name, picture in pictures.items():

@@ -93,7 +93,6 @@ class Recording:
         Only the first frame of every video is decoded.
 
         Args:
-            folder: the recording folder.
             frames: first frame and one past the last, either None as in a Python slice; None
                 selects all frames.
             cameras: names of the cameras to use; None selects all.
@@ -369,7 +368,6 @@ def open_readers(
     """Readers of a recording's pictures by camera name, and whether they are silhouettes.
 
     Args:
-        folder: the recording folder.
         cameras: names of the cameras to use; None: all.
 
     Raises:
@@ -419,7 +417,6 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
     53 degrees.
 
     Args:
-        name: camera name.
         size: image (width, height), px.
     """
     focal = max(size)  # 53 degrees are between a telephone and a webcam

@@ -57,9 +57,6 @@ class FrameReader:
     def open(cls, path: Path) -> "FrameReader":
         """Opens a video, an image or a folder of images.
 
-        Args:
-            path: the file or folder.
-
         Raises:
             InputError: it is missing, empty or cannot be read.
         """

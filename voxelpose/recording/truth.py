@@ -45,7 +45,6 @@ def load_truth(
     or a joints.csv with whatever joints it names.
 
     Args:
-        path: the file.
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
 
@@ -81,7 +80,6 @@ def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m
     """Writes truth.json: `{"unit": "m", "joints": {name: [[x, y, z] per frame]}, ...}`.
 
     Args:
-        path: the file.
         joints_m: (T, 15, 3) float64, world, z up, metres, in the order of LANDMARK_NAMES.
         fps: frames per second.
         stature_m: height of the person, metres.
@@ -97,7 +95,6 @@ def read_truth(
     """Reads known joint positions from truth.json or a TRC.
 
     Args:
-        path: the file.
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
 

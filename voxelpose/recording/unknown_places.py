@@ -29,7 +29,6 @@ def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> 
 
     Args:
         paths: a picture by camera name, of the camera's size.
-        rig: the cameras in use.
         names: all cameras of the recording; those that are not in use may have pictures, too.
 
     Raises:
@@ -49,8 +48,6 @@ def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.uint8]:
     """Brightest channel (H, W) of a picture that marks places in a camera's pictures.
 
     Args:
-        path: the picture.
-        camera: the camera.
         remedy: what to do about a picture of another size, for messages.
 
     Raises:
@@ -70,7 +67,6 @@ def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> Unknown
 
     Args:
         path: the file; one that does not exist names no places.
-        rig: the cameras in use.
         names: all cameras of the recording.
 
     Raises:

@@ -60,7 +60,6 @@ def time_chart(
     """Chart, an svg element, of curves over time.
 
     Args:
-        chart: the curves.
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
         size_in: width and height, inches of 72 px.

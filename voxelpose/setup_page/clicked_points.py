@@ -59,7 +59,6 @@ def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
     that are clicked nowhere and so were not written.
 
     Args:
-        path: the file.
         points: all points; rows of cameras that are not shown are among their pixels.
 
     Raises:
@@ -89,7 +88,6 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
 
     Args:
         points: measured ones, or clicked in two cameras and more, which are triangulated.
-        rig: the cameras.
 
     Returns:
         By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera;

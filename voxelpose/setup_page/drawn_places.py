@@ -131,7 +131,6 @@ def change_section(path: Path, section: str, values: Mapping[str, Any]) -> bool:
 
     Args:
         path: the file; made where there is none and something to write.
-        section: its name.
         values: by key; None takes one out.
 
     Raises:

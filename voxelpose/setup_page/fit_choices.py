@@ -17,7 +17,6 @@ def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
     """Checks what depends on the recording.
 
     Args:
-        chosen: the settings.
         names: cameras of the recording.
 
     Raises:

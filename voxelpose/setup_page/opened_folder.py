@@ -47,7 +47,6 @@ class OpenedFolder:
         """Opens all cameras of which there are pictures.
 
         Args:
-            folder: the recording folder.
             unit: unit of the calibration's lengths, where the file does not state it.
             fps: frames per second, where the files do not state it.
 

@@ -46,7 +46,6 @@ def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[s
     """The region files of a recording, by camera name.
 
     Args:
-        folder: the recording.
         masks: (H, W) bool by camera name, as of `Recording.regions`.
     """
     paths, files = pictures_by_camera(folder / "regions", stills=True), {}
@@ -80,8 +79,6 @@ def write_region(
     """Writes the region of a camera; returns the files that were written and removed.
 
     Args:
-        folder: the recording.
-        name: of the camera.
         drawing: its region.
         file: its present file.
         size: width and height in px.

@@ -54,7 +54,6 @@ class SetupSession:
         """Reads what the folder holds besides pictures.
 
         Args:
-            opened: the recording.
             settings: reads the settings of `fit` for the folder.
 
         Raises:

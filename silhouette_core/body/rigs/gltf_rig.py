@@ -50,9 +50,6 @@ def read_gltf(path: Path) -> BodyModel:
     NAME.rig.toml beside the file says. Seams and holes of the surface are closed. Meshes without a
     skin, materials, morph targets and animations are left out. Landmarks are the joints.
 
-    Args:
-        path: the file.
-
     Raises:
         InputError: the file is damaged, has no skin, or has a rig that no body can have.
     """

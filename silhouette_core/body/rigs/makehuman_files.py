@@ -193,7 +193,6 @@ def place_of(
         path: the rig's file, for messages.
         bone: the bone, for messages.
         place: what the rig says of it: the middle of a cube or of vertices, or a vertex.
-        mesh: the base mesh.
         vertices_m: (N, 3) its vertices after shaping.
 
     Raises:

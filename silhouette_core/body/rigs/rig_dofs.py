@@ -73,9 +73,6 @@ def table_of(path: Path) -> Path:
 def read_rig_table(path: Path) -> RigTable:
     """The table beside a rig, or an empty one.
 
-    Args:
-        path: the rig's file.
-
     Raises:
         InputError: the table is damaged, or says what cannot be.
     """

@@ -64,7 +64,6 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
     the last links of every chain of fixed ones.
 
     Args:
-        path: the file.
         say: receives a line about every joint that moves in the file, but not here.
 
     Raises:

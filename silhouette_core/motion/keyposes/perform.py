@@ -26,7 +26,6 @@ def keypose_motions(
     Variations are wider or narrower, slower or faster, and in another posture.
 
     Args:
-        model: the body.
         fps: frames per second.
         variants: number of motions of each movement.
         seed: seed of the variations.
@@ -50,7 +49,6 @@ def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
 
     Args:
         movement: key poses, joined by monotone cubic curves.
-        model: the body.
         fps: frames per second.
     """
     times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / fps)

@@ -23,9 +23,6 @@ LARGEST_CLIP = 300_000_000
 def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
     """Hierarchy, channels and frame rate of a file.
 
-    Args:
-        path: the file.
-
     Returns:
         The joints, parents first, without end sites; the channels (T, C) float64 in the file's
         units; frames per second.
@@ -66,7 +63,6 @@ def local_transforms(
 
     Args:
         path: the file, for messages.
-        joints: the hierarchy.
         numbers: (T, C) float64, all channels.
         selected: (W,) int64, indices of the joints.
 

@@ -93,7 +93,6 @@ def hinge_axis(
     None if the clip hardly bends it.
 
     Args:
-        recorded: the clip.
         side: "left" or "right".
         bones: roles of the limb's three joints without their side; it bends positively from the
             first bone toward the second.

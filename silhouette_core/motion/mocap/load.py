@@ -49,8 +49,6 @@ def load_motions(
     Recordings faster than `FPS` are reduced to it by taking the nearest frames.
 
     Args:
-        paths: files and folders.
-        model: the body.
         names: joint-name map for all files; None chooses a shipped one for each.
 
     Raises:

@@ -47,9 +47,6 @@ class NameMap:
         skeleton counts. A limb's line may state both sides: `thigh = "{Left}UpLeg"` means LeftUpLeg
         and RightUpLeg; {left}, {L} and {l} likewise.
 
-        Args:
-            path: the file.
-
         Raises:
             InputError: it is missing, no TOML, or has a line that is no role.
         """

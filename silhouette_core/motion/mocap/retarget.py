@@ -47,7 +47,6 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
 
     Args:
         recorded: the clip, with the roles of its joints.
-        model: the body.
         reference: axes of the trunk, if another clip of the skeleton shows them better; None: from
             this clip.
     """

@@ -44,7 +44,6 @@ def write_text(
 
     Args:
         image: (h, w, 3) uint8 BGR.
-        text: the line.
         x: left end of its base line, pixels.
         y: height of its base line, pixels.
         size: its height, pixels.
@@ -145,7 +144,6 @@ def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
     """An image (h, w), (h, w, 3) or (h, w, 4) uint8, BGR, as the content of a file.
 
     Args:
-        image: the image.
         suffix: ".png", ".jpg" or ".webp".
         quality: of a JPEG or WebP, 1 to 100.
 

@@ -45,7 +45,6 @@ class ContactSheet:
         """Chooses at most six moments, and the crops.
 
         Args:
-            motion: the poses.
             rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
             origin: (T, P, 3) metres, likewise.
             cameras: one row each.

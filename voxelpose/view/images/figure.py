@@ -31,11 +31,7 @@ _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
 def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
-    """Lines of the skeleton: the joints at both ends, as rows of `skeleton_joints`, and the colour.
-
-    Args:
-        model: the body.
-    """
+    """Lines of the skeleton: joints at both ends, as rows of `skeleton_joints`, and the colour."""
     if model.names != PART_NAMES:
         marks, first = model.tree.landmark_names, len(model.names)
         bones = model.tree.landmark_bones.tolist()
@@ -65,7 +61,6 @@ def skeleton_joints(
     """Joints of the skeleton's lines in the world.
 
     Args:
-        model: the body.
         rotation: (P, 3, 3) world from part.
         origin: (P, 3) metres.
 
@@ -88,7 +83,6 @@ def body_parts(
     """Part numbers (h, w) of a body as a pinhole camera sees it: 0 beside it, else part + 1.
 
     Args:
-        model: the body.
         vertices_m: (V, 3) its skin in the world.
         camera: without distortion.
         cull_back: whether triangles that face away are left out.

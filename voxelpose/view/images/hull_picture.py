@@ -109,7 +109,6 @@ def show_hull(
         grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, not empty.
         skeleton: drawn as lines inside the surface.
-        title: of the window.
 
     Raises:
         InputError: open3d cannot be imported, or there is no screen.

@@ -65,7 +65,6 @@ class SceneRenderer:
         """Prepares.
 
         Args:
-            api: viser's scene.
             voxel_size_m: size of the points that represent voxels.
             model: the body; None where there is none.
         """
@@ -170,7 +169,6 @@ def add_camera(
     """Draws a camera where it stands, with its name.
 
     Args:
-        scene: viser's scene.
         camera: of the rig.
         look: further arguments of viser's frustum.
     """
