@@ -156,17 +156,11 @@ def require_motion(track: OutlineTrack) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Agreement of two cameras at all offsets.
+    """Agreement of two cameras at all offsets."""
 
-    Attributes:
-        offsets_s: (K,) offsets of the second camera relative to the first, s.
-        errors_px: (K,) tangency errors, px of an image of 480 x 360.
-        correlogram: Correlations of the outlines' velocities.
-    """
-
-    offsets_s: FloatArray
-    errors_px: FloatArray
-    correlogram: Correlogram
+    offsets_s: FloatArray  #: (K,) offsets of the second camera relative to the first, s.
+    errors_px: FloatArray  #: (K,) tangency errors, px of an image of 480 x 360.
+    correlogram: Correlogram  #: Correlations of the outlines' velocities.
 
     @classmethod
     def measure(cls, first: OutlineTrack, second: OutlineTrack, max_offset_s: float) -> "_Pair":

@@ -127,21 +127,14 @@ def _head(stature_m: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class _Family:
-    """All bodies of a template: linear in the shape, and in the warp.
+    """All bodies of a template: linear in the shape, and in the warp."""
 
-    Attributes:
-        stature_m: of the template.
-        tape: takes the measurements.
-        spaces: shape space of the template, and its changes per unit of each of its changes.
-        joints_m: (27, 3) of the template.
-        joints_change: (20, 27, 3) along the shape axes.
-    """
-
-    stature_m: float
-    tape: TapeMeasure
+    stature_m: float  #: of the template.
+    tape: TapeMeasure  #: takes the measurements.
+    #: shape space of the template, and its changes per unit of each of its changes.
     spaces: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
-    joints_m: NDArray[np.float64]
-    joints_change: NDArray[np.float64]
+    joints_m: NDArray[np.float64]  #: (27, 3) of the template.
+    joints_change: NDArray[np.float64]  #: (20, 27, 3) along the shape axes.
 
     def measured(
         self, parameters: NDArray[np.float64], head: NDArray[np.float64]

@@ -32,21 +32,13 @@ _MOST_LINES = 50
 
 @dataclass(frozen=True)
 class _Panel:
-    """One orthographic view, with the world's x to the right.
+    """One orthographic view, with the world's x to the right."""
 
-    Attributes:
-        up: World axis that points up.
-        low: (3,) float64, m, world point at the lower left corner.
-        scale: px per m.
-        left_px: Column of that corner in the picture.
-        bottom_px: Row of that corner in the picture.
-    """
-
-    up: int
-    low: FloatArray
-    scale: float
-    left_px: float
-    bottom_px: float
+    up: int  #: World axis that points up.
+    low: FloatArray  #: (3,) float64, m, world point at the lower left corner.
+    scale: float  #: px per m.
+    left_px: float  #: Column of that corner in the picture.
+    bottom_px: float  #: Row of that corner in the picture.
 
     def at(self, points: FloatArray) -> FloatArray:
         """Pixels (N, 2) of world points (N, 3)."""

@@ -141,21 +141,13 @@ def sync_recording(
 
 @dataclass(frozen=True, eq=False)
 class _Films:
-    """The pictures of all cameras, each with its own rate.
+    """The pictures of all cameras, each with its own rate."""
 
-    Attributes:
-        folder: the recording folder.
-        calibrated: whether it holds a calibration.
-        readers: frame readers by camera name.
-        times: (frames,) float64, s, by each camera's clock.
-        fps: rates.
-    """
-
-    folder: Path
-    calibrated: bool
-    readers: dict[str, FrameReader]
-    times: dict[str, Times]
-    fps: dict[str, float]
+    folder: Path  #: the recording folder.
+    calibrated: bool  #: whether it holds a calibration.
+    readers: dict[str, FrameReader]  #: frame readers by camera name.
+    times: dict[str, Times]  #: (frames,) float64, s, by each camera's clock.
+    fps: dict[str, float]  #: rates.
 
     @classmethod
     def open(cls, folder: Path, settings: SyncSettings, cameras: Sequence[str] | None) -> _Films:
