@@ -42,7 +42,6 @@ class BundleScene:
     """Cameras and board poses.
 
     Attributes:
-        cameras: The cameras.
         rotations: (B, 3, 3) float64, world from board.
         translations: (B, 3) float64, m, world from board.
     """
@@ -57,7 +56,6 @@ class Adjustment:
     """A scene after adjustment.
 
     Attributes:
-        scene: The adjusted scene.
         residuals_px: (N, 2) float64, px, observed minus reprojected.
         covariances: One (p, p) float64 per camera, of its free parameters: rotation (rad, about
             camera axes) and translation (m), then focal lengths (as logarithms), centre and

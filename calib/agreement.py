@@ -27,7 +27,6 @@ class CameraAgreement:
         error_px: Its error against the cameras that are not culprits.
         others_px: Error of those among themselves, without it.
         moments: Number of moments at which it saw somebody.
-        planes: Number of tangent planes compared.
     """
 
     camera: str
@@ -43,10 +42,8 @@ class Agreement:
 
     Attributes:
         error_px: Error of all cameras.
-        table: One row per camera.
         culprits: The cameras without which the others agree; empty if all agree, or if no subset
             does.
-        agrees: Whether all cameras agree.
     """
 
     error_px: float

@@ -192,9 +192,6 @@ class Camera:
 class Rig:
     """Cameras calibrated in one world, accessible by name.
 
-    Attributes:
-        cameras: The cameras.
-
     Raises:
         ValueError: No camera, or two of one name.
     """

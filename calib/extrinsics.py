@@ -54,7 +54,6 @@ class Extrinsics:
     """A calibrated rig.
 
     Attributes:
-        rig: The cameras.
         table: Accuracy of each camera.
         rms_px: Root mean square reprojection error of all cameras.
         shared_boards: Number of boards seen by each pair of cameras.

@@ -26,7 +26,6 @@ class PictureError:
 
     Attributes:
         picture: Name of the picture.
-        corners: Number of corners detected.
         rms_px: Root mean square error.
         left_out: Why the picture was not used; None if it was.
     """

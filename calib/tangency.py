@@ -137,7 +137,6 @@ class OutlineTrack:
     """Outlines of one camera over time.
 
     Attributes:
-        camera: The camera.
         time_s: (T,) float64, increasing: times of its frames by its own clock.
         outlines: T outlines; None where nobody is seen.
     """

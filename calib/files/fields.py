@@ -26,7 +26,6 @@ class Source:
     """A calibration file to be read, with values that the file may lack.
 
     Attributes:
-        path: The file or folder.
         unit: Unit of its lengths ("m", "cm" or "mm") as given by the caller, or None.
         size: Image (width, height), px, as given by the caller, or None.
     """

@@ -16,7 +16,6 @@ class Targets:
     """Target directions for the parts of a body over time.
 
     Attributes:
-        model: the body.
         parts: part of each target.
         axes: (3,) float64 each, unit, fixed in the part, in the body frame of the rest pose.
         directions: (T, 3) float64 each, unit, world direction to which that axis should point.

@@ -32,7 +32,6 @@ class BatchSettings:
     """Settings of a batch.
 
     Attributes:
-        out: folder of the results.
         processes: jobs at a time on this machine.
         cluster: address of a Dask scheduler whose machines work instead; None: this machine.
         pictures: whether overlays and contact sheets are drawn.
@@ -53,7 +52,6 @@ class Outcome:
     """What came of a job.
 
     Attributes:
-        job: the job.
         status: `done`; `kept`: done by an earlier run with the same settings; `failed`.
         message: why it failed, in a line; empty otherwise.
         seconds: duration of the estimation.

@@ -74,12 +74,10 @@ class Check:
         tracks: their outlines at the moments.
         moments: numbers of the frames compared.
         times_s: times of these frames.
-        agreement: agreement of the cameras.
         repairs: explanations for the cameras that do not agree.
         repaired: the rig with these cameras corrected; None if none could be.
         after: agreement of `repaired`.
         checked_frames: moment -> camera name -> image, for some of the moments.
-        notes: limitations of this check.
     """
 
     rig: Rig

@@ -19,7 +19,6 @@ class Lens:
 
     Attributes:
         camera: Name of the camera.
-        intrinsics: The calibrated lens.
         views: Detections by picture name.
     """
 

@@ -51,7 +51,6 @@ class SyncSettings:
             a calibration; "board", a carried board's speed, which needs lenses; "sound";
             "silhouettes", their vertical velocities. None: the first of a board, if one is given, a
             calibration, common sound and silhouettes that there is.
-        board: the board that is carried.
         lenses: the cameras' lenses; None: those of the recording's calibration.
     """
 
@@ -85,12 +84,10 @@ class Sync:
     """Synchronisation of a recording.
 
     Attributes:
-        result: the offsets.
         by: what they were found from.
         times: times of every camera's frames by its own clock, s, from the files' rates and a
             common start.
         fps: rate of each camera.
-        notes: limitations of this result.
     """
 
     result: Synchronisation | SignalOffsets

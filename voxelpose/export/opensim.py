@@ -34,7 +34,6 @@ class OpenSimMarker:
         name: as in the TRC.
         body: body of the model on which it lies.
         place_m: in that body's frame (x forward, y up, z right), of a person 1.70 m tall.
-        weight: in the inverse kinematics.
         fixed: whether it is the joint's centre, the frame's origin. Others are moved to where the
             static pose has them.
     """

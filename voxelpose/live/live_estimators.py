@@ -71,8 +71,6 @@ class FoundPose:
     """A person in one frame.
 
     Attributes:
-        model: the body.
-        pose: its pose.
         confidence: of the pose, from 0 to 1.
         shown: (15,) confidence of each joint, relative to the pose's.
         hypotheses: as of `PosedBody`.

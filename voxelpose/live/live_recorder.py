@@ -43,7 +43,6 @@ class LiveRecorder:
         private: whether silhouettes are kept instead of pictures.
 
     Attributes:
-        written: number of moments written.
         failure: why recording ended by itself; empty: it did not.
 
     Raises:

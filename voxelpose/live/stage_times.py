@@ -20,8 +20,6 @@ class Durations:
     Attributes:
         least: the shortest.
         most: the longest.
-        mean: their mean.
-        median: their median.
         p95: 95 % are at most so long.
         p99: 99 % are at most so long.
     """

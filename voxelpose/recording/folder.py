@@ -47,7 +47,6 @@ class Recording:
     Iterating yields the frames in order and may be repeated.
 
     Attributes:
-        folder: the recording folder.
         calibration_path: the calibration file; None where a single camera has none and
             `default_camera` is assumed.
         rig: the cameras in use, in the calibration's order.
@@ -56,7 +55,6 @@ class Recording:
         frame_count: number of frames in use.
         fps: frames per second.
         times_s: (frame_count,) float64, seconds since the recording's first frame.
-        subject: the person that was filmed.
         silhouettes_given: whether the frames are silhouettes already (white on black, from
             masks/) and not camera images.
         up: (3,) float64, unit, direction of up in the world as the calibration states it; None:

@@ -38,7 +38,6 @@ class TimeChart:
 
     Attributes:
         title: above the chart.
-        unit: of the values.
         curves: label -> (values (T,), colour).
         limits: of the axis; None: from the values.
         below: values below this are shaded as doubtful; None: none are.

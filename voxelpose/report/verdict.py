@@ -27,7 +27,6 @@ class Finding:
 
     Attributes:
         level: "good", "look" closer, or "bad".
-        title: the aspect.
         words: the assessment.
         advice: what to do; empty where nothing is wrong.
     """

@@ -27,7 +27,6 @@ class RegionFile:
     """The region of a camera as its file has it.
 
     Attributes:
-        path: the file.
         mask: (H, W) bool, where the person may be.
         polygons: what it was drawn from, px; empty where it was painted.
     """

@@ -43,12 +43,7 @@ _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up
 
 
 class SetupSession:
-    """A recording folder behind the page.
-
-    Attributes:
-        folder: the folder.
-        check: the check of its cameras.
-    """
+    """A recording folder behind the page."""
 
     def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
         """Reads what the folder holds besides pictures.

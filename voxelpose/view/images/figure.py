@@ -98,8 +98,6 @@ class FigurePainter:
     The picture stays as recorded: the body is drawn with the lens's distortion.
 
     Attributes:
-        model: the body.
-        camera: as calibrated.
         scale: size of the working picture over that of the recorded one.
         ideal: the pinhole camera of the working picture.
         size: width and height of the working picture.

@@ -25,9 +25,6 @@ class WebmWriter:
         fps: frames per second.
         size: width and height, px.
 
-    Attributes:
-        frames: number of frames written.
-
     Raises:
         InputError: there is no FFmpeg for this machine.
     """

@@ -24,8 +24,6 @@ class Browser:
 
     Attributes:
         scenes: what is shown.
-        choice: the user's choice.
-        server: viser's server.
     """
 
     def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:

@@ -15,7 +15,6 @@ class FittedBody:
     """Skin, skeleton and volume of a motion's body.
 
     Attributes:
-        motion: the poses.
         volume: the body filled with points.
     """
 

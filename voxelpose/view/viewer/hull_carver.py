@@ -27,7 +27,6 @@ class HullCarver:
 
     Attributes:
         views: the cameras.
-        voxel_size_m: of the hull.
         rule: which voxels may belong to a body.
         fitted: the body; None where there is none.
     """

@@ -32,14 +32,12 @@ class ResultScenes:
     """Scenes of a result, or of a recording alone.
 
     Attributes:
-        title: what is shown.
         rig: the cameras, as calibrated.
         frames: (T,) int64, the numbers of all frames.
         fps: frames per second of the recording.
         motion: the poses; None for a recording alone.
         recording: None where it is missing.
         missing: why the recording is missing; else empty.
-        voxel_size_m: of the hull.
     """
 
     def __init__(

@@ -47,7 +47,6 @@ class Choice:
 
     Attributes:
         row: of `ResultScenes.frames`.
-        pictures: what the cameras show.
         shown: names of `LAYERS`.
         part: name of the limb whose movable area is shown; None: none.
     """
