@@ -164,20 +164,16 @@ def _outlines(
             unknown = silhouettes.unknown.get(name)
             outlines[name].append(Outline.from_mask(recording.rig[name], mask, unknown))
         if moment in shown:
-            checked_frames[moment + recording.first] = {
-                name: _checked_frame(frames[name], mask) for name, mask in masks.items()
-            }
+            checked_frames[moment + recording.first] = shown_now = {}
+            for name, mask in masks.items():
+                small = cv2.resize(frames[name], mask.shape[::-1], interpolation=cv2.INTER_AREA)
+                shown_now[name] = CheckedFrame(np.asarray(small, np.uint8), mask)
         reporter.advance()
     times = recording.times_s[moments]
     return {
         name: OutlineTrack(recording.rig[name], times, tuple(seen))
         for name, seen in outlines.items()
     }, checked_frames
-
-
-def _checked_frame(frame: Frame, mask: NDArray[np.bool_]) -> CheckedFrame:
-    small = cv2.resize(frame, mask.shape[::-1], interpolation=cv2.INTER_AREA)
-    return CheckedFrame(np.asarray(small, np.uint8), mask)
 
 
 def _dense_outlines(

@@ -65,8 +65,7 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
         2 * _MARGIN + _GAP + round(2 * edges[0] * scale),
         _HEAD + _FOOT + round(max(edges[1], edges[2]) * scale),
     )
-    picture = np.empty((height, max(width, 860), 3), np.uint8)
-    picture[:] = PAPER
+    picture = np.full((height, max(width, 860), 3), PAPER, np.uint8)
     above = _Panel(1, low, scale, _MARGIN, height - _FOOT)
     side = _Panel(2, low, scale, _MARGIN + edges[0] * scale + _GAP, height - _FOOT)
     counts = _counts(rig, low, high, floor)
