@@ -19,14 +19,7 @@ from scipy.optimize import least_squares
 
 from calib.agreement import image_scale, trimmed_mean
 from calib.checks import FloatArray
-from calib.correlation import (
-    Correlogram,
-    OffsetCosts,
-    Signal,
-    SignalSettings,
-    correlogram,
-    sampled,
-)
+from calib.correlation import Correlogram, OffsetCosts, Signal, SignalSettings, correlogram, sampled
 from calib.errors import InputError
 from calib.signals import Offset, checked_reference, consistent_offsets, offsets_from_signals
 from calib.tangency import OutlineTrack, offset_grid, tangency
@@ -63,9 +56,7 @@ class Synchronisation:
 
 
 def synchronise(
-    tracks: Sequence[OutlineTrack],
-    max_offset_s: float,
-    reference: str | None = None,
+    tracks: Sequence[OutlineTrack], max_offset_s: float, reference: str | None = None
 ) -> Synchronisation:
     """Estimates the offsets between cameras' clocks.
 

@@ -147,11 +147,7 @@ class OutlineTrack:
 
     @classmethod
     def from_masks(
-        cls,
-        camera: Camera,
-        time_s: FloatArray,
-        masks: Sequence[Mask],
-        unknown: Mask | None = None,
+        cls, camera: Camera, time_s: FloatArray, masks: Sequence[Mask], unknown: Mask | None = None
     ) -> "OutlineTrack":
         """Outlines of silhouettes (H, W) bool taken at times (T,), but for what is unknown."""
         return cls(

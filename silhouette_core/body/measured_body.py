@@ -91,10 +91,7 @@ def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> Bo
         worst = max(apart, key=lambda name: (name != "stature_m", apart[name]))
         raise _no_body(worst, wanted, measured[worst] * scale ** powers[worst])
     sizes = BodySizes(
-        wanted.stature_m,
-        measured["chest_girth_m"] * scale,
-        sex,
-        *parameters[_CHANGES].tolist(),
+        wanted.stature_m, measured["chest_girth_m"] * scale, sex, *parameters[_CHANGES].tolist()
     )
     return BodyModel.from_sizes(sizes).reshaped(_shape(parameters) + head)
 
@@ -150,10 +147,7 @@ class _Family:
         return self.tape.measure(np.asarray(vertices), joints)
 
     def residuals(
-        self,
-        parameters: NDArray[np.float64],
-        targets: dict[str, float],
-        head: NDArray[np.float64],
+        self, parameters: NDArray[np.float64], targets: dict[str, float], head: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(8,) relative differences of known measurements, and of the rest from what is usual."""
         measured = self.measured(parameters, head).known()

@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.errors import InputError
-from silhouette_core.motion.gaps import (
-    GAP_METHODS,
-    frames_in_gaps,
-    gap_limit_frames,
-    poses_between,
-)
+from silhouette_core.motion.gaps import GAP_METHODS, frames_in_gaps, gap_limit_frames, poses_between
 from silhouette_core.motion.smoothing import LowPass, runs_of, smooth_runs
 from silhouette_core.tuning import DYNAMICS
 

@@ -210,9 +210,4 @@ def _print_measurements(body: BodyModel) -> None:
         print(f"{_NAMES[name]:10} {value:7.{digits}f} {unit}")
 
 
-SUBCOMMANDS = {
-    "list": ListBodies,
-    "show": ShowBody,
-    "choose": ChooseBody,
-    "make": MakeBody,
-}
+SUBCOMMANDS = {"list": ListBodies, "show": ShowBody, "choose": ChooseBody, "make": MakeBody}

@@ -6,13 +6,7 @@ from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from voxelpose.cli.arguments import (
-    BodyName,
-    OptionalFile,
-    OptionalLength,
-    Sex,
-    Threads,
-)
+from voxelpose.cli.arguments import BodyName, OptionalFile, OptionalLength, Sex, Threads
 
 
 @dataclass(frozen=True)

@@ -184,10 +184,7 @@ class SetupSession:
         up = None if asked.up is None else direction_of(asked.up)
         frame = self._recording.upright_frame(up)
         frame = UprightFrame(frame.rotation, asked.height_m)
-        return {
-            "up": axis_name(frame.up),
-            "cameras": ground_lines(self._recording.rig, frame),
-        }
+        return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
     def start_check(self) -> dict[str, Any]:
         """Begins the check of the cameras.

@@ -116,9 +116,7 @@ def _body(
     return BodyModel.as_given(tree, joints, vertices, faces, part, (parts, weights), joints)
 
 
-def _node_transforms(
-    document: GltfDocument,
-) -> tuple[dict[int, NDArray[np.float64]], list[int]]:
+def _node_transforms(document: GltfDocument) -> tuple[dict[int, NDArray[np.float64]], list[int]]:
     """World from node (4, 4) of every node, and the number of its parent, -1 without one."""
     nodes = document.items("nodes")
     if len(nodes) > _MOST_NODES:

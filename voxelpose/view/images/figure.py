@@ -75,10 +75,7 @@ def skeleton_joints(
 
 
 def body_parts(
-    model: BodyModel,
-    vertices_m: NDArray[np.float64],
-    camera: Camera,
-    cull_back: bool = False,
+    model: BodyModel, vertices_m: NDArray[np.float64], camera: Camera, cull_back: bool = False
 ) -> NDArray[np.integer]:
     """Part numbers (h, w) of a body as a pinhole camera sees it: 0 beside it, else part + 1.
 

@@ -98,10 +98,7 @@ def shaded_view(
 
 
 def show_hull(
-    grid: VoxelGrid,
-    occupancy: NDArray[np.bool_],
-    skeleton: Skeleton | None,
-    title: str,
+    grid: VoxelGrid, occupancy: NDArray[np.bool_], skeleton: Skeleton | None, title: str
 ) -> None:
     """Opens a window with the hull's surface and the skeleton; returns when it is closed.
 
