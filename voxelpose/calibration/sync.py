@@ -257,14 +257,8 @@ def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
             "how fast a board moves is seen through known lenses: give --intrinsics, as written by"
             " `voxelpose calibrate intrinsics`, or choose another way with --by"
         )
-    signals = board_signals(
-        settings.board,
-        films.readers,
-        films.times,
-        lenses,
-        films.window("board", settings),
-        reporter,
-    )
+    window = films.window("board", settings)
+    signals = board_signals(settings.board, films.readers, films.times, lenses, window, reporter)
     reporter.stage("offsets")
     how = SignalSettings(films.max_offset_s("board", settings))
     result = offsets_from_signals(signals, how, settings.reference)
