@@ -18,13 +18,11 @@ _renames: dict[int, Path] = {}
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a file beside `path` that takes its name when the block ends without an error.
+    """Yields a file beside `path` that takes its name, in place of an earlier file, when the
+    block ends without an error.
 
     The file is on the disk before it takes the name, so that a full disk or a power cut leaves the
     earlier file. What killed processes left of the same file is removed.
-
-    Args:
-        path: the file; an earlier one of this name is replaced.
 
     Raises:
         InputError: the system refuses to write the file.

@@ -48,10 +48,8 @@ def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
 
 
 def parse_json(text: str, path: Path) -> Any:
-    """Content of JSON; whole numbers that no float64 can hold become infinite.
-
-    Args:
-        path: Its file, for messages.
+    """Content of JSON, of a file that messages name; whole numbers that no float64 can hold become
+    infinite.
 
     Raises:
         InputError: The text is no JSON, or nested too deeply.
@@ -67,10 +65,7 @@ def parse_json(text: str, path: Path) -> Any:
 
 
 def parse_toml(text: str, path: Path) -> dict[str, Any]:
-    """Content of TOML.
-
-    Args:
-        path: Its file, for messages.
+    """Content of TOML, of a file that messages name.
 
     Raises:
         InputError: The text is no TOML, or nested too deeply.
@@ -87,10 +82,7 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
 
 
 def parse_xml(text: str, path: Path) -> ElementTree.Element:
-    """Root element of XML.
-
-    Args:
-        path: Its file, for messages.
+    """Root element of XML, of a file that messages name.
 
     Raises:
         InputError: The text is no XML, is nested too deeply, or has a document type, with which

@@ -40,10 +40,7 @@ class ScenePoints:
 
 
 def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
-    """Estimates the poses of cameras.
-
-    Args:
-        lenses: Cameras with calibrated lenses; their poses are ignored.
+    """Estimates the poses of cameras with calibrated lenses; those that they have are ignored.
 
     Returns:
         The rig in the world of the measured points. Standard errors are relative to that world, and

@@ -219,10 +219,8 @@ def camera_values(camera: Camera) -> dict[str, Any]:
 
 
 def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
-    """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64.
-
-    Args:
-        container: What holds no other numbers, for the message.
+    """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64; messages name the container, which holds no
+    other numbers.
 
     Raises:
         InputError: The camera's lens has more terms.

@@ -45,10 +45,8 @@ _DEEPEST = 50
 
 
 def load_storage(path: Path) -> dict[str, Any]:
-    """Content of a file as dictionaries, lists, arrays, floats and strings.
-
-    Args:
-        path: YAML, XML or JSON, recognised by its beginning.
+    """Content of a file, YAML, XML or JSON by its beginning, as dictionaries, lists, arrays, floats
+    and strings.
 
     Returns:
         Values by key. Numbers are floats; matrices (rows, cols) or (rows, cols, channels) arrays of

@@ -78,11 +78,8 @@ class BodyModel:
 
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
-        """Default body of a person's measurements.
-
-        Args:
-            sizes: stature, and chest girth and sex if known. An unknown sex takes the man's
-                template.
+        """Default body of a person's stature, and chest girth and sex if known; an unknown sex
+        takes the man's template.
 
         Returns:
             The template of that sex, scaled to the stature, with girths that follow the chest's, or
@@ -141,10 +138,8 @@ class BodyModel:
         )
 
     def reshaped(self, shape: np.ndarray) -> BodyModel:
-        """This body with other deviations along the shape axes.
-
-        Args:
-            shape: (K,) float64, relative to the template scaled to the stature.
+        """This body with other deviations (K,) float64 along the shape axes, relative to the
+        template scaled to the stature.
         """
         joints, vertices, landmarks = self.space.apply(np.asarray(shape, float))
         return replace(

@@ -144,9 +144,6 @@ def _among(filled: np.ndarray, old: np.ndarray, new: np.ndarray | float) -> np.n
 def describe_conditioning(motion: Motion) -> dict[str, object]:
     """What was done to a motion, for summary.json and exports; empty where it was not recorded.
 
-    Args:
-        motion: T poses.
-
     Returns:
         The filter with its cut-off, order and, where it has them, frames of its window or its
         standard deviation; how many frames it left unfiltered and why; the longest gap that was

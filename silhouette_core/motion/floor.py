@@ -11,11 +11,8 @@ _MOST_FRAMES = 60
 
 
 def floor_height(motion: Motion) -> float:
-    """Height of the floor, m, by the lowest points of the body; 0 where it stands within 0.1 m of z
-    = 0.
-
-    Args:
-        motion: at least one pose, in a frame with z up.
+    """Height of the floor, m, by the lowest points of the body in a frame with z up, at least one
+    pose; 0 where it stands within 0.1 m of z = 0.
     """
     some = motion.select(even_moments(len(motion), _MOST_FRAMES, margin=0))
     lowest = [

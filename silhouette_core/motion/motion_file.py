@@ -72,16 +72,13 @@ _GAP_FRAMES, _GAP_RATE = 1000, 4
 
 
 def write_motion(motion: Motion, path: Path) -> None:
-    """Writes a motion.
+    """Writes a motion, usually as motion.safetensors.
 
     Arrays have the names of the attributes, those of the quality `quality.NAME`. Poses before
     filter and filling are `unfiltered.NAME`, a row for each frame that was not filled; `filled` is
     left out where none was. The metadata hold the measurements of the body, and `conditioning` the
     settings of filter and filling. A body that is not made from a person's measurements is written
     itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
-
-    Args:
-        path: the file, usually motion.safetensors.
     """
     arrays = {
         "root_m": motion.root_m,

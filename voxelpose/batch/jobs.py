@@ -122,10 +122,7 @@ class Job:
         )
 
     def estimator_settings(self, threads: int | None) -> Settings:
-        """Settings of the estimation.
-
-        Args:
-            threads: number of threads; None: all cores.
+        """Settings of the estimation with a number of threads; None: all cores.
 
         Raises:
             InputError: a value cannot be used.

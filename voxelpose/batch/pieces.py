@@ -85,13 +85,11 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
 
 
 def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
-    """Motions of pieces as one, and how far apart they are at each seam.
+    """Motions of pieces of one body, in the order of their frames, as one, and how far apart they
+    are at each seam; each overlaps its neighbours at most.
 
     Where two have the same frames, positions and angles pass from one to the other, linearly
     over those frames; the quality is that of the nearer one.
-
-    Args:
-        motions: of one body, in the order of their frames; each overlaps its neighbours at most.
 
     Returns:
         The motion, and the mean distance of the joints in the frames that two pieces share, mm;

@@ -121,10 +121,8 @@ def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures
 def find_views(
     board: Board, pictures: CameraPictures, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | Refusal]:
-    """Detects the board in one camera's pictures: by name a view, or the reason why there is none.
-
-    Args:
-        max_views: Maximum number of frames of a video; stills are all used.
+    """Detects the board in one camera's pictures, of a video in at most `max_views` frames: by name
+    a view, or the reason why there is none.
 
     Raises:
         InputError: A picture cannot be read, or none shows the board; another board that they show

@@ -95,10 +95,7 @@ class Check:
 def check_recording(
     recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None
 ) -> Check:
-    """Checks a recording's cameras against its silhouettes.
-
-    Args:
-        recording: at least two cameras.
+    """Checks a recording's cameras, two or more, against its silhouettes.
 
     Raises:
         InputError: one camera only, nobody seen, or a file that cannot be read.

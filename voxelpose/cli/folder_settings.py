@@ -25,11 +25,7 @@ class FolderSetting:
 
 
 def load_command(section: str) -> Any:
-    """The class of a command.
-
-    Args:
-        section: its section in a voxelpose.toml, as in `fit` or `calibrate.board`.
-    """
+    """The class of a command by its section in a voxelpose.toml: `fit`, `calibrate.board`, …."""
     name, _, word = section.partition(".")
     module = importlib.import_module(f"voxelpose.cli.{name}")
     if hasattr(module, "SUBCOMMANDS"):

@@ -26,7 +26,7 @@ _BODY = 0  # node of the mesh; the node of part p is p + 1
 
 
 def write_glb(motion: Motion, path: Path) -> None:
-    """Writes a motion as a skinned, animated body in one file.
+    """Writes a motion of at least one pose as a skinned, animated body in one file.
 
     Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of a person
     27, have the names of the body's parts; without animation they are in the rest pose (upright,
@@ -36,9 +36,6 @@ def write_glb(motion: Motion, path: Path) -> None:
 
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
-
-    Args:
-        motion: at least one pose.
     """
     motion = motion.upright()
     model = motion.model

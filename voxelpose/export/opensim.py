@@ -153,10 +153,8 @@ def write_static(motion: Motion, path: Path) -> None:
 
 
 def write_seen(motion: Motion, path: Path) -> None:
-    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop.
-
-    Args:
-        motion: at least one pose.
+    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop;
+    there is at least one pose.
     """
     write_trc(motion, path, lost_rows=False)
 
@@ -203,10 +201,8 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
 
 
 def write_ik_setup(motion: Motion, path: Path) -> None:
-    """Writes the setup of OpenSim's inverse kinematics, from the first pose to the last.
-
-    Args:
-        motion: at least one pose.
+    """Writes the setup of OpenSim's inverse kinematics, from the first of one or more poses to the
+    last.
     """
     first, last = motion.frames[[0, -1]] / motion.fps
     tool = ElementTree.Element("InverseKinematicsTool", name="voxelpose")

@@ -45,10 +45,7 @@ def part_ends(model: BodyModel) -> NDArray[np.float64]:
 
 
 def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Points of the fitted body that marker formats hold in place of markers.
-
-    Args:
-        motion: T poses.
+    """Points of the fitted body, T poses, that marker formats hold in place of markers.
 
     Returns:
         K names, and (T, K, 3) float64, world, metres: the joints of joints.csv, the joints of

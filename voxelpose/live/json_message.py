@@ -14,10 +14,7 @@ SCHEMA_VERSION = 1
 
 
 def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
-    """One frame as a line of JSON that ends with a line feed.
-
-    Args:
-        sent_unix_s: the present, Unix time.
+    """One frame, sent at a Unix time, as a line of JSON that ends with a line feed.
 
     Returns:
         The object that docs/live.md describes; numbers that are not finite are null.

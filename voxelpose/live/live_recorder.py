@@ -75,12 +75,10 @@ class LiveRecorder:
         self._thread.start()
 
     def put(self, shot: Shot, masks: Masks | None = None) -> None:
-        """Hands over a moment of which every camera has a picture; returns at once.
+        """Hands over a moment of which every camera has a picture, and the silhouettes, which a
+        private recording keeps instead; returns at once.
 
         It is left out where the disk is too slow.
-
-        Args:
-            masks: the silhouettes, which a private recording keeps instead.
         """
         kept = masks if self.private else shot.pictures
         if kept is not None and not self.failure and set(shot.pictures) == set(self._sizes):

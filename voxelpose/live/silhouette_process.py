@@ -47,10 +47,8 @@ class SilhouetteProcess:
         self._process.call("learn", silhouettes)
 
     def of(self, time_s: float, pictures: Mapping[str, Picture]) -> tuple[Moment, frozenset[str]]:
-        """Silhouettes of one moment, and the names of the cameras that show somebody else too.
-
-        Args:
-            pictures: (H, W, 3) uint8 BGR by camera name, as recorded.
+        """Silhouettes of one moment's pictures, (H, W, 3) uint8 BGR by camera name, as recorded,
+        and the names of the cameras that show somebody else too.
         """
         for name, picture in pictures.items():
             self._pictures[name][:] = picture

@@ -191,10 +191,8 @@ class Recording:
             yield self.first + step, float(self.times_s[step]), frames
 
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, Frame]]:
-        """Yields the frames of selected time steps, (H, W, 3) uint8 BGR by camera name.
-
-        Args:
-            steps: time steps, counted from `first`, in ascending order.
+        """Yields the frames of time steps in ascending order, counted from `first`: (H, W, 3) uint8
+        BGR by camera name.
 
         Raises:
             InputError: a file cannot be read as far as requested.
@@ -363,10 +361,8 @@ def is_recording(folder: Path) -> bool:
 def open_readers(
     folder: Path, cameras: Sequence[str] | None = None
 ) -> tuple[dict[str, FrameReader], bool]:
-    """Readers of a recording's pictures by camera name, and whether they are silhouettes.
-
-    Args:
-        cameras: names of the cameras to use; None: all.
+    """Readers of a recording's pictures by name, of all or some cameras, and whether they are
+    silhouettes.
 
     Raises:
         InputError: it is no folder, or there are no pictures, or some that cannot be read.
@@ -409,13 +405,10 @@ def calibration_path(folder: Path) -> Path | None:
 
 
 def default_camera(name: str, size: tuple[int, int]) -> Camera:
-    """Camera assumed for a single video without calibration.
+    """Camera assumed for a single video of a size (width, height), px, without calibration.
 
     It is level and one metre above the ground; its field of view along the longer image side is
     53 degrees.
-
-    Args:
-        size: image (width, height), px.
     """
     focal = max(size)  # 53 degrees are between a telephone and a webcam
     matrix = np.array([[focal, 0.0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]])

@@ -43,11 +43,7 @@ class CheckJob:
     """At most one check at a time, whose findings stay until the next."""
 
     def __init__(self, recording: Recording) -> None:
-        """Starts nothing.
-
-        Args:
-            recording: with a calibration.
-        """
+        """Starts nothing; the recording has a calibration."""
         self._recording = recording
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None

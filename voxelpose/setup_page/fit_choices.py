@@ -14,10 +14,7 @@ from voxelpose.setup_page.page_requests import FitChosen, check_camera_names
 
 
 def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
-    """Checks what depends on the recording.
-
-    Args:
-        names: cameras of the recording.
+    """Checks what depends on the recording, which has cameras of these names.
 
     Raises:
         InputError: there is no such camera, or up is no direction.

@@ -31,10 +31,7 @@ class MomentFrames:
         self._empty: dict[str, Frame] | None = None
 
     def frames(self, moment: int) -> Mapping[str, Frame]:
-        """Frames (H, W, 3) uint8, BGR, by camera name.
-
-        Args:
-            moment: time step, from 0.
+        """Frames (H, W, 3) uint8, BGR, of a time step, from 0, by camera name.
 
         Raises:
             InputError: there is no such moment, or it cannot be read.

@@ -42,10 +42,8 @@ class RegionFile:
 
 
 def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[str, RegionFile]:
-    """The region files of a recording, by camera name.
-
-    Args:
-        masks: (H, W) bool by camera name, as of `Recording.regions`.
+    """The region files of a recording, by camera name, as are the masks of `Recording.regions`, (H,
+    W) bool.
     """
     paths, files = pictures_by_camera(folder / "regions", stills=True), {}
     for name, mask in masks.items():

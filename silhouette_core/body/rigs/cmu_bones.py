@@ -67,10 +67,8 @@ class HumanRest:
 
 
 def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, NDArray[np.float64]]:
-    """Rotation (3, 3) of every bone from MakeHuman's rest pose to the human tree's.
-
-    Args:
-        heads_m: (3,) heads of the bones.
+    """Rotation (3, 3) of every bone with a head (3,), m, from MakeHuman's rest pose to the human
+    tree's.
     """
     turns = {bone: np.eye(3) for bone in PART_OF_BONE}
     for side, sign in (("Left", 1.0), ("Right", -1.0)):

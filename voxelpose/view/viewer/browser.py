@@ -61,11 +61,8 @@ class Browser:
             self.step(0.5)
 
     def step(self, timeout_s: float) -> bool:
-        """Waits for a new choice, or for the next frame while playing; returns whether anything was
-        drawn.
-
-        Args:
-            timeout_s: longest wait for a new choice, seconds.
+        """Waits for a new choice, at most so many seconds, or for the next frame while playing;
+        returns whether anything was drawn.
         """
         if self._play.value:
             self._advance()
